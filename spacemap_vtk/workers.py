@@ -210,8 +210,7 @@ def told(error: BaseException) -> bytes:
 def named(function: str) -> Callable[[Any], Any]:
     """Return the function that "module:name" names."""
     module, _, name = function.partition(":")
-    found: Callable[[Any], Any] = getattr(import_module(module), name)
-    return found
+    return getattr(import_module(module), name)
 
 
 def main() -> None:

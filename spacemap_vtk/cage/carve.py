@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 _PAIRS = 2**17  # pairs of a triangle and a hexahedron that are looked at together
 _SLACK = 1e-9  # of an edge: what lies on a face touches both sides
 
 
 def touched(
-    points: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    origin: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    divisions: Sequence[int],
-) -> NDArray[np.bool_]:
+    points: Floats, triangles: Ints, origin: Floats, spacing: Floats, divisions: Sequence[int]
+) -> Bools:
     """Return the hexahedra that points lie in or triangles pass through.
 
     Parameters
@@ -75,7 +72,7 @@ def touched(
     return result
 
 
-def _overlap(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _overlap(corners: Floats) -> Bools:
     """Return whether triangles (n, 3, 3) overlap the unit box round the origin."""
     # Their own boxes do already.
     edges = np.roll(corners, -1, axis=1) - corners
@@ -91,7 +88,7 @@ def _overlap(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
     return result
 
 
-def grown(kept: NDArray[np.bool_], margin: int, fill: bool) -> NDArray[np.bool_]:
+def grown(kept: Bools, margin: int, fill: bool) -> Bools:
     """Return the hexahedra of a carved cage.
 
     Parameters
@@ -112,11 +109,10 @@ def grown(kept: NDArray[np.bool_], margin: int, fill: bool) -> NDArray[np.bool_]
 
     if margin:
         kept = ndimage.binary_dilation(kept, np.ones((3, 3, 3)), iterations=margin)
-    result: NDArray[np.bool_] = ndimage.binary_fill_holes(kept) if fill else kept
-    return result
+    return ndimage.binary_fill_holes(kept) if fill else kept
 
 
-def pieces(kept: NDArray[np.bool_]) -> tuple[list[int], int]:
+def pieces(kept: Bools) -> tuple[list[int], int]:
     """Return how many hexahedra each piece has, and how many pieces hang together at all.
 
     Parameters

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.ndarrays import Floats, Ints
 
 TETRAHEDRA_PER_CELL = 5
 
@@ -36,9 +36,7 @@ _LEAST_ULPS = 16
 _FLAT_SHARE = 0.05
 
 
-def lattice(
-    bounds: Sequence[float], divisions: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, Ints]:
     """Cut a box into ``nx * ny * nz`` hexahedra of five tetrahedra each, conforming.
 
     Parameters
@@ -132,7 +130,7 @@ def _checked_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
     return int(values[0]), int(values[1]), int(values[2])
 
 
-def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[NDArray[np.float64]]:
+def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floats]:
     box = np.asarray(bounds, dtype=np.float64)
     if box.shape != (6,) or not np.isfinite(box).all():
         raise GeometryError(

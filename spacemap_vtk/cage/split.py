@@ -8,12 +8,9 @@ Subdivide Pyramids, Prisms, and Hexahedra into Tetrahedra", 8th International Me
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-Cells = NDArray[np.integer[Any]]
+from spacemap_vtk.ndarrays import AnyInts, Floats
 
 #: A tetrahedron of less volume than this part of its longest edge cubed is flat.
 FLAT = 1e-12
@@ -29,12 +26,12 @@ _WEDGES = np.array(
 _CORNERS = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 
 
-def _pyramids(cells: Cells) -> Cells:
+def _pyramids(cells: AnyInts) -> AnyInts:
     """Return two tetrahedra for each pyramid."""
     return joined(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
 
 
-def _wedges(cells: Cells) -> Cells:
+def _wedges(cells: AnyInts) -> AnyInts:
     """Return three tetrahedra for each wedge."""
     turned = np.take_along_axis(cells, _WEDGES[cells.argmin(axis=1)], axis=1)
     # a pyramid on the face opposite of the lowest corner, and the rest
@@ -44,7 +41,7 @@ def _wedges(cells: Cells) -> Cells:
     return both.reshape(-1, 4)
 
 
-def _hexahedra(cells: Cells) -> Cells:
+def _hexahedra(cells: AnyInts) -> AnyInts:
     """Return six tetrahedra for each hexahedron."""
     first = _CORNERS[cells.argmin(axis=1)]
     # mirrored so that the lowest corner comes first
@@ -60,13 +57,13 @@ def _hexahedra(cells: Cells) -> Cells:
 SPLITS = {5: _pyramids, 6: _wedges, 8: _hexahedra}
 
 
-def joined(apex: Cells, triangles: Cells) -> Cells:
+def joined(apex: AnyInts, triangles: AnyInts) -> AnyInts:
     """Return the tetrahedra of (n, 1) points and (n, m, 3) triangles."""
     apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
     return np.concatenate((triangles, apexes), axis=2).reshape(-1, 4)
 
 
-def cut_quadrilaterals(quads: Cells) -> Cells:
+def cut_quadrilaterals(quads: AnyInts) -> AnyInts:
     """Return two triangles for each quadrilateral, cut from its lowest number."""
     even = quads.argmin(axis=1) % 2 == 0
     one = quads[:, [[0, 1, 2], [0, 2, 3]]]
@@ -74,7 +71,7 @@ def cut_quadrilaterals(quads: Cells) -> Cells:
     return np.where(even[:, None, None], one, two)
 
 
-def volumes_of(vertices: NDArray[np.float64], tetrahedra: Cells) -> NDArray[np.float64]:
+def volumes_of(vertices: Floats, tetrahedra: AnyInts) -> Floats:
     """Return the volumes of tetrahedra.
 
     Parameters
@@ -90,11 +87,10 @@ def volumes_of(vertices: NDArray[np.float64], tetrahedra: Cells) -> NDArray[np.f
         In m³; negative of inverted ones.
     """
     a, b, c = (vertices[tetrahedra[:, i]] - vertices[tetrahedra[:, 0]] for i in (1, 2, 3))
-    volumes: NDArray[np.float64] = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
-    return volumes
+    return np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
 
 
-def mended(vertices: NDArray[np.float64], tetrahedra: Cells) -> tuple[Cells, int, int]:
+def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
     """Return tetrahedra that all have a positive volume.
 
     Parameters
@@ -122,7 +118,7 @@ def mended(vertices: NDArray[np.float64], tetrahedra: Cells) -> tuple[Cells, int
     return result, int(inverted.sum()), int(np.count_nonzero(~good))
 
 
-def parts(tetrahedra: Cells) -> tuple[list[int], int]:
+def parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
     """Return how many tetrahedra each part of a mesh has, and how many parts hang together at all.
 
     Parameters
@@ -151,7 +147,7 @@ def parts(tetrahedra: Cells) -> tuple[list[int], int]:
     return np.sort(np.bincount(by_faces))[::-1].tolist(), int(by_vertices.max()) + 1
 
 
-def bodies(points: NDArray[np.float64], triangles: Cells) -> int:
+def bodies(points: Floats, triangles: AnyInts) -> int:
     """Return how many bodies a closed surface bounds from outside.
 
     Parameters

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, joined
+from spacemap_vtk.cage.split import cut_quadrilaterals, joined
+from spacemap_vtk.ndarrays import AnyInts
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ EIGHT = np.array(
 )
 
 
-def split_quadratic(cells: Cells, kind: CellKind) -> Cells:
+def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
     """Return linear tetrahedra of quadratic cells.
 
     Parameters

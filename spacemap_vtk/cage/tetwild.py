@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk import cache
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
@@ -51,10 +52,10 @@ except RuntimeError as error:
 np.savez("mesh.npz", vertices=vertices, tetrahedra=tetrahedra)
 """
 
-Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
+Mesh = tuple[Floats, Ints]
 
 
-def filled(points: NDArray[np.float64], triangles: NDArray[np.int64], edge_length: float) -> Mesh:
+def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
     """Return tetrahedra inside a surface.
 
     Parameters

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.ndarrays import Floats, Ints
+
 #: Seconds of a processor for ParaView 5.11 to prepare and draw a polygon, in software.
 DRAWN = 6e-6
 #: More than this share of what processes cost must be given: what is not clear is not said.
@@ -53,7 +55,7 @@ class WorkShared:
             sys.stderr.write(f"spacemap: {said}\n")
 
 
-def verdict(seconds: NDArray[np.float64], cores: int, start: float) -> str | None:
+def verdict(seconds: Floats, cores: int, start: float) -> str | None:
     """Return what is to be said of processes on one machine, from their shares of the work."""
     count, total = len(seconds), float(seconds.sum())
     saved = total - max(float(seconds.max()), total / min(count, cores))
@@ -71,7 +73,7 @@ def verdict(seconds: NDArray[np.float64], cores: int, start: float) -> str | Non
     return None
 
 
-def _processors() -> NDArray[np.int64]:
+def _processors() -> Ints:
     """Return the numbers of the processors that this process may run on."""
     try:
         found = sorted(os.sched_getaffinity(0))

@@ -26,6 +26,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parameters import suggestion
 
 #: Up to 9.5 VTK takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that
@@ -100,7 +101,7 @@ def colors_in(data: vtkFieldData) -> str | None:
     return None
 
 
-def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> None:
+def take_arrays(source: Any, target: Any, rows: AnyInts) -> None:
     """Add some rows of all numeric arrays to another table, with the roles they have."""
     for i in range(source.GetNumberOfArrays()):
         array = source.GetArray(i)
@@ -140,7 +141,7 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
     return vtk_to_numpy(array)
 
 
-def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> NDArray[np.float64]:
+def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:
     """Return the vectors of a named array."""
     values = array_of(data, name, owner).astype(np.float64)
     if values.shape != (count, 3):
@@ -155,7 +156,7 @@ def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> NDArray
     return values
 
 
-def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.integer[Any]]:
+def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
     """Return a view of the connectivity of a grid whose cells are all of one type and size."""
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells; {name} are needed")
@@ -173,12 +174,12 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
     return connectivity.reshape(-1, size)
 
 
-def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+def tetrahedra_of(grid: vtkUnstructuredGrid) -> Ints:
     """Return the corners of each tetrahedron of a grid of linear or quadratic ones."""
     return np.ascontiguousarray(elements_of(grid)[:, :4])
 
 
-def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+def elements_of(grid: vtkUnstructuredGrid) -> Ints:
     """Return all nodes of each tetrahedron of a grid of linear or of quadratic ones."""
     if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
         cells = cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
@@ -187,7 +188,7 @@ def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
     return cells.astype(np.int64, copy=False)
 
 
-def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
+def to_cells(connectivity: AnyInts) -> vtkCellArray:
     """Return cells of one size, which share memory with the array where VTK can."""
     count, size = connectivity.shape
     narrow = connectivity.dtype == np.int32 and connectivity.size < 2**31
@@ -196,7 +197,7 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     return to_ragged(offsets, np.ascontiguousarray(connectivity, dtype=kind).ravel())
 
 
-def to_ragged(offsets: NDArray[np.integer[Any]], numbers: NDArray[np.integer[Any]]) -> vtkCellArray:
+def to_ragged(offsets: AnyInts, numbers: AnyInts) -> vtkCellArray:
     """Return cells of any sizes, of offsets and numbers that are both int32 or both int64."""
     cells = vtkCellArray()
     cells.SetData(

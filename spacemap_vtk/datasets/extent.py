@@ -53,8 +53,7 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
             cure="Ask for all of it, or run as many processes as there are pieces.",
         )
     assert rows is not None
-    result: list[float] = rows[1].tolist()
-    return result
+    return rows[1].tolist()
 
 
 def mark_owner(data: vtkDataSet, piece: Piece) -> None:

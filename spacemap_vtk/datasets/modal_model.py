@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
@@ -15,11 +14,11 @@ from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.plates import DataSheet, Plate
+from spacemap_vtk.ndarrays import Floats
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
 
-FloatArray = NDArray[np.float64]
 
 #: Names of the field arrays of the material: of a solid [Pa], and of a sheet per width: membrane
 #: [N/m], bending [N m], transverse shear and thickness [N/m].
@@ -50,9 +49,9 @@ class InputDeck(NamedTuple):
     #: How many modes, the lowest first.
     modes: int
     #: Acceleration of gravity of the static step [m/s²], (3,).
-    gravity: FloatArray
+    gravity: Floats
     #: Its other forces on the vertices [N], (V, 3).
-    forces: FloatArray
+    forces: Floats
     #: What the scene has besides, and this does not, in sentences.
     left_out: list[str]
 
@@ -106,7 +105,7 @@ def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
     return {"elements": "tetrahedra"} if sheet is None else {"elements": "sheet", **sheet._asdict()}
 
 
-def gravity_in(grid: vtkUnstructuredGrid) -> FloatArray:
+def gravity_in(grid: vtkUnstructuredGrid) -> Floats:
     """Return the gravity that a cage hangs under [m/s²]."""
     if not grid.GetPointData().HasArray("equilibrium"):
         return np.zeros(3)
@@ -118,7 +117,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
     # While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
     # otherwise they are made when they are first asked for.
     field, data = grid.GetFieldData(), grid.GetPointData()
-    material: FloatArray | Plate
+    material: Floats | Plate
     if field.GetArray(_SHEET[0]) is None:
         material = array_of(field, _SOLID[0], _OWNER)
     else:
@@ -147,7 +146,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
     )
 
 
-def rounding_of(grid: vtkUnstructuredGrid) -> NDArray[np.float64]:
+def rounding_of(grid: vtkUnstructuredGrid) -> Floats:
     """Return the share of each eigenvalue that is rounding."""
     field = grid.GetFieldData()
     if field.GetArray("eigenvalue_rounding") is None:

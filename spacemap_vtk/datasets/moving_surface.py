@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
+
 #: Materials there may be; of more colours than that each point has its own.
 _MATERIALS = 32
 #: Points that are worked on together.
@@ -21,7 +23,7 @@ class Shade(NamedTuple):
     name: str
     #: Shares of light, red, green and blue; white where each point has its own.
     color: tuple[float, ...]
-    points: NDArray[np.bool_]
+    points: Bools
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class YarnCurves(NamedTuple):
     #: In m, at each of the first clip's times, (T, R, 3).
     points: NDArray[np.floating]
     #: Points of each curve: three for each part, and one.
-    counts: NDArray[np.integer[Any]]
+    counts: AnyInts
     #: Diameter of a round yarn of the same section [m], and colour, of each curve.
     widths: NDArray[np.floating]
     colors: NDArray[np.uint8]
@@ -87,7 +89,7 @@ class ShortTargets(NamedTuple):
 
     #: What is 1 in the file [m], and what a target's weights are multiplied by there, (K,).
     unit: float
-    factors: NDArray[np.float64]
+    factors: Floats
     #: In 32767ths of the unit, (K, N, 3), and normals in 127ths.
     targets: NDArray[np.int16]
     normals: NDArray[np.int8] | None
@@ -105,11 +107,11 @@ class MovingSurface:
     normals: NDArray[np.float32] | None
     normal_targets: NDArray[np.float32] | None
     #: Numbers of points, counter-clockwise seen from outside, (M, 3).
-    triangles: NDArray[np.integer[Any]]
+    triangles: AnyInts
     #: Red, green and blue as screens have them, (N, 3).
     colors: NDArray[np.uint8]
     #: What part each point is of, by its place in `part_names`.
-    parts: NDArray[np.integer[Any]]
+    parts: AnyInts
     part_names: Sequence[str]
     sight: Sight
     #: How far points may be from where they should be [m].
@@ -153,9 +155,7 @@ class MovingSurface:
 
 
 def shortened(
-    targets: NDArray[np.float32],
-    normals: NDArray[np.float32] | None,
-    weights: NDArray[np.floating],
+    targets: NDArray[np.float32], normals: NDArray[np.float32] | None, weights: NDArray[np.floating]
 ) -> tuple[ShortTargets, float]:
     """Return targets in few bits, and how far any point gets from its place by that [m]."""
     sizes = np.abs(targets).max(axis=(1, 2)).astype(np.float64)
@@ -179,10 +179,7 @@ def shortened(
     return ShortTargets(unit, factors, places, facing), error
 
 
-def linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
+def linear(colors: NDArray[np.uint8]) -> Floats:
     """Return colours of screens as shares of light, which renderers add up (IEC 61966-2-1)."""
     shares = colors / 255.0
-    found: NDArray[np.float64] = np.where(
-        shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4
-    )
-    return found
+    return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
@@ -14,12 +13,12 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
 from spacemap_vtk.cage.carve import grown
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Outline = tuple[Floats, NDArray[np.int64]]
+Outline = tuple[Floats, Ints]
 #: Which hexahedra an object touches, as of `spacemap_vtk.cage.carve.touched`: of a lattice that
 #: begins somewhere, has some spacing, and so many divisions.
-Touch = Callable[[Floats, Floats, Sequence[int]], NDArray[np.bool_]]
+Touch = Callable[[Floats, Floats, Sequence[int]], Bools]
 
 #: Voxels along the longest side of an envelope.
 _MOST_VOXELS = 160
@@ -77,7 +76,7 @@ def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outlin
     return vtk_to_numpy(made.GetPoints().GetData()).astype(np.float64), _cells(made.GetPolys(), 3)
 
 
-def edge_faults(triangles: NDArray[np.int64], points: NDArray[np.float64]) -> tuple[int, int]:
+def edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
     """Return how many edges are open, and how many join more than two triangles."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     faces = same.ravel()[triangles]
@@ -87,13 +86,13 @@ def edge_faults(triangles: NDArray[np.int64], points: NDArray[np.float64]) -> tu
     return int((counts == 1).sum()), int((counts > 2).sum())
 
 
-def _own_points(data: Any) -> NDArray[np.float64]:
+def _own_points(data: Any) -> Floats:
     if isinstance(data, vtkPolyData) or not data.IsA("vtkPointSet"):
         return np.empty((0, 3))  # they are those of the polygons
     return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
 
 
-def _cells(cells: Any, size: int) -> NDArray[np.int64]:
+def _cells(cells: Any, size: int) -> Ints:
     """Return the cells that have a size; lines of more points fall into segments."""
     if cells is None or cells.GetNumberOfCells() == 0:
         return np.empty((0, size), dtype=np.int64)

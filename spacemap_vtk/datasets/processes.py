@@ -24,6 +24,7 @@ from vtkmodules.vtkParallelCore import vtkCommunicator, vtkMultiProcessControlle
 
 from spacemap_vtk.datasets.account import WorkShared
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.ndarrays import Floats
 
 
 class Piece(NamedTuple):
@@ -96,17 +97,15 @@ class Processes:
         if not self._all_know:
             self._tell(error=str(error) or type(error).__name__)
 
-    def largest(self, values: ArrayLike) -> NDArray[np.float64]:
+    def largest(self, values: ArrayLike) -> Floats:
         """Return the largest of all processes' values."""
         self.agree()
         return self._largest(values)
 
-    def from_first(
-        self, make: Callable[[], Sequence[NDArray[np.float64]]]
-    ) -> list[NDArray[np.float64]]:
+    def from_first(self, make: Callable[[], Sequence[Floats]]) -> list[Floats]:
         """Let the first process alone make arrays, and hand them to all."""
         self.agree()
-        made: list[NDArray[np.float64]] = []
+        made: list[Floats] = []
         shapes: list[list[int]] = []
         if self.rank == 0:
             try:
@@ -144,7 +143,7 @@ class Processes:
                 )
         return told
 
-    def _largest(self, values: ArrayLike) -> NDArray[np.float64]:
+    def _largest(self, values: ArrayLike) -> Floats:
         own = np.ascontiguousarray(values, dtype=np.float64)
         result = np.empty_like(own)
         self._controller.AllReduce(numpy_to_vtk(own), numpy_to_vtk(result), vtkCommunicator.MAX_OP)

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
 
@@ -24,25 +23,24 @@ from spacemap_vtk.cage.split_quadratic import (
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.extent import FILLED
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import AnyInts, Ints
 
-Cells = NDArray[np.integer[Any]]
 
-
-def _whole(cells: Cells) -> Cells:
+def _whole(cells: AnyInts) -> AnyInts:
     return cells
 
 
-def _voxels(cells: Cells) -> Cells:
+def _voxels(cells: AnyInts) -> AnyInts:
     return split.SPLITS[8](cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
 
 
-def _triquadratic(cells: Cells) -> Cells:
+def _triquadratic(cells: AnyInts) -> AnyInts:
     return split.SPLITS[8](cells[:, EIGHT].reshape(-1, 8))
 
 
 _TETRAHEDRA = (10, 24, 71, 78)
 # For each of VTK's types: number of corners, how they are split.
-_KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+_KINDS: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
     **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
     **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.SPLITS[8])),
     **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.SPLITS[6])),
@@ -50,7 +48,7 @@ _KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
     11: (8, _voxels),
 }
 # The same of quadratic cells: their nodes, of which those past the middles of edges are left out.
-_QUADRATIC: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+_QUADRATIC: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
     24: (10, partial(split_quadratic, kind=TETRAHEDRON)),
     **dict.fromkeys((25, 29, 33), (20, partial(split_quadratic, kind=HEXAHEDRON))),
     **dict.fromkeys((26, 32), (15, partial(split_quadratic, kind=WEDGE))),
@@ -69,7 +67,7 @@ class Volume:
     #: The tetrahedra, with the point arrays of the mesh.
     grid: vtkUnstructuredGrid
     #: (n,) Number in the mesh of each point.
-    points: NDArray[np.int64]
+    points: Ints
     #: What was changed.
     notes: list[str] = field(default_factory=list)
 
@@ -125,7 +123,7 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
         notes.append(f"{what}: {flat} flat tetrahedra were left out")
     used = np.unique(tetrahedra)
     grid = vtkUnstructuredGrid()
-    kept: NDArray[np.int64] = np.arange(len(vertices))
+    kept: Ints = np.arange(len(vertices))
     if len(used) < len(vertices):
         kept = used.astype(np.int64)
         tetrahedra = np.searchsorted(used, tetrahedra)
@@ -144,5 +142,5 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     return Volume(grid, kept, notes)
 
 
-def _offsets(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+def _offsets(grid: vtkUnstructuredGrid) -> Ints:
     return vtk_to_numpy(grid.GetCells().GetOffsetsArray()).astype(np.int64)

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import Floats, Points, Riding, Work, displacement_table
+from spacemap_vtk.embedding.interpolation import Points, Riding, Work, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import WORTHWHILE, loops
 
 # Points that are worked on together. NumPy's share of the tables of maps stays in the cache, and
@@ -61,7 +62,7 @@ class AffineInterpolation(Riding):
         points: NDArray[Any],
         location: Location,
         vertices: Floats,
-        tetrahedra: NDArray[np.integer[Any]],
+        tetrahedra: AnyInts,
         clamp: bool = False,
         *,
         threads: int | None = None,
@@ -145,8 +146,7 @@ class AffineInterpolation(Riding):
     def _at_feet(self, columns: Floats) -> Floats:
         """Return the values of the clamped points."""
         corners = self._cells[self._tetrahedron[self._beyond]]
-        result: Floats = np.einsum("na,na...->n...", self._feet, columns[corners])
-        return result
+        return np.einsum("na,na...->n...", self._feet, columns[corners])
 
     def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
         maps, points = self._maps(table), self._points if points is None else points

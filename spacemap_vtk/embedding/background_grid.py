@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.frames import Frames
+from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import for_each
 
 _CELLS_PER_TETRAHEDRON = 4.0
@@ -35,7 +36,7 @@ class Grid:
         first, last = self._indices(low), self._indices(high)
         self._start, self._candidates = self._fill(usable, first, last - first + 1)
 
-    def find(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+    def find(self, points: Floats) -> NDArray[np.int32]:
         """Return the lowest numbered tetrahedron that holds each point."""
         found = np.full(len(points), -1, dtype=np.int32)
         near = ((points >= self._low) & (points <= self._high)).all(axis=1)
@@ -56,18 +57,17 @@ class Grid:
             np.logical_not(fits, out=fits)
             open_, here, end = open_[fits], here[fits] + 1, end[fits]
 
-    def _indices(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _indices(self, points: Floats) -> Ints:
         result = ((points - self._low) * self._per_length).astype(np.int64)
         return np.clip(result, 0, self._shape - 1, out=result)
 
-    def _number(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _number(self, indices: Ints) -> Ints:
         x, y, z = indices.T
-        result: NDArray[np.int64] = x + self._shape[0] * (y + self._shape[1] * z)
-        return result
+        return x + self._shape[0] * (y + self._shape[1] * z)
 
     def _fill(
-        self, usable: NDArray[np.intp], first: NDArray[np.int64], extent: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        self, usable: NDArray[np.intp], first: Ints, extent: Ints
+    ) -> tuple[Ints, NDArray[np.int32]]:
         """Return (cells + 1,) starts and the candidates of each cell, ascending."""
         # Boxes of needles cover many cells that the needle misses: in blocks, and sieved at once,
         # row by row.
@@ -106,9 +106,7 @@ class Grid:
         return table.indptr.astype(np.int64), table.indices.astype(np.int32, copy=False)
 
     @staticmethod
-    def _rows(
-        first: NDArray[np.int64], extent: NDArray[np.int64]
-    ) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
+    def _rows(first: Ints, extent: Ints) -> tuple[list[Ints], Ints]:
         """Return y, z of every row of some boxes of cells, and the box that each is of."""
         counts = extent[:, 1] * extent[:, 2]
         box = np.repeat(np.arange(len(first)), counts)
@@ -117,9 +115,7 @@ class Grid:
         return [first[box, 1] + y, first[box, 2] + z], box
 
     @staticmethod
-    def _reach(
-        planes: NDArray[np.float64], which: NDArray[np.integer[Any]], row: list[NDArray[np.int64]]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _reach(planes: Floats, which: AnyInts, row: list[Ints]) -> tuple[Ints, Ints]:
         """Return the cells from begin to end of rows that no face of a tetrahedron cuts off."""
         # Each face leaves half of a row, so that one division says what else a test for each cell
         # would.
@@ -143,7 +139,7 @@ class Grid:
         return begin, end + 1
 
 
-def _shape(size: NDArray[np.float64], cells: float) -> NDArray[np.int64]:
+def _shape(size: Floats, cells: float) -> Ints:
     """Return counts of about cubic cells along a box; a thin side gets one."""
     shape = np.ones(3, dtype=np.int64)
     remaining = cells

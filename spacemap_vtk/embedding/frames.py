@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.triangles import cross, dot
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 
 # A tetrahedron whose volume is less than this part of its longest edge cubed is flat: the rounding
 # error of its volume alone is a part in 10**15.
@@ -26,9 +26,7 @@ _ROUNDINGS = 4.0
 class Frames:
     """The affine frames of tetrahedra, prepared once."""
 
-    def __init__(
-        self, vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]], rounding: float
-    ) -> None:
+    def __init__(self, vertices: Floats, tetrahedra: AnyInts, rounding: float) -> None:
         corners = vertices[tetrahedra]  # (T, 4, 3)
         first = corners[:, 0]
         edges = corners[:, 1:] - first[:, None]
@@ -58,9 +56,7 @@ class Frames:
         )
         self._edges = edges.reshape(-1, 9)
 
-    def weights(
-        self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
-    ) -> NDArray[np.float64]:
+    def weights(self, points: Floats, which: AnyInts) -> Floats:
         """Return barycentric coordinates that reproduce the points."""
         rows = self._table[which]
         away = (points - rows[:, :3]).T
@@ -81,21 +77,19 @@ class Frames:
         result[:, 0] = 1.0 - (result[:, 1] + result[:, 2] + result[:, 3])
         return result
 
-    def inside(
-        self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
-    ) -> NDArray[np.bool_]:
+    def inside(self, points: Floats, which: AnyInts) -> Bools:
         """Return whether points lie in tetrahedra, boundary and tolerance included."""
         rows = np.take(self._table, which, axis=0)
         away = [points[:, i] - rows[:, i] for i in range(3)]
         x, y, z = _transform(rows[:, 3:12].T, away)
         tolerance = rows[:, 12:].T
-        result: NDArray[np.bool_] = x >= -tolerance[1]
+        result: Bools = x >= -tolerance[1]
         result &= y >= -tolerance[2]
         result &= z >= -tolerance[3]
         result &= x + y + z <= 1.0 + tolerance[0]
         return result
 
-    def planes(self, low: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
+    def planes(self, low: Floats, size: Floats) -> Floats:
         """Return when no face of a tetrahedron separates it from a box of a grid."""
         gradients = self._table[:, 3:12].T.reshape(3, 3, -1)
         slopes = np.concatenate((-gradients.sum(axis=0, keepdims=True), gradients))
@@ -110,9 +104,7 @@ class Frames:
         return result
 
 
-def _transform(
-    matrix: NDArray[np.float64], vector: Any
-) -> list[NDArray[np.float64]]:  # 9 rows, 3 rows -> 3 rows
+def _transform(matrix: Floats, vector: Any) -> list[Floats]:  # 9 rows, 3 rows -> 3 rows
     return [
         matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2]
         for i in range(3)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location
 from spacemap_vtk.mechanics.elements import shape_slopes
+from spacemap_vtk.ndarrays import AnyInts, Floats
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -39,12 +40,7 @@ class QuadraticGradients:
     [[1.5, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.25]]
     """
 
-    def __init__(
-        self,
-        location: Location,
-        vertices: NDArray[np.float64],
-        elements: NDArray[np.integer[Any]],
-    ) -> None:
+    def __init__(self, location: Location, vertices: Floats, elements: AnyInts) -> None:
         corners = vertices[elements[location.tetrahedron, :4]]
         # outside, the map goes on as its tangent does
         inside = np.maximum(location.weights, 0.0)
@@ -61,7 +57,7 @@ class QuadraticGradients:
             for axis in range(3)
         ]
 
-    def at(self, displacement: NDArray[Any]) -> NDArray[np.float64]:
+    def at(self, displacement: NDArray[Any]) -> Floats:
         """Return the gradient F at each point.
 
         Parameters
@@ -78,7 +74,7 @@ class QuadraticGradients:
         return np.eye(3) + np.stack(columns, axis=2)
 
 
-def cofactors(gradients: NDArray[np.float64]) -> NDArray[np.float64]:
+def cofactors(gradients: Floats) -> Floats:
     """Return the cofactor matrix, det(F) F^-T, by which the normals of surfaces change.
 
     Parameters
@@ -95,9 +91,7 @@ def cofactors(gradients: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)), axis=1)
 
 
-def turned_normals(
-    normals: NDArray[Any], cofactor: NDArray[np.float64], which: NDArray[np.integer[Any]]
-) -> NDArray[np.float32]:
+def turned_normals(normals: NDArray[Any], cofactor: Floats, which: AnyInts) -> NDArray[np.float32]:
     """Return unit normals of a deformed surface.
 
     Parameters

@@ -8,16 +8,11 @@ all of it, and it weighs as much as the object.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.cage.split import volumes_of
 from spacemap_vtk.embedding.locate import locate
-
-Floats = NDArray[np.float64]
-Cells = NDArray[np.integer[Any]]
+from spacemap_vtk.ndarrays import AnyInts, Floats
 
 #: Steps that go some share of the way: what a vertex does for one point, it does for others. The
 #: last ones go all of it, and a little more.
@@ -28,7 +23,7 @@ _MOST = 10.0
 _LEAST = 0.2
 
 
-def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -> Floats:
+def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float) -> Floats:
     """Return the vertices of a cage, some of them moved outward so that it holds points.
 
     Parameters
@@ -84,7 +79,7 @@ def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -
 
 
 def share_filled(
-    points: Floats, triangles: Cells, inside: float, volume: float, tolerance: float
+    points: Floats, triangles: AnyInts, inside: float, volume: float, tolerance: float
 ) -> float:
     """Return how much of a cage is what the object's surface encloses.
 

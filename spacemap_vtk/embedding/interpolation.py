@@ -21,13 +21,13 @@ from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
 from spacemap_vtk.memory import Recycler
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _ROW = 32  # points of a tetrahedron that are one product: twice and half as many take longer
 
-Floats = NDArray[np.float64]
 #: In single or double precision.
 Points = NDArray[Any]
 #: Does what is to be done for a block of points.
@@ -250,7 +250,7 @@ def quadratic_weights(weights: Floats) -> Floats:
     return result
 
 
-def point_weights(points: Floats, cells: NDArray[np.int64], place: Floats) -> Floats:
+def point_weights(points: Floats, cells: Ints, place: Floats) -> Floats:
     """Return how much each vertex of a cage counts in the motion of a point.
 
     Parameters

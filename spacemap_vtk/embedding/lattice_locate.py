@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
+from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 
 # What counts as inside, in units of a hexahedron's edges, as in spacemap_vtk.embedding.frames ...
 _TOLERANCE = 1e-9
@@ -31,11 +32,11 @@ class LatticePattern:
     """A mesh known to be a lattice, or the part of one that a carved cage keeps."""
 
     #: (3,) Lowest corner of the box in m.
-    origin: NDArray[np.float64]
+    origin: Floats
     #: (3,) Edges of a hexahedron in m.
-    spacing: NDArray[np.float64]
+    spacing: Floats
     #: (3,) Hexahedra along x, y and z of the box.
-    divisions: NDArray[np.int64]
+    divisions: Ints
     #: 1 where the hexahedron at the origin is an odd one.
     parity: int
     #: (cells,) For each hexahedron of the box, x fastest, its number in the mesh, -1 where it is
@@ -45,11 +46,7 @@ class LatticePattern:
     rounding: float
 
     def find(
-        self,
-        points: NDArray[np.float64],
-        epsilon: float,
-        tetrahedron: NDArray[np.int32],
-        weights: NDArray[np.float64],
+        self, points: Floats, epsilon: float, tetrahedron: NDArray[np.int32], weights: Floats
     ) -> None:
         """Fill in the tetrahedron of each point, and the weights of its corners."""
         distance = _ROUNDINGS * epsilon * self.rounding
@@ -112,9 +109,7 @@ class LatticePattern:
         tetrahedron[:] = number if there is True else np.where(there, number, -1)
 
 
-def recognise(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
-) -> LatticePattern | None:
+def recognise(vertices: Floats, tetrahedra: AnyInts) -> LatticePattern | None:
     """Return the lattice that a mesh is, if it is one."""
     # Nothing but the mesh itself is believed: every vertex of every tetrahedron must be in its
     # place to within rounding, so that a lattice that was moved, refined or renumbered is none.

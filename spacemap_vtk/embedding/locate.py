@@ -18,6 +18,7 @@ from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import for_each
 
 _BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
@@ -42,8 +43,8 @@ class Location:
     """
 
     tetrahedron: NDArray[np.int32]
-    weights: NDArray[np.float64]
-    is_outside: NDArray[np.bool_]
+    weights: Floats
+    is_outside: Bools
     outside: int
     largest_distance: float
 
@@ -122,7 +123,7 @@ def locate(
     tetrahedron = np.empty(len(places), dtype=np.int32)
     weights = np.empty((len(places) if weighted else 0, 4))
 
-    def part(which: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+    def part(which: slice | NDArray[np.intp]) -> Floats:
         return np.asarray(places[which], np.float64)  # a copy of all would be as large as they are
 
     pattern = recognise(nodes, cells)
@@ -199,7 +200,7 @@ def _checked_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[An
     return result
 
 
-def _checked_tetrahedra(values: ArrayLike, vertex_count: int) -> NDArray[np.integer[Any]]:
+def _checked_tetrahedra(values: ArrayLike, vertex_count: int) -> AnyInts:
     result = np.asarray(values)
     if result.ndim != 2 or result.shape[1] != 4 or result.dtype.kind not in "iu":
         raise GeometryError(

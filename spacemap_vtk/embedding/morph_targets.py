@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: Points times times that are decomposed, and points of which targets are made together.
 _POINTS, _PART = 2**20, 2**15
@@ -17,9 +17,9 @@ class MorphTargets(NamedTuple):
     """Shapes and how much of each there is at some times."""
 
     #: Displacements at full weight [m], (K, n, 3); orthogonal to each other.
-    shapes: FloatArray
+    shapes: Floats
     #: From -1 to 1, (T, K), their columns orthogonal, too.
-    weights: FloatArray
+    weights: Floats
     #: The largest distance of any point at any time from where it should be [m].
     error: float
 
@@ -80,6 +80,6 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     return MorphTargets(shapes[kept] * peaks[:, None, None], weights / peaks, error)
 
 
-def _largest(displacements: FloatArray, parts: int) -> float:
+def _largest(displacements: Floats, parts: int) -> float:
     squares = np.square(displacements).reshape(len(displacements), -1, parts).sum(axis=2)
     return float(np.sqrt(squares.max(initial=0.0)))

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
+from spacemap_vtk.ndarrays import AnyInts, Floats
 
 _TIE = 1e-12  # relative difference of distances that is rounding: the lowest tetrahedron wins
 _BLOCK = 2**13  # points that are worked on together
 _PAIRS = 2**18  # pairs of a point and a box that are looked at together; bounds the scratch memory
 _MORTON_BITS = 16
 
-Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corners, (3, n)
+Boxes = tuple[Floats, Floats]  # lower and upper corners, (3, n)
 
 
 class NearestTetrahedron:
@@ -26,12 +25,7 @@ class NearestTetrahedron:
     # is descended, all points at once, level by level; faces whose box is further away than the
     # bound drop out, and what is left is measured.
 
-    def __init__(
-        self,
-        vertices: NDArray[np.float64],
-        tetrahedra: NDArray[np.integer[Any]],
-        frames: Frames,
-    ) -> None:
+    def __init__(self, vertices: Floats, tetrahedra: AnyInts, frames: Frames) -> None:
         from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
 
         usable = np.flatnonzero(frames.usable)
@@ -45,9 +39,7 @@ class NearestTetrahedron:
         self._levels = _levels(self._corners[:, :, self._order])
         self._distance = frames.distance
 
-    def find(
-        self, points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+    def find(self, points: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
         """Return the nearest tetrahedron, the nearest point on it, and how far that is."""
         triangle = np.empty(len(points), dtype=np.intp)
         for begin in range(0, len(points), _BLOCK):
@@ -58,7 +50,7 @@ class NearestTetrahedron:
         np.put_along_axis(weights, FACES[self._face[triangle]], on_face.T, axis=1)
         return self._owner[triangle].astype(np.int32), weights, np.sqrt(squared)
 
-    def _search(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+    def _search(self, points: Floats) -> NDArray[np.intp]:
         """Return the nearest triangle of each of (3, n) points."""
         everyone = np.arange(points.shape[1])
         bound = self._measure(points, self._middles.query(points.T)[1])
@@ -86,16 +78,11 @@ class NearestTetrahedron:
         equal = np.where(distance <= least[row], triangle, len(self._owner))
         return np.minimum.reduceat(equal, start)
 
-    def _measure(
-        self, points: NDArray[np.float64], triangle: NDArray[np.intp]
-    ) -> NDArray[np.float64]:
-        result: NDArray[np.float64] = np.sqrt(
-            nearest_on_triangles(points, *self._corners[:, :, triangle])[0]
-        )
-        return result
+    def _measure(self, points: Floats, triangle: NDArray[np.intp]) -> Floats:
+        return np.sqrt(nearest_on_triangles(points, *self._corners[:, :, triangle])[0])
 
 
-def _morton_order(middles: NDArray[np.float64]) -> NDArray[np.intp]:
+def _morton_order(middles: Floats) -> NDArray[np.intp]:
     """Return an order in which neighbours in space are mostly neighbours."""
     away = middles - middles.min(axis=0)
     size = float(away.max())
@@ -107,7 +94,7 @@ def _morton_order(middles: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.argsort(code, kind="stable")
 
 
-def _levels(corners: NDArray[np.float64]) -> list[Boxes]:
+def _levels(corners: Floats) -> list[Boxes]:
     """Return the boxes of a binary tree over triangles, below its root, leaves last."""
     # Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
     # each triangle, and empty boxes, infinitely far from everything, up to a power of two.

@@ -21,9 +21,7 @@ from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.smooth import vertex_gradients
 from spacemap_vtk.mechanics.shell import mid_surface
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Most steps of Newton's rule to a place in a quadrilateral: in a parallelogram it takes one.
 _STEPS = 8

@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import compiled
 
 
 @compiled
 def apply(
-    weights: NDArray[np.float64],
+    weights: Floats,
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
-    values: NDArray[np.float64],
+    values: Floats,
     out: NDArray[Any],
 ) -> None:
     """Write values at points."""
@@ -33,10 +34,7 @@ def apply(
 
 @compiled
 def carry(
-    maps: NDArray[np.float64],
-    tetrahedron: NDArray[np.int32],
-    points: NDArray[Any],
-    out: NDArray[Any],
+    maps: Floats, tetrahedron: NDArray[np.int32], points: NDArray[Any], out: NDArray[Any]
 ) -> None:
     """Write values at points, by the affine maps of tetrahedra."""
     for point in range(len(tetrahedron)):
@@ -49,7 +47,7 @@ def carry(
 
 @compiled
 def displace(
-    maps: NDArray[np.float64],
+    maps: Floats,
     tetrahedron: NDArray[np.int32],
     points: NDArray[Any],
     moved: NDArray[Any],

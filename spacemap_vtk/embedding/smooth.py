@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.embedding.interpolation import Interpolation, Points, Riding, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import for_each
 
 if TYPE_CHECKING:
@@ -58,10 +59,10 @@ class SmoothInterpolation(Riding):
 
     def __init__(
         self,
-        points: NDArray[np.float64],
+        points: Floats,
         location: Location,
-        vertices: NDArray[np.float64],
-        tetrahedra: NDArray[np.integer[Any]],
+        vertices: Floats,
+        tetrahedra: AnyInts,
         clamp: bool = False,
     ) -> None:
         count = len(vertices)
@@ -85,13 +86,11 @@ class SmoothInterpolation(Riding):
         self._rows = self._interpolation(rows[0] if len(rows) == 1 else rows.sum(axis=0))
         self._along: list[Interpolation] = []
 
-    def _interpolation(self, rows: NDArray[np.float64]) -> Interpolation:
+    def _interpolation(self, rows: Floats) -> Interpolation:
         located = replace(self._location, weights=rows)
         return Interpolation(located, self._wide, 4 * len(self._vertices))
 
-    def _prepare(
-        self, ways: Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64] | None]
-    ) -> NDArray[np.float64]:
+    def _prepare(self, ways: Callable[[NDArray[np.intp], Floats], Floats | None]) -> Floats:
         """Return the factors of the corners' values and gradients, (1 + m, N, 16)."""
         # Those at the points, or where they are outside at the nearest point of the mesh, come
         # first, then those of the derivatives along m ways, which are asked for the numbers of some
@@ -125,11 +124,11 @@ class SmoothInterpolation(Riding):
         table = displacement_table(displacement, self.vertex_count)
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
-    def apply(self, values: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, values: ArrayLike) -> Floats:
         table = np.asarray(values, dtype=np.float64)
         return self._rows.apply(np.concatenate((table, self._slopes @ table)))
 
-    def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
+    def gradients(self, displacement: ArrayLike) -> Floats:
         """Return the gradient of the map at each point.
 
         Parameters
@@ -152,27 +151,20 @@ class SmoothInterpolation(Riding):
         return np.eye(3) + np.stack(columns, axis=2)
 
 
-def _axes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(corners: Floats) -> Floats:
     """Return x, y and z as ways in barycentric coordinates, (3, n, 4)."""
     turned = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2)
     return np.concatenate((-turned.sum(axis=2, keepdims=True), turned), axis=2)
 
 
-def has_volume(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
-) -> NDArray[np.bool_]:
+def has_volume(vertices: Floats, tetrahedra: AnyInts) -> Bools:
     """Return which tetrahedra are not flat."""
     corners = vertices[tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
-    result: NDArray[np.bool_] = (
-        np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
-    )
-    return result
+    return np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
 
 
-def vertex_gradients(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
-) -> csr_matrix:
+def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
     """Return the operator that gives the gradient at each vertex."""
     # A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
     # tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
@@ -209,7 +201,7 @@ def vertex_gradients(
     )
 
 
-def _fit(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fit(offsets: Floats) -> Floats:
     """Return factors (n, 3, m) of the differences to m neighbours, which give the gradient."""
     length = np.linalg.norm(offsets, axis=2)
     size = length.mean(axis=1)
@@ -223,5 +215,4 @@ def _fit(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
     damping[:, range(6), range(3, 9)] = _DAMPING
     inverse = np.linalg.pinv(np.concatenate((matrix, damping), axis=1))
     count = offsets.shape[1]
-    result: NDArray[np.float64] = inverse[:, :3, :count] * (weight / size[:, None])[:, None]
-    return result
+    return inverse[:, :3, :count] * (weight / size[:, None])[:, None]

@@ -5,20 +5,18 @@ As in `spacemap_vtk.embedding.frames`, only element by element arithmetic.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-Coordinates = NDArray[np.float64]  # (3, n): one row an axis
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
+
+Coordinates = Floats  # (3, n): one row an axis
 
 # Face i lies opposite corner i; of a positive tetrahedron all look outwards.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
-def boundary(
-    tetrahedra: NDArray[np.integer[Any]], positive: NDArray[np.bool_]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def boundary(tetrahedra: AnyInts, positive: Bools) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the faces on which the nearest point of a mesh to a point outside can lie.
 
     Parameters
@@ -54,7 +52,7 @@ def boundary(
 
 def nearest_on_triangles(
     points: Coordinates, a: Coordinates, b: Coordinates, c: Coordinates
-) -> tuple[NDArray[np.float64], Coordinates]:
+) -> tuple[Floats, Coordinates]:
     """Return the squared distance to triangles, and where it is attained."""
     ab, ac, bc = b - a, c - a, c - b
     ap, bp = points - a, points - b
@@ -77,7 +75,7 @@ def nearest_on_triangles(
     return squared, np.stack((np.maximum(1.0 - v - w, 0.0), v, w))
 
 
-def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[Floats, Floats]:
     """Return the parameter of the nearest point of an edge, and its squared distance."""
     length = dot(edge, edge)
     t = np.clip(dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
@@ -92,7 +90,6 @@ def cross(a: Coordinates, b: Coordinates) -> Coordinates:
     )
 
 
-def dot(a: Coordinates, b: Coordinates) -> NDArray[np.float64]:
+def dot(a: Coordinates, b: Coordinates) -> Floats:
     """Return the scalar product."""
-    result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return result
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

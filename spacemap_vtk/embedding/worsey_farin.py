@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.triangles import FACES
-
-Floats = NDArray[np.float64]
+from spacemap_vtk.ndarrays import AnyInts, Floats
 
 #: The twenty numbers: f_0 ... f_3, g_00, g_01 ... g_33.
 NUMBERS = 20
@@ -31,7 +30,7 @@ _FEW = 8
 _PAIRS = [(j, k) for j in range(4) for k in range(4) if j < k]
 
 
-def split_points(vertices: Floats, tetrahedra: NDArray[np.integer[Any]]) -> tuple[Floats, Floats]:
+def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]:
     """Return where tetrahedra and their faces are split."""
     corners = vertices[tetrahedra]
     sides = corners[:, FACES]  # tetrahedron, face, corner, axis
@@ -202,7 +201,7 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
 
 def evaluated(
     weights: Floats,
-    which: NDArray[np.integer[Any]],
+    which: AnyInts,
     table: Floats,
     centres: Floats,
     faces: Floats,

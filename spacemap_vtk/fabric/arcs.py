@@ -22,12 +22,13 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.bezier import rational_handles
 from spacemap_vtk.fabric.peirce import Crimp, solve
 from spacemap_vtk.fabric.threads import Yarns
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Longer arcs are split: one cubic misses the radius by 2.4e-5 at this angle, 2.7e-4 at 90 degrees.
 LONGEST_ARC = pi / 3
@@ -41,34 +42,34 @@ class Gaps(NamedTuple):
 
     # Of all yarns in one row where it is the same; their own rows where space has been stretched.
 
-    bounds: NDArray[np.float64]
+    bounds: Floats
     """(yarns or 1, gaps + 1) Places along the yarn where gaps meet, before space was stretched."""
-    spacing: NDArray[np.float64]
+    spacing: Floats
     """(yarns or 1, gaps) Their lengths along the yarn, as stretched."""
-    height: NDArray[np.float64]
+    height: Floats
     """(yarns, gaps + 1) The axes' at the bounds."""
-    arc: NDArray[np.float64]
+    arc: Floats
     """(yarns, gaps + 1) Radii of the arcs there."""
-    stretch: NDArray[np.float64]
+    stretch: Floats
     """(yarns or 1, gaps) Of space along the yarn."""
 
 
 class Plan(NamedTuple):
     """Into which parts the gaps of some yarns are cut, whatever becomes of their heights."""
 
-    pieces: NDArray[np.int64]
+    pieces: Ints
     """(yarns, gaps) Parts of each of the two arcs."""
-    straight: NDArray[np.bool_]
+    straight: Bools
     """(yarns, gaps) Whether there is one between the arcs."""
 
 
 def gaps_of(
     crossed: Yarns,
-    arc: NDArray[np.float64],
-    height: NDArray[np.float64],
+    arc: Floats,
+    height: Floats,
     overhang: float,
-    stretch: NDArray[np.float64] | None = None,
-    kept: NDArray[np.bool_] | None = None,
+    stretch: Floats | None = None,
+    kept: Bools | None = None,
 ) -> Gaps:
     """Return the gaps of yarns from what is known at their crossings, (yarns, crossings)."""
     # Yarns past their last crossing, and flats, keep their length however space is stretched.
@@ -110,7 +111,7 @@ def gaps_of(
     return _passed_by(gaps, np.repeat(kept, flats, axis=1))
 
 
-def _passed_by(gaps: Gaps, kept: NDArray[np.bool_]) -> Gaps:
+def _passed_by(gaps: Gaps, kept: Bools) -> Gaps:
     """Leave out bounds that are not kept; shorter rows end in gaps of no length."""
     kept = np.pad(kept, ((0, 0), (1, 1)), constant_values=True)
     count = kept.sum(axis=1, keepdims=True)
@@ -140,7 +141,7 @@ def _bends(gaps: Gaps) -> Crimp:
     return solve(gaps.spacing, rise, gaps.arc[:, :-1] + gaps.arc[:, 1:])
 
 
-def _plan(crimp: Crimp, spacing: NDArray[np.float64], exact: bool) -> Plan:
+def _plan(crimp: Crimp, spacing: Floats, exact: bool) -> Plan:
     flat = crimp.theta < FLAT
     # one rounding above 60 degrees is 60 degrees: jammed square cloth
     longest = 2.0 * LONGEST_ARC if exact else LONGEST_ARC
@@ -148,7 +149,7 @@ def _plan(crimp: Crimp, spacing: NDArray[np.float64], exact: bool) -> Plan:
     return Plan(pieces, np.where(flat, spacing, crimp.straight) > 0.0)
 
 
-def _fit(gaps: Gaps, plan: Plan) -> NDArray[np.float64]:
+def _fit(gaps: Gaps, plan: Plan) -> Floats:
     """Return by which factor arcs are tighter than a plan's where a gap has no room for them."""
     # Two arcs alone fit where (D - h)^2 + p^2 = D^2. Without a straight they must fit, wider ones
     # too, for they are all that there is.
@@ -160,11 +161,7 @@ def _fit(gaps: Gaps, plan: Plan) -> NDArray[np.float64]:
 
 
 def lay_gaps(
-    radius: NDArray[np.float64],
-    lateral: NDArray[np.float64],
-    gaps: Gaps,
-    exact: bool = False,
-    plan: Plan | None = None,
+    radius: Floats, lateral: Floats, gaps: Gaps, exact: bool = False, plan: Plan | None = None
 ) -> Axes:
     """Cut axes into parts; by a plan, so that their number is that of other heights."""
     height, rise = gaps.height, np.diff(gaps.height, axis=1)
@@ -213,7 +210,7 @@ def lay_gaps(
     last = np.cumsum(parts) + np.arange(len(parts))
     start = np.arange(len(row)) + row
 
-    def with_last(of_parts: NDArray[np.float64], at_ends: ArrayLike) -> NDArray[np.float64]:
+    def with_last(of_parts: Floats, at_ends: ArrayLike) -> Floats:
         full = np.empty(len(start) + len(last))
         full[start], full[last] = of_parts, at_ends
         return full

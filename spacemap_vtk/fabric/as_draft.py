@@ -10,6 +10,7 @@ from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.resolve import Asked
 from spacemap_vtk.fabric.threads import Lengths
+from spacemap_vtk.ndarrays import Floats
 
 
 def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft:
@@ -62,13 +63,13 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
     )
 
 
-def _usual(lengths: NDArray[np.float64]) -> Lengths:
+def _usual(lengths: Floats) -> Lengths:
     """Return one value for all threads, if all have the mean."""
     mean = float(lengths.mean())
     return mean if (lengths == mean).all() else lengths
 
 
-def _spaces(cloth: Cloth, number: int) -> NDArray[np.float64]:
+def _spaces(cloth: Cloth, number: int) -> Floats:
     """Return the space of each thread, in whose middle it stands."""
     gaps, count = np.asarray(cloth.threads[number].spacing), cloth.size[number]
     if gaps.ndim == 0 or gaps.size == 0:

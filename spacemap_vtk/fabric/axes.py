@@ -12,6 +12,7 @@ from spacemap_vtk.fabric.axis import Axes, sampled
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.spline import spline_axes
 from spacemap_vtk.fabric.threads import Some
+from spacemap_vtk.ndarrays import Floats
 
 
 class Share(NamedTuple):
@@ -49,7 +50,7 @@ def woven_gaps(cloth: Cloth, number: int, some: Some = slice(None)) -> Gaps:
     return gaps_of(cloth.yarns[1 - number], arc, height, past, kept=kept)
 
 
-def axis_points(cloth: Cloth, samples: int = 8) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def axis_points(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:
     """Return points on the exact axes of the yarns, which the patches approximate.
 
     Parameters

@@ -10,50 +10,48 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein
+from spacemap_vtk.ndarrays import Floats, Ints
 
 
 class Axes(NamedTuple):
     """The axes of one family, cut into parts; stations are the parts' ends."""
 
-    radius: NDArray[np.float64]
+    radius: Floats
     """(yarns,) Half the height of each yarn's section."""
-    lateral: NDArray[np.float64]
+    lateral: Floats
     """(yarns,) Position of the plane in which each yarn runs."""
-    parts: NDArray[np.int64]
+    parts: Ints
     """(yarns,) Number of parts."""
-    along: NDArray[np.float64]
+    along: Floats
     """(stations,) Position along the yarn."""
-    height: NDArray[np.float64]
+    height: Floats
     """(stations,) Position in z."""
-    angle: NDArray[np.float64]
+    angle: Floats
     """(stations,) Slope of the axis, in radians."""
-    length: NDArray[np.float64]
+    length: Floats
     """(parts,)"""
-    curvature: NDArray[np.float64]
+    curvature: Floats
     """(2, parts) At start and end of each part, above 0 where the axis turns upwards."""
-    reach: NDArray[np.float64]
+    reach: Floats
     """(2, parts) Handles of the cubic that stands for each part, at its start and end."""
-    weight: NDArray[np.float64]
+    weight: Floats
     """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
     cubic: bool
     """Whether parts are these cubics, and not arcs and straights."""
 
     @property
-    def owner(self) -> NDArray[np.int64]:
+    def owner(self) -> Ints:
         """(parts,) Yarn of each part."""
         return np.repeat(np.arange(len(self.parts)), self.parts)
 
     @property
-    def last(self) -> NDArray[np.int64]:
+    def last(self) -> Ints:
         """(yarns,) Last station of each yarn."""
         return np.cumsum(self.parts) + np.arange(len(self.parts))
 
-    def at(
-        self, part: NDArray[np.int64], station: NDArray[np.int64], fraction: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, part: Ints, station: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats]:
         """Return places on the axes."""
         place, slope = (self.along, self.height), self.angle
         if self.cubic:
@@ -84,9 +82,7 @@ class Axes(NamedTuple):
         return along, height, a + k * s
 
 
-def sampled(
-    family: Axes, samples: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def sampled(family: Axes, samples: int) -> tuple[Ints, Ints, Floats]:
     """Return places all along the axes of a family, yarn by yarn."""
     count = np.full(len(family.length), samples)
     count[np.cumsum(family.parts) - 1] += 1

@@ -9,22 +9,22 @@ from __future__ import annotations
 from math import comb, tan
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Floats, Ints
 
 
-def bernstein(degree: int, t: ArrayLike) -> NDArray[np.float64]:
+def bernstein(degree: int, t: ArrayLike) -> Floats:
     """Return the Bernstein polynomials of a degree at some parameters."""
     _check_degree(degree, 0)
     values = np.asarray(t, dtype=np.float64).reshape(-1, 1)
     power = np.arange(degree + 1)
     binomial = np.array([comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
-    result: NDArray[np.float64] = binomial * values**power * (1.0 - values) ** power[::-1]
-    return result
+    return binomial * values**power * (1.0 - values) ** power[::-1]
 
 
-def bernstein_derivative(degree: int, t: ArrayLike) -> NDArray[np.float64]:
+def bernstein_derivative(degree: int, t: ArrayLike) -> Floats:
     """Return the first derivatives of the Bernstein polynomials of a degree."""
     _check_degree(degree, 0)
     if degree == 0:
@@ -66,15 +66,13 @@ def rational_arc(angle: float) -> tuple[float, float]:
     return float(handle[0]), float(weight[0])
 
 
-def rational_handles(
-    angle: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rational_handles(angle: Floats) -> tuple[Floats, Floats]:
     """Return handles and weights as `rational_arc` does, for many angles at once."""
     total = 1.0 + 2.0 * np.cos(0.5 * angle)
     return 2.0 * np.sin(0.5 * angle) / total, total / 3.0
 
 
-def quadrilateral_order(p: int, q: int) -> NDArray[np.int64]:
+def quadrilateral_order(p: int, q: int) -> Ints:
     """Return where the points of a tensor-product patch stand in VTK's Bézier quadrilateral."""
     # VTK lists the four corners first, then the insides of the four edges, then the inside of the
     # face.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.interchange import Interchange, Resultants
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: The tests, in the order of their curves.
 TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
@@ -25,18 +25,18 @@ _SIDE = (15, 61)
 class StretchMap(NamedTuple):
     """What a cloth does at m x m stretches: values are (2, weft, warp) or (weft, warp)."""
 
-    warp: NDArray[np.float64]
-    weft: NDArray[np.float64]
-    force: NDArray[np.float64]
+    warp: Floats
+    weft: Floats
+    force: Floats
     """Along warp and weft, in N/m; 0 of yarns that do not stretch."""
-    strain: NDArray[np.float64]
+    strain: Floats
     """Of warp and weft."""
-    slack: NDArray[np.bool_]
+    slack: Bools
     """Whether yarns are longer than their room."""
-    exchange: NDArray[np.float64]
+    exchange: Floats
     """(2, n) Stretches along warp and weft at which they begin to be pulled: there they trade
     crimp."""
-    jam: NDArray[np.float64]
+    jam: Floats
     """(2, m) Least stretch of the warp at each one of the weft, and of the weft at each of the
     warp."""
 
@@ -45,11 +45,11 @@ class Tensile(NamedTuple):
     """A tensile test of n steps."""
 
     name: str
-    extension: NDArray[np.float64]
+    extension: Floats
     """(2, n) Of the cloth along warp and weft, 0 at rest."""
-    force: NDArray[np.float64]
+    force: Floats
     """(2, n) Per width of cloth at rest, along warp and weft, in N/m."""
-    strain: NDArray[np.float64]
+    strain: Floats
     """(2, n) Largest of the yarns' strains."""
 
 
@@ -138,12 +138,12 @@ def stretch_map(crossings: Interchange) -> StretchMap:
     )
 
 
-def _slack(found: Resultants) -> NDArray[np.bool_]:
+def _slack(found: Resultants) -> Bools:
     """Return where yarns are longer than their room by more than rounding."""
     return np.asarray((found.slack > 1e-9).any(axis=0))
 
 
-def _jam(crossings: Interchange, family: int, other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _jam(crossings: Interchange, family: int, other: Floats) -> Floats:
     """Return the least stretch that a family's yarns reach at each stretch along the other's."""
     stretch = np.stack([other, other])
     stretch[family] = 0.1

@@ -25,7 +25,6 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.double_weave import APART, Layers
@@ -39,6 +38,7 @@ from spacemap_vtk.fabric.peirce import (
     solve,
 )
 from spacemap_vtk.fabric.threads import Some, Threads, Yarns
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Shapes of a yarn's axis, the commonest first.
 AXES = ("arcs", "spline")
@@ -49,17 +49,17 @@ _GRACE = 1e-9
 #: Room between the two cloths of a double weave where nobody says, over D.
 _LAYER_GAP = 0.1
 #: A yarn of each course, and the course of each yarn.
-Courses = tuple[NDArray[np.int64], NDArray[np.int64]]
+Courses = tuple[Ints, Ints]
 
 
 class Passing(NamedTuple):
     """How yarns pass what they cross: arrays (yarns, crossings)."""
 
-    arc: NDArray[np.float64]
+    arc: Floats
     """Radii of the arcs on which they do: where yarns touch, how far apart the axes are, R."""
-    height: NDArray[np.float64]
+    height: Floats
     """Of the axes, in z."""
-    kept: NDArray[np.bool_] | None
+    kept: Bools | None
     """Where they take notice of what they cross; None: everywhere."""
 
 
@@ -136,7 +136,7 @@ class Cloth:
     (0.1, 0.1435)
     """
 
-    drawdown: NDArray[np.bool_]
+    drawdown: Bools
     warp: Threads
     weft: Threads
     crimp_height: float | None = None
@@ -259,7 +259,7 @@ class Cloth:
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
     @cached_property
-    def strands(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def strands(self) -> tuple[Floats, Floats, Floats]:
         """Turns per metre, plies and round diameters of all yarns, see `Threads.strands`."""
         own = [threads.strands(n) for threads, n in zip(self.threads, self.size, strict=True)]
         turns, plies, diameter = (np.concatenate(values) for values in zip(*own, strict=True))
@@ -274,7 +274,7 @@ class Cloth:
         )
         return warp, weft
 
-    def upper(self, number: int, which: Some = slice(None)) -> NDArray[np.bool_]:
+    def upper(self, number: int, which: Some = slice(None)) -> Bools:
         # (yarns, crossings) Where ends (0) or picks (1) lie over what they cross.
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 

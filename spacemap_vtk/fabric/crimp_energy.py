@@ -23,7 +23,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.gap import Array, bend, jam_height
+from spacemap_vtk.fabric.gap import bend, jam_height
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
@@ -56,18 +57,20 @@ class CrimpEnergy(NamedTuple):
     # 1/2 tension (l - length)**2 of each yarn whose axis is longer than it, 1/2 contact (D -
     # full)**2, and hinge (theta - rest)**2 / D of each yarn.
 
-    tension: Array
+    tension: Floats
     """(2, n) EA over the yarn's length, in N/m."""
-    contact: Array
+    contact: Floats
     """(n,) In N/m."""
-    hinge: Array
+    hinge: Floats
     """(2, n) Half of D times what an angle resists with at rest, in N m2."""
-    rest: Array
+    rest: Floats
     """(2, n) Angles at rest."""
-    full: Array
+    full: Floats
     """(n,) D at rest."""
 
-    def unpulled(self, theta: Array, distance: Array) -> tuple[Array, Array, Array, Array | float]:
+    def unpulled(
+        self, theta: Floats, distance: Floats
+    ) -> tuple[Floats, Floats, Floats, Floats | float]:
         """Return what is not the yarns' pull, its derivatives by D, and its first ones by theta."""
         squash = distance - self.full
         push = self.contact * squash
@@ -89,25 +92,25 @@ class CrimpEnergy(NamedTuple):
 class Slopes(NamedTuple):
     """Energy of crossings, and how it changes with the angles of their yarns."""
 
-    value: Array
+    value: Floats
     """(n,) J"""
-    theta: Array
-    half: Array
-    straight: Array
-    over: Array
+    theta: Floats
+    half: Floats
+    straight: Floats
+    over: Floats
     """(2, n) What axes are longer than their yarns; less than 0 of slack ones."""
-    own: Array
+    own: Floats
     """(2, n) An axis' length by its own angle."""
-    other: Array
+    other: Floats
     """(2, n) An axis' length by the other one's angle."""
-    turn: Array
+    turn: Floats
     """(2, n) D by the angles."""
-    slope: Array
+    slope: Floats
     """(2, n) The energy, less press times D, by the angles."""
-    curve: Array
+    curve: Floats
     """(3, n) The same by theta1 twice, by both, by theta2 twice."""
 
-    def pulled(self, stiff: Array) -> Slopes:
+    def pulled(self, stiff: Floats) -> Slopes:
         """Return them where yarns of that stiffness pull, too, or push, slack as they are."""
         own, other = stiff * self.own, stiff * self.other
         slope = self.slope + own * self.over + (other * self.over)[::-1]
@@ -116,20 +119,19 @@ class Slopes(NamedTuple):
         curve = self.curve + np.stack([square[0], mixed[0] + mixed[1], square[1]])
         return self._replace(slope=slope, curve=curve)
 
-    def press(self) -> Array:
+    def press(self) -> Floats:
         """Return what the least energy gains with D, in N; straight yarns do not tell."""
         turn = self.turn * (self.theta > _STRAIGHT)
-        found: Array = (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
-        return found
+        return (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
 
 
 def slopes(
     energy: CrimpEnergy,
-    room: Array,
-    length: Array,
-    heights: Array,
-    distance: Array,
-    press: Array | float = 0.0,
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    press: Floats | float = 0.0,
 ) -> Slopes:
     """Return the energy and its derivatives by the angles."""
     # in place, for memory that is given back and taken anew costs as much as the arithmetic
@@ -180,30 +182,29 @@ def slopes(
 
 def pulls(
     energy: CrimpEnergy,
-    room: Array,
-    length: Array,
-    heights: Array,
-    distance: Array,
-    along: tuple[Array, Array],
-) -> Array:
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    along: tuple[Floats, Floats],
+) -> Floats:
     """Return forces, (2, n), without what jams push: derivatives at given heights."""
     gap = bend(room, heights, distance)
     force = energy.tension * np.maximum(gap.length - length, 0.0)
     moment = energy.unpulled(gap.theta, distance)[-1]
     lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
-    found: Array = force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
-    return found
+    return force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
 
 
 def forces(
     energy: CrimpEnergy,
-    room: Array,
-    length: Array,
-    heights: Array,
-    distance: Array,
-    along: tuple[Array, Array],
-    distances: tuple[Array, Array],
-) -> tuple[Array, Array, Array]:
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    along: tuple[Floats, Floats],
+    distances: tuple[Floats, Floats],
+) -> tuple[Floats, Floats, Floats]:
     """Return the least energy, (n,), and its derivatives by the stretches, (2, n), (2, 2, n)."""
     # `along` are d(room) and -d(length) by the stretch: spacing, and floats, of each yarn.
     low, high = distances
@@ -261,37 +262,37 @@ def forces(
 class _Place(NamedTuple):
     """Where crossings are, and where Newton's method goes from there."""
 
-    heights: Array
-    distance: Array
-    top: Array
+    heights: Floats
+    distance: Floats
+    top: Floats
     """(2, n) The heights of jams at that distance."""
-    value: Array
-    half: Array
-    turn: Array
-    step: Array
+    value: Floats
+    half: Floats
+    turn: Floats
+    step: Floats
     """(2, n) Of the angles."""
-    press: Array
+    press: Floats
     """(n,) With what D is pressed against its bound, in N; less than 0 at the upper one."""
-    first: NDArray[np.bool_]
+    first: Bools
     """(n,) Whether the warp's angle leads, for D feels it less, and the weft's follows."""
-    part: Array
+    part: Floats
     """(n,) Of the step, to be tried."""
-    moves: Array
+    moves: Floats
     """(n,) How far h1 or D went to get there."""
 
 
 def least(
     energy: CrimpEnergy,
-    room: Array,
-    length: Array,
-    height: Array,
-    distance: Array,
-    low: Array,
-    high: Array,
-) -> tuple[Array, Array]:
+    room: Floats,
+    length: Floats,
+    height: Floats,
+    distance: Floats,
+    low: Floats,
+    high: Floats,
+) -> tuple[Floats, Floats]:
     """Return (h1, D) of the least energy, D in its bounds, by Newton's method from a start."""
     result = np.empty((2, len(low)))
-    live: NDArray[np.int64] = np.arange(len(low))
+    live: Ints = np.arange(len(low))
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
     d = np.clip(distance, low, high)
     top = jam_height(room, d)
@@ -339,8 +340,8 @@ def least(
 
 
 def _step(
-    tension: Array, now: Slopes, d: Array, press: Array, low: Array, high: Array
-) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    tension: Floats, now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Bools, Floats]:
     """Return Newton's step, the press on D, whether the warp leads, and `over` after the step."""
     taut = now.over > 0.0
     step, press, first, over = _towards(now, d, press, low, high)
@@ -361,8 +362,8 @@ def _step(
 
 
 def _towards(
-    now: Slopes, d: Array, press: Array, low: Array, high: Array
-) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Bools, Floats]:
     """Return what `_step` does of crossings as they are, and `over` after the step."""
     (a, b, c), slope, turn = now.curve, now.slope, now.turn
     # against a saddle: by what the curve does in size
@@ -395,8 +396,8 @@ def _towards(
 
 
 def _ended(
-    now: Slopes, curve: Array, step: Array, d: Array, press: Array, low: Array, high: Array
-) -> tuple[NDArray[np.bool_], Array, Array, NDArray[np.bool_]]:
+    now: Slopes, curve: Floats, step: Floats, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Bools, Floats, Floats, Bools]:
     """Return whether a step takes a yarn past a jam, or straight; and what `_towards` does then."""
     turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
     weight = now.straight / (1.0 - bow[0] * bow[1])
@@ -425,14 +426,14 @@ def _ended(
     return over.max(axis=0) > 0.0, way + (far - pull / stiff) * aside, press, first
 
 
-def _size(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+def _size(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the matrices [[a, b], [b, c]] with the sizes of their eigenvalues, none of them 0."""
     root = np.maximum(np.abs(a * c - b * b), 1e-12 * (a + c) ** 2 + _TINY**2)
     trace = np.sqrt(a * a + 2.0 * b * b + c * c + 2.0 * root)
     return (a * a + b * b + root) / trace, b * (a + c) / trace, (c * c + b * b + root) / trace
 
 
-def _moved(room: Array, at: _Place, low: Array, high: Array) -> tuple[Array, Array, Array]:
+def _moved(room: Floats, at: _Place, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
     """Return heights, D and jams after a step: D as that has it, and the angle that leads."""
     step = at.part * at.step
     d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]

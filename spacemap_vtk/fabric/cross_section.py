@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.axes import axes_of
@@ -20,13 +19,12 @@ from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.drawdown import repeat
 from spacemap_vtk.fabric.section import section
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Points on each part of an axis, on each cubic of a section.
 _SAMPLES = 48
 #: Crossings in sight, at least and at most, where nobody says.
 _FEWEST, _MOST = 5, 9
-
-Floats = NDArray[np.float64]
 
 
 class Bend(NamedTuple):
@@ -75,7 +73,7 @@ class CrossSection:
     #: (crossings,) Height of the yarn's own axis there.
     passes: Floats
     #: (crossings,) Whether they touch: in a double weave, those of one cloth.
-    touching: NDArray[np.bool_]
+    touching: Bools
     #: Where it changes side, in sight.
     bends: tuple[Bend, ...]
 
@@ -165,7 +163,7 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
     )
 
 
-def _touched(cloth: Cloth, family: int, yarn: int) -> NDArray[np.bool_]:
+def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
     """Return which of the yarns that it crosses a yarn touches."""
     if cloth.layers is None:
         return np.ones(cloth.size[1 - family], bool)
@@ -173,9 +171,7 @@ def _touched(cloth: Cloth, family: int, yarn: int) -> NDArray[np.bool_]:
     return np.array(own[yarn] if family else own[:, yarn], bool)
 
 
-def _changes(
-    cloth: Cloth, family: int, yarn: int, window: slice = slice(None)
-) -> NDArray[np.int64]:
+def _changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) -> Ints:
     """Return between which crossings, of those that touch, a yarn changes side, (n, 2)."""
     upper = cloth.upper(family, np.array([yarn]))[0, window]
     places = np.flatnonzero(_touched(cloth, family, yarn)[window])
@@ -226,12 +222,11 @@ def _outlines(cloth: Cloth, family: int) -> Floats:
     cubics = points[(3 * np.arange(shape.size // 3)[:, None] + np.arange(4)) % shape.size]
     curves = np.einsum("tk,nkc->ntc", bernstein(3, np.arange(_SAMPLES) / _SAMPLES), cubics)
     flat = curves.reshape(-1, 3)
-    found: Floats = flat[:, :2] / flat[:, 2:]
-    return found
+    return flat[:, :2] / flat[:, 2:]
 
 
 def _bends(
-    changes: NDArray[np.int64], crossings: tuple[Floats, Floats, Floats], curve: tuple[Floats, ...]
+    changes: Ints, crossings: tuple[Floats, Floats, Floats], curve: tuple[Floats, ...]
 ) -> tuple[Bend, ...]:
     (place, heights, lengths), (along, slope) = crossings, curve
     found = []

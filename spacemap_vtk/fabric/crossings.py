@@ -6,12 +6,13 @@ from math import inf, isfinite, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import CrimpEnergy
 from spacemap_vtk.fabric.drawdown import repeat
-from spacemap_vtk.fabric.gap import Array, bend, taut_height
+from spacemap_vtk.fabric.gap import bend, taut_height
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Least share of a yarn's length that is straight at rest, to bending: in a jam it bends, too.
 _STRAIGHT = 0.05
@@ -24,48 +25,48 @@ _LEAST_CONTACT = 1e-12
 class Crossings(NamedTuple):
     """Crossings in a row: arrays (2, n), families first, or (n,)."""
 
-    own: Array
+    own: Floats
     """Spacing, where the yarn changes side; 0 for one that never does."""
-    flat: Array
+    flat: Floats
     """What of it is flat."""
-    floats: Array
+    floats: Floats
     """Length of floats for each such gap."""
-    length: Array
+    length: Floats
     """Of the yarn in the gap at rest, less the flat."""
-    whole: Array
+    whole: Floats
     """The same with flat and floats."""
-    spacing: Array
-    loose: Array
+    spacing: Floats
+    loose: Floats
     """Whether the yarn never changes side."""
-    theta: Array
+    theta: Floats
     """At rest."""
-    tension: Array
+    tension: Floats
     """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
-    hinge: Array
+    hinge: Floats
     """6 B D (s/l)²/l at rest, where B is known, else that of 1; a crossing's part of it."""
-    gain: Array
+    gain: Floats
     """What h1 at rest gains with the stretch along each family, where bending alone decides."""
-    jam: Array
+    jam: Floats
     """Stretch at which the yarn of its own length has no straight part."""
-    most: Array
+    most: Floats
     """Its height there: it has no greater one."""
-    full: Array
+    full: Floats
     """(n,) D at rest."""
-    floor: Array
+    floor: Floats
     """(n,) Least D."""
-    rest: Array
+    rest: Floats
     """(n,) h1 at rest."""
-    contact: Array
+    contact: Floats
     """(n,) k_D over D at rest; 0 where contact is hard."""
 
-    def asked(self, stretch: Array) -> tuple[Array, Array]:
+    def asked(self, stretch: Floats) -> tuple[Floats, Floats]:
         """Return the room for the gap's arcs, and the length that its yarn has for it."""
         return (
             np.maximum(self.own * stretch - self.flat, _LEAST_ROOM * self.full),
             self.length + self.floats * (1.0 - stretch),
         )
 
-    def held(self, stretch: Array) -> tuple[Array, Array]:
+    def held(self, stretch: Floats) -> tuple[Floats, Floats]:
         """Return the stretch at which crossings stand, and heights that D at rest allows there."""
         room, length = self.asked(stretch)
         full = np.broadcast_to(self.full, room.shape)
@@ -92,8 +93,8 @@ class Crossings(NamedTuple):
 
 
 def crossings(
-    cloth: Cloth, tension: Array, contact: float, bending: tuple[float, float], flattest: float
-) -> tuple[Crossings, Array]:
+    cloth: Cloth, tension: Floats, contact: float, bending: tuple[float, float], flattest: float
+) -> tuple[Crossings, Floats]:
     """Return the crossings of a cloth, and the area of each."""
     (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
     full = np.add.outer(weft.diameter, warp.diameter)
@@ -101,7 +102,7 @@ def crossings(
     along = _around(weft.spacing, cloth.families[0].crossed)
     across = _around(warp.spacing, cloth.families[1].crossed)
 
-    def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Array:
+    def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
         """Put what picks are to the warp, and ends to the weft, at all crossings."""
         result = np.empty(shape)
         result[0], result[1] = np.asarray(of_picks)[:, None], of_ends
@@ -160,7 +161,9 @@ def crossings(
     )
 
 
-def _jam(own: Array, flat: Array, floats: Array, length: Array, full: Array) -> tuple[Array, Array]:
+def _jam(
+    own: Floats, flat: Floats, floats: Floats, length: Floats, full: Floats
+) -> tuple[Floats, Floats]:
     """Return stretch and height at which a yarn of its own length has no straight part left."""
     stretch = np.ones_like(own)
     # its floats give it more length as they get shorter: convex, and Newton's method comes down
@@ -175,17 +178,17 @@ def _jam(own: Array, flat: Array, floats: Array, length: Array, full: Array) -> 
     return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
 
 
-def _floats(drawdown: NDArray[np.bool_]) -> Array:
+def _floats(drawdown: Bools) -> Floats:
     """Return the gaps without a change of side for each gap with one, of each column's yarn."""
     period = repeat(drawdown)[1]
     line = drawdown[:period]
     changes = np.count_nonzero(line != np.roll(line, 1, axis=0), axis=0)
     with np.errstate(divide="ignore"):
-        share: Array = (period - changes) / changes
+        share: Floats = (period - changes) / changes
     return share
 
 
-def _float_spacing(drawdown: NDArray[np.bool_], spacing: Array, around: Array) -> Array:
+def _float_spacing(drawdown: Bools, spacing: Floats, around: Floats) -> Floats:
     """Return the mean spacing in the floats of each column's yarn; that at each where all agree."""
     if not len(spacing) or np.ptp(spacing) == 0.0:
         return np.broadcast_to(around[:, None], drawdown.shape)
@@ -194,7 +197,7 @@ def _float_spacing(drawdown: NDArray[np.bool_], spacing: Array, around: Array) -
     return np.broadcast_to(spacing @ same / same.sum(axis=0), drawdown.shape)
 
 
-def _around(spacing: Array, alone: float) -> Array:
+def _around(spacing: Floats, alone: float) -> Floats:
     """Return the mean spacing on both sides of each yarn."""
     if not len(spacing):
         return np.array([alone])

@@ -29,14 +29,12 @@ from itertools import product
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.peirce import JAM
 from spacemap_vtk.fabric.threads import Some, Threads
+from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.units import format_quantity
-
-Bools = NDArray[np.bool_]
 
 #: By what share of R yarns of different cloths keep further apart than those that touch.
 APART = 0.05
@@ -247,7 +245,7 @@ def _nearest_told(over: Bools, second: Bools) -> Bools:
     return np.take_along_axis(over, nearest.clip(0, len(over) - 1), axis=0)
 
 
-def _nearest(second: Bools) -> NDArray[np.int64]:
+def _nearest(second: Bools) -> Ints:
     """Return for each thread the last one before it of the other cloth, or -1."""
     place = np.arange(len(second))
     first, other = (np.maximum.accumulate(np.where(mine, place, -1)) for mine in (~second, second))

@@ -21,6 +21,7 @@ from spacemap_vtk.fabric.drawdown import (
 from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
 from spacemap_vtk.fabric.threads import Lengths, along
+from spacemap_vtk.ndarrays import Bools
 
 # What a caller needs to make a draft, in one place.
 __all__ = [
@@ -127,7 +128,7 @@ class Draft:
     (2, 3)
     """
 
-    drawdown: NDArray[np.bool_]
+    drawdown: Bools
     loom: Loom | None = None
     warp: DraftThreads = field(default_factory=DraftThreads)
     weft: DraftThreads = field(default_factory=DraftThreads)
@@ -181,7 +182,7 @@ class Draft:
         warp, weft = self.warp.cut(ends), self.weft.cut(picks)
         return replace(self, drawdown=drawdown, loom=loom, warp=warp, weft=weft)
 
-    def loom_for(self, drawdown: NDArray[np.bool_]) -> Loom:
+    def loom_for(self, drawdown: Bools) -> Loom:
         """Return the loom for a cloth.
 
         Parameters

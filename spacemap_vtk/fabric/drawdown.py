@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Bools
 
 
-def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> NDArray[np.bool_]:
+def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
     """Return the drawdown that a user wrote as rows of 0 and 1."""
     # one string is a sequence of strings: it would be read as a cloth of one end
     if isinstance(matrix, str) or not isinstance(matrix, (Sequence, np.ndarray)) or not len(matrix):
@@ -36,7 +37,7 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> NDArray[np.b
     return np.array(result, dtype=bool)
 
 
-def tile(matrix: ArrayLike, ends: int, picks: int) -> NDArray[np.bool_]:
+def tile(matrix: ArrayLike, ends: int, picks: int) -> Bools:
     """Repeat a drawdown over a cloth, and cut it off at its far edges."""
     unit = as_drawdown(matrix)
     at_least_one(ends=ends, picks=picks)
@@ -86,7 +87,7 @@ def rows(drawdown: ArrayLike) -> list[str]:
     return [row.tobytes().decode("ascii") for row in digits]
 
 
-def as_drawdown(drawdown: ArrayLike) -> NDArray[np.bool_]:
+def as_drawdown(drawdown: ArrayLike) -> Bools:
     """Return a drawdown as an array, checked."""
     matrix = np.ascontiguousarray(drawdown, dtype=bool)
     # ascontiguousarray makes (1,) of a bare number
@@ -117,7 +118,7 @@ def _bad_row(number: int, row: object, what: str) -> InputError:
     )
 
 
-def _period(lines: NDArray[np.bool_]) -> int:
+def _period(lines: Bools) -> int:
     """Return the period of the lines by the failure function of Knuth, Morris and Pratt."""
     words = [line.tobytes() for line in np.packbits(lines, axis=1)]
     border = [0] * len(words)
@@ -129,7 +130,7 @@ def _period(lines: NDArray[np.bool_]) -> int:
     return len(words) - border[-1]
 
 
-def _longest_run(lines: NDArray[np.bool_]) -> int:
+def _longest_run(lines: Bools) -> int:
     starts = np.ones(lines.shape, dtype=bool)
     np.not_equal(lines[:, 1:], lines[:, :-1], out=starts[:, 1:])
     return int(np.diff(np.flatnonzero(starts), append=lines.size).max())

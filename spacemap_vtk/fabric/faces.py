@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.double_weave import Layers
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Light that falls through the cloth in front on the one behind.
 _SHADE = 0.6
@@ -62,10 +63,7 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
 
 
 def layers(
-    drawdown: NDArray[np.bool_],
-    warp: NDArray[np.uint8],
-    weft: NDArray[np.uint8],
-    double: Layers | None = None,
+    drawdown: Bools, warp: NDArray[np.uint8], weft: NDArray[np.uint8], double: Layers | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
     """Return the colours of a cloth's crossings, by who lies on top.
 
@@ -106,7 +104,7 @@ def layers(
     return made
 
 
-def grid_lines(cloth: Cloth, number: int, cells: int) -> NDArray[np.float64]:
+def grid_lines(cloth: Cloth, number: int, cells: int) -> Floats:
     """Return places that cut a cloth into cells of as many yarns each.
 
     Parameters

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axes import axes_of, woven_gaps
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.yarn import section_factor
+from spacemap_vtk.ndarrays import Floats
 
 #: Crossings that are looked at in one go: some ten megabytes.
 _CROSSINGS = 20_000
@@ -79,7 +79,7 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
     return result
 
 
-def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
+def _excess_lengths(cloth: Cloth, number: int) -> Floats:
     """Return by how much each yarn of a family is longer than straight, in m."""
     chosen, which = cloth.courses(number)
     if cloth.axis == "spline":

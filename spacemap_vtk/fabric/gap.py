@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Steps of squares of heights, in which lengths are all but linear, that are enough, over D**2.
 _ALIKE = 1e-7
@@ -21,16 +20,16 @@ _LEAST = 1e-9
 class Gap(NamedTuple):
     """A yarn between two crossings: Peirce's figures, without refusals."""
 
-    theta: Array
-    straight: Array
-    length: Array
-    sin: Array
-    cos: Array
-    half: Array
+    theta: Floats
+    straight: Floats
+    length: Floats
+    sin: Floats
+    cos: Floats
+    half: Floats
     """The tangent of half of theta."""
 
 
-def bend(room: Array, height: Array, distance: Array) -> Gap:
+def bend(room: Floats, height: Floats, distance: Floats) -> Gap:
     """Return Peirce's figures; past the jam those of no straight part."""
     # few arrays at once: memory that is given back and taken anew costs as much as the arithmetic
     s = room * room
@@ -45,19 +44,18 @@ def bend(room: Array, height: Array, distance: Array) -> Gap:
     return Gap(theta, s, distance * theta + s, t * share, share - 1.0, t)
 
 
-def jam_height(room: Array, distance: Array) -> Array:
+def jam_height(room: Floats, distance: Floats) -> Floats:
     """Return the height at which no straight part is left, or the most there is, D."""
     room = np.minimum(room, distance)
     # D - sqrt(D**2 - p**2), and nothing large is subtracted
-    height: Array = room**2 / (distance + np.sqrt((distance - room) * (distance + room)))
-    return height
+    return room**2 / (distance + np.sqrt((distance - room) * (distance + room)))
 
 
-def taut_height(room: Array, length: Array, distance: Array) -> Array:
+def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
     """Return the heights at which yarns are as long as asked; 0 where they are too short."""
     shape = room.shape
     most = jam_height(room, distance).ravel() ** 2
-    live: NDArray[np.int64] = np.arange(room.size)
+    live: Ints = np.arange(room.size)
     p, goal, d = room.ravel(), length.ravel(), distance.ravel()
     # Peirce's own approximation, c = (9/16) (h/p)**2, is off by some per cent
     square = np.minimum(16.0 / 9.0 * p * np.maximum(goal - p, 0.0), most)
@@ -82,7 +80,7 @@ def taut_height(room: Array, length: Array, distance: Array) -> Array:
     return np.sqrt(result).reshape(shape)
 
 
-def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
+def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Floats:
     """Return heights (2, n) at which both yarns are as long as asked, by crossings that flatten."""
     # Heights whose sum is below the floor say no more than that; the start is that of a larger D.
     result, live = np.empty_like(height), np.arange(height.shape[1])
@@ -112,7 +110,7 @@ def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
     return result
 
 
-def _both_taut_surely(room: Array, length: Array, above: Array, floor: Array) -> Array:
+def _both_taut_surely(room: Floats, length: Floats, above: Floats, floor: Floats) -> Floats:
     """Return what `both_taut` does, by halving: the lower D, the more height there is for it."""
     low, high = 0.5 * floor, np.maximum(2.0 * above, 2.0 * floor)
     for _ in range(50):

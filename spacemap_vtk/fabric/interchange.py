@@ -39,8 +39,9 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
 from spacemap_vtk.fabric.crossings import Crossings, crossings
-from spacemap_vtk.fabric.gap import Array, bend, both_taut
+from spacemap_vtk.fabric.gap import bend, both_taut
 from spacemap_vtk.fabric.joined import Joined, Said
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Share of a section that fibres fill where they lie as close as they can, in hexagons.
 CLOSEST = pi / (2.0 * sqrt(3.0))
@@ -67,50 +68,50 @@ class YarnMechanics(NamedTuple):
 class CrimpState(NamedTuple):
     """What crossings do; arrays are (picks, ends), or (2, picks, ends) for warp and weft."""
 
-    height: Array
+    height: Floats
     """(2, ...) Distances of the axes from the mid-surface, h1 / 2 and h2 / 2, in metres."""
-    distance: Array
+    distance: Floats
     """D = h1 + h2, in metres."""
-    theta: Array
+    theta: Floats
     """(2, ...) Peirce's angle, in radians."""
-    crimp: Array
+    crimp: Floats
     """(2, ...) Of the axes, over the stretched space, floats included."""
-    strain: Array
+    strain: Floats
     """(2, ...) Of the yarns, at least 0."""
-    contact: Array
+    contact: Floats
     """Force that presses the yarns together, in N; 0 where neither EA nor k_D is known."""
-    slack: NDArray[np.bool_]
+    slack: Bools
     """(2, ...) Whether the yarn is longer than its room."""
-    jammed: NDArray[np.bool_]
+    jammed: Bools
     """(2, ...) Whether the crossing holds against the stretch along warp or weft."""
-    stretch: Array
+    stretch: Floats
     """(2, ...) The stretches at which it stands: those asked for, or those at which it jams."""
 
 
 class Forces(NamedTuple):
     """Energy of crossings, and its derivatives by the stretches along warp and weft."""
 
-    energy: Array
+    energy: Floats
     """(picks, ends) J"""
-    force: Array
+    force: Floats
     """(2, picks, ends) J; over `Interchange.cell` these are forces per width of cloth at rest."""
-    tangent: Array
+    tangent: Floats
     """(2, 2, picks, ends) J; h1 and D follow the stretch."""
 
 
 class Resultants(NamedTuple):
     """What a cloth does that is stretched alike everywhere, n times."""
 
-    force: Array
+    force: Floats
     """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without what jams push;
     0 of yarns that do not stretch, for they take any."""
-    strain: Array
+    strain: Floats
     """(2, n) Largest of the yarns' strains."""
-    slack: Array
+    slack: Floats
     """(2, n) Least share of its length by which a yarn is longer than its room."""
-    distance: Array
+    distance: Floats
     """(n,) Least D over D at rest."""
-    stretch: Array
+    stretch: Floats
     """(2, n) Those asked for, or those at which the first crossing jams."""
 
 
@@ -158,7 +159,7 @@ class Interchange:
         self._hinged = any(yarns.bending)
         self._contact = yarns.contact
         #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
-        self.cell: Array
+        self.cell: Floats
         self._cells, self.cell = crossings(cloth, tension, *yarns[1:])
         same = all((field == field[..., :1]).all() for field in self._cells)
         loose = self._cells.loose.reshape(2, *self.shape)
@@ -258,7 +259,7 @@ class Interchange:
         """How many crossings there are that differ from each other."""
         return len(self._kinds[0])
 
-    def _solved(self, cells: Crossings, asked: Array) -> tuple[NDArray[Any], ...]:
+    def _solved(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
         """Return the fields of `CrimpState`, and what `Said` has of lengths and slack."""
         held, h, d = self._find(cells, asked)
         heights = np.stack([h, d - h])
@@ -288,7 +289,7 @@ class Interchange:
             np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0),
         )
 
-    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64] | slice]:
+    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
         """Return crossings, their stretches, and which of them each one of the cloth is."""
         asked = np.asarray(stretch, np.float64)
         if asked.shape != (2, *self.shape):
@@ -303,21 +304,21 @@ class Interchange:
             return some(self._cells, first), asked[:, first], back
         return self._cells, asked, slice(None)
 
-    def _laid(self, array: NDArray[Any], back: NDArray[np.int64] | slice) -> NDArray[Any]:
+    def _laid(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
         """Return what crossings in a row have, as the cloth has it."""
         if not isinstance(back, slice):
             array = array.take(back, axis=-1)
         return array.reshape(*array.shape[:-1], *self.shape)
 
     @cached_property
-    def _kinds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _kinds(self) -> tuple[Ints, Ints]:
         """First crossing of each kind, and the kind of each crossing."""
         c = self._cells
         rows = np.concatenate([c.own, c.flat, c.floats, c.tension, c.full[None]])
         _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
         return first, back.ravel()
 
-    def _pulls(self, cells: Crossings, stretch: Array) -> tuple[Array, Array, Array]:
+    def _pulls(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the energy and its derivatives by the stretches at which crossings stand."""
         if not self._stretches:
             raise InputError(
@@ -338,7 +339,7 @@ class Interchange:
         value += (0.5 * pull * over**2).sum(axis=0)
         return value, force, tangent
 
-    def _find(self, cells: Crossings, stretch: Array) -> tuple[Array, Array, Array]:
+    def _find(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the stretch at which crossings stand, h1 and D."""
         held, most = cells.held(stretch)
         room, length = cells.asked(held)
@@ -360,7 +361,7 @@ class Interchange:
         if self._stretches and self._hinged:
             return held, *least(cells.energy(True), room, length, h, d, floor, full)
 
-        def settle(which: Array, energy: CrimpEnergy, low: Array, high: Array) -> None:
+        def settle(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
             chosen = np.flatnonzero(which)
             if len(chosen):
                 mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
@@ -382,7 +383,7 @@ class Interchange:
         return held, h, d
 
 
-def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Array:
+def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
     """Return EA at each crossing, and refuse yarns that cannot be."""
     tension = np.asarray(yarns.tension, np.float64)
     tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]

@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.gap import Array, Gap, bend
+from spacemap_vtk.fabric.gap import Gap, bend
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Slack, or stretch past a jam, from which on a yarn is left as it is; between, in part.
 _RAMP = 1e-3
@@ -28,28 +28,28 @@ _EXACT, _STEPS = 1e-11, 12
 class Said(NamedTuple):
     """What crossings say; arrays are (2, picks, ends)."""
 
-    grown: Array
+    grown: Floats
     """By how much a gap's axis is longer than at rest, in metres."""
-    stretch: Array
+    stretch: Floats
     """At which they stand."""
-    slack: Array
+    slack: Floats
     """What the yarn is longer than its room, and space is past its jam, over lengths."""
 
 
 class _Drawn(NamedTuple):
     """The gaps between crossings of warp or weft: (yarns, gaps)."""
 
-    changes: NDArray[np.bool_]
-    spacing: Array
-    flat: Array
-    length: Array
+    changes: Bools
+    spacing: Floats
+    flat: Floats
+    length: Floats
     """(yarns,) From first to last crossing at rest, less the flats."""
 
 
 class Joined:
     """The yarns of a cloth between their crossings; loose are those that never change side."""
 
-    def __init__(self, cloth: Cloth, loose: Array) -> None:
+    def __init__(self, cloth: Cloth, loose: Floats) -> None:
         warp, weft = cloth.yarns
         self._full = 0.5 * np.add.outer(weft.diameter, warp.diameter)
         self._loose = loose
@@ -63,7 +63,7 @@ class Joined:
             length = self._drawn(number, rest, crossed.spacing - flat).length.sum(axis=1)
             self._families[number] = self._families[number]._replace(length=length)
 
-    def heights(self, height: Array, floor: Array, said: Said) -> Array:
+    def heights(self, height: Floats, floor: Floats, said: Said) -> Floats:
         """Return heights at which yarns are as long as said; floor is the least sum of both."""
         height = height.copy()
         taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _RAMP, 0.0, 1.0))
@@ -71,8 +71,8 @@ class Joined:
         taut[0], taut[1] = taut[0].min(axis=0), taut[1].min(axis=1)[:, None]
         gives = 1.1 - taut
         gives /= gives.sum(axis=0)
-        rooms: list[Array] = []
-        goals: list[Array] = []
+        rooms: list[Floats] = []
+        goals: list[Floats] = []
         for number, family in enumerate(self._families):
             wider = family.spacing * (_mean(_rows(said.stretch, number)) - 1.0)
             grown = np.where(family.changes, _mean(_rows(said.grown, number)), wider)
@@ -108,7 +108,7 @@ class Joined:
                 break
         return height
 
-    def _drawn(self, number: int, height: Array, room: Array) -> Gap:
+    def _drawn(self, number: int, height: Floats, room: Floats) -> Gap:
         """Return the gaps of warp or weft as they are drawn, less the flats."""
         family, rows = self._families[number], _rows(height, number)
         wide = 2.0 * height.sum(axis=0)
@@ -117,11 +117,11 @@ class Joined:
         return bend(np.maximum(room, 1e-9 * wide), rise, wide)
 
 
-def _rows(table: Array, number: int) -> Array:
+def _rows(table: Floats, number: int) -> Floats:
     """Return what each yarn has at its crossings, of (2, picks, ends)."""
     return table[1] if number else table[0].T
 
 
-def _mean(rows: Array) -> Array:
+def _mean(rows: Floats) -> Floats:
     """Return that of neighbours."""
     return 0.5 * (rows[:, 1:] + rows[:, :-1])

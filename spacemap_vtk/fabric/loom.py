@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Bools
 
 #: Shafts of each end, shafts of each treadle, treadles of each pick: 1-based numbers, one row each.
 Rows = tuple[tuple[int, ...], ...]
@@ -70,7 +70,7 @@ class Loom:
             for pressed in self.treadling
         )
 
-    def drawdown(self) -> NDArray[np.bool_]:
+    def drawdown(self) -> Bools:
         """Weave the cloth.
 
         Returns
@@ -96,7 +96,7 @@ class Loom:
         return cloth if self.rising else ~cloth
 
     @classmethod
-    def from_drawdown(cls, drawdown: NDArray[np.bool_]) -> Loom:
+    def from_drawdown(cls, drawdown: Bools) -> Loom:
         """Set up the smallest loom that weaves a drawdown.
 
         Ends that are always raised together share a shaft, and equal picks a treadle; both are
@@ -197,7 +197,7 @@ def highest(*rows: Iterable[tuple[int, ...]]) -> int:
     return max(chain.from_iterable(chain.from_iterable(rows)), default=0)
 
 
-def _numbered(lines: NDArray[np.bool_]) -> tuple[list[int], list[int]]:
+def _numbered(lines: Bools) -> tuple[list[int], list[int]]:
     """Number equal rows alike from 1; return each row's number, and each number's first row."""
     number: dict[bytes, int] = {}
     first: list[int] = []

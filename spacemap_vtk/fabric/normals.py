@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 from spacemap_vtk.fabric.patch_chunks import Chunk, multiply
+from spacemap_vtk.ndarrays import Floats
 
 # How far inside, in parameter, the normal is taken where it is undefined. The area element grows
 # in proportion to the distance from a collapsed edge, so this is also about the share of the
@@ -47,7 +48,7 @@ class RobustNormals:
         points: NDArray[Any],
         weights: NDArray[Any] | None = None,
         loops: ModuleType | None = None,
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Return unit normals, (n, 3), never NaN for finite control points."""
         if loops is not None and weights is None:
             made = np.empty((len(self.found), 3))
@@ -89,31 +90,27 @@ class RobustNormals:
         return (result / _length(result)).T
 
 
-def _inwards(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inwards(t: Floats) -> Floats:
     return np.where(t <= 0.5, t + _INSIDE, t - _INSIDE)
 
 
-def _length(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    result: NDArray[np.float64] = np.sqrt(np.einsum("kn,kn->n", vectors, vectors))
-    return result
+def _length(vectors: Floats) -> Floats:
+    return np.sqrt(np.einsum("kn,kn->n", vectors, vectors))
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(a: Floats, b: Floats) -> Floats:
     rows = [a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.array(rows)
 
 
 def _slopes(
-    bases: NDArray[np.float64],
-    local: NDArray[np.float64],
-    weights: NDArray[np.float64] | None,
-    places: NDArray[np.intp],
-) -> NDArray[np.float64]:
+    bases: Floats, local: Floats, weights: Floats | None, places: NDArray[np.intp]
+) -> Floats:
     """Return ``du`` and ``dv``, (2, 3, n), of nets (3, size, patches) at places of all of them."""
     used = bases if weights is not None else bases[1:]
     matrix = used.reshape(-1, bases.shape[2])
 
-    def at_places(nets: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at_places(nets: Floats) -> Floats:
         values = np.empty((len(nets), len(matrix), nets.shape[2]))
         multiply(matrix, nets, values)
         return values.reshape(len(nets) * len(used), -1).take(places, axis=1)
@@ -127,9 +124,7 @@ def _slopes(
     return slopes / weight
 
 
-def _bases(
-    degree: tuple[int, int], u: NDArray[np.float64], v: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _bases(degree: tuple[int, int], u: Floats, v: Floats) -> Floats:
     """Return what each control point counts in the value, in du and in dv, (3, n, size)."""
     (here, along_u), (there, along_v) = (
         (bernstein(p, t), bernstein_derivative(p, t)) for p, t in zip(degree, (u, v), strict=True)

@@ -12,12 +12,12 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Crossings that are looked at in one go: some ten megabytes.
 _CROSSINGS = 20_000
@@ -129,7 +129,7 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
     return replace(made, layer_gap=2.0 * cloth.level - made.sheet_thickness)
 
 
-def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:
+def whole_bounds(cloth: Cloth) -> Floats:
     """Return the bounds of all control points of a cloth, from a few of its yarns.
 
     Peirce's axes are highest and lowest at crossings, so that the yarns which are the highest, the
@@ -169,7 +169,7 @@ def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:
 
 def telling_parts(
     cloth: Cloth, most: int, edges: bool = True
-) -> tuple[list[tuple[slice, slice]], NDArray[np.int64], bool]:
+) -> tuple[list[tuple[slice, slice]], Ints, bool]:
     """Return some parts of a cloth in which each of its local weaves occurs.
 
     Parameters
@@ -225,7 +225,7 @@ def telling_parts(
     return found, weaves, most >= 0
 
 
-def _parts(cloth: Cloth, number: int) -> NDArray[np.float64]:
+def _parts(cloth: Cloth, number: int) -> Floats:
     """Return about how many patches each yarn of a family has."""
     upper, threads = cloth.upper(number), cloth.threads[number]
     ring = section(threads.shape, threads.aspect, cloth.exact).size
@@ -236,7 +236,7 @@ def _parts(cloth: Cloth, number: int) -> NDArray[np.float64]:
     return ring * (gaps + (cloth.parts_per_gap - 1.0) * changes)
 
 
-def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
+def _telling(cloth: Cloth, number: int) -> Ints:
     """Return the numbers of the yarns that bound a family."""
     own, upper = cloth.yarns[number], cloth.upper(number)
     radius = 0.5 * own.diameter
@@ -255,7 +255,7 @@ def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
     return np.array(sorted(telling))
 
 
-def _codes(cloth: Cloth) -> NDArray[np.int64]:
+def _codes(cloth: Cloth) -> Ints:
     """Return a number for the yarns and the weave of the 3 x 3 crossings round each crossing."""
     state = cloth.drawdown + 1
     if cloth.layers is not None:
@@ -274,7 +274,7 @@ def _codes(cloth: Cloth) -> NDArray[np.int64]:
     return codes
 
 
-def _kinds(cloth: Cloth, number: int) -> NDArray[np.int64]:
+def _kinds(cloth: Cloth, number: int) -> Ints:
     """Return a number for the measures of each yarn of a family and of those beside it."""
     own = cloth.yarns[number]
     apart = np.diff(own.position, prepend=np.nan, append=np.nan)

@@ -25,9 +25,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 from spacemap_vtk.memory import aligned
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL
-
-Floats = NDArray[np.floating[Any]]
 
 # Scratch of a chunk of float32. More leaves the cache; with less, calls are so short that threads
 # wait for the interpreter's lock: half of this takes a quarter longer in two threads.
@@ -42,23 +41,21 @@ class Chunk(NamedTuple):
     """Consecutive patches."""
 
     first: int  # number of the first patch
-    rows: slice | NDArray[np.int64]  # the control points in use
-    gather: NDArray[np.integer[Any]]  # (control points, patches), places in rows
+    rows: slice | Ints  # the control points in use
+    gather: AnyInts  # (control points, patches), places in rows
 
     @property
     def patch_count(self) -> int:
         """Number of patches."""
         return self.gather.shape[1]
 
-    def net(self, patch: Any) -> NDArray[np.int64]:
+    def net(self, patch: Any) -> Ints:
         """Return the numbers of the control points of some patches."""
         places = self.gather[:, patch].T.astype(np.int64)
         return places + self.rows.start if isinstance(self.rows, slice) else self.rows[places]
 
 
-def cut_into_chunks(
-    patches: NDArray[np.integer[Any]], rows: int, *, narrow: bool = True
-) -> list[Chunk]:
+def cut_into_chunks(patches: AnyInts, rows: int, *, narrow: bool = True) -> list[Chunk]:
     """Cut patches into chunks; only the last ones are smaller."""
     count, size = patches.shape
     floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)
@@ -67,7 +64,7 @@ def cut_into_chunks(
     for first in range(0, count, width):
         part = patches[first : first + width]
         low, high = int(part.min()), int(part.max()) + 1
-        used: slice | NDArray[np.int64] = slice(low, high)
+        used: slice | Ints = slice(low, high)
         # neighbouring patches share points with near numbers, unless someone has shuffled them
         if high - low > part.size:
             used, part = np.unique(part, return_inverse=True)
@@ -88,7 +85,7 @@ def narrowed(chunk: Chunk) -> Chunk:
     return chunk._replace(gather=chunk.gather.astype(kind, copy=False))
 
 
-def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:
+def multiply(matrix: AnyFloats, columns: AnyFloats, out: AnyFloats) -> AnyFloats:
     """Multiply in this thread alone."""
     width = max(8, BLAS_SERIAL // matrix.size // 16 * 16)
     whole = columns.shape[-1] // width * width
@@ -117,7 +114,7 @@ class Scratch:
         self._normal = [aligned(rows // 3 * most) for _ in range(3)]
         self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
 
-    def net(self, chunk: Chunk, rows: NDArray[Any], kind: DTypeLike) -> Floats:
+    def net(self, chunk: Chunk, rows: NDArray[Any], kind: DTypeLike) -> AnyFloats:
         """Gather what a chunk's rows have, relative to the first of each patch, which is last."""
         places: NDArray[Any] = chunk.gather
         if places.dtype != np.intp:
@@ -136,7 +133,7 @@ class Scratch:
             net[:-1] = gathered
         return net
 
-    def apart(self, net: Floats) -> Floats:
+    def apart(self, net: AnyFloats) -> AnyFloats:
         """Part the components of a net."""
         size, count, columns = net.shape
         result = _part(self._apart, (columns, size - 1, count), net.dtype)
@@ -144,19 +141,14 @@ class Scratch:
             component[:] = net[:-1, :, column]
         return result
 
-    def multiply(self, matrix: Floats, apart: Floats) -> Floats:
+    def multiply(self, matrix: AnyFloats, apart: AnyFloats) -> AnyFloats:
         """Multiply the control nets of a chunk by a matrix."""
         shape = len(apart), len(matrix), apart.shape[-1]
         return multiply(matrix, apart, _part(self._values, shape, apart.dtype))
 
     def multiply_rational(
-        self,
-        chunk: Chunk,
-        matrix: Floats,
-        apart: Floats,
-        weights: NDArray[Any],
-        samples: int,
-    ) -> Floats:
+        self, chunk: Chunk, matrix: AnyFloats, apart: AnyFloats, weights: NDArray[Any], samples: int
+    ) -> AnyFloats:
         """Multiply the control nets of rational patches by Bernstein matrices, and divide."""
         local = weights[chunk.rows][chunk.gather].astype(apart.dtype, copy=False)
         np.multiply(apart, local, out=apart)
@@ -171,12 +163,7 @@ class Scratch:
         return values
 
     def normals(
-        self,
-        apart: Floats,
-        slopes: Floats,
-        out: Floats,
-        corners: list[int],
-        scale: float,
+        self, apart: AnyFloats, slopes: AnyFloats, out: AnyFloats, corners: list[int], scale: float
     ) -> NDArray[np.intp]:
         """Write the unit normals."""
         samples = slopes.shape[1] // 2
@@ -221,11 +208,11 @@ class Bicubic:
     def evaluate(
         self,
         chunk: Chunk,
-        points: Floats,
+        points: AnyFloats,
         scale: float,
-        positions: Floats,
-        normals: Floats | None = None,
-    ) -> NDArray[np.int64]:
+        positions: AnyFloats,
+        normals: AnyFloats | None = None,
+    ) -> Ints:
         """Write the points of a chunk and their unit normals, or the points alone."""
         kind = positions.dtype
         curve = self._curve.copy()
@@ -243,7 +230,7 @@ class Bicubic:
         )
         return suspects[:count]
 
-    def interpolate(self, chunk: Chunk, columns: NDArray[Any], values: Floats) -> None:
+    def interpolate(self, chunk: Chunk, columns: NDArray[Any], values: AnyFloats) -> None:
         """Write an array of the control points, carried over to the points of a chunk."""
         if columns.shape[1] == 3:  # as places are, each patch from its own first control point
             self.evaluate(chunk, columns, 1.0, values)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import compiled
 
 _GROUP = 32  # patches; 16 and 64 are slower
@@ -32,7 +33,7 @@ def evaluate(
     suspect: Any,
     positions: NDArray[Any],
     normals: NDArray[Any] | None,
-    suspects: NDArray[np.int64],
+    suspects: Ints,
 ) -> int:
     """Write the points of some patches and their unit normals, if these are asked for."""
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
@@ -128,13 +129,13 @@ def evaluate(
 @compiled
 def robust_normals(
     points: NDArray[Any],
-    nets: NDArray[np.int64],
+    nets: Ints,
     row: NDArray[np.intp],
     column: NDArray[np.intp],
-    bases: NDArray[np.float64],
+    bases: Floats,
     inside: float,
     nothing: float,
-    normals: NDArray[np.float64],
+    normals: Floats,
 ) -> bool:
     """Write normals as `RobustNormals.of` does; not all where one has no area inside either."""
     size, patches = nets.shape

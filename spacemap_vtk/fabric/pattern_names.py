@@ -10,11 +10,9 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import patterns
+from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.parameters import suggestion
 
 _Counts = tuple[int, ...]
@@ -31,12 +29,12 @@ class _Weave:
     #: The sides that it can have, the usual one first.
     words: tuple[str, ...]
     #: From the numbers and the side to one repeat.
-    make: Callable[[_Counts, str], NDArray[np.bool_]]
+    make: Callable[[_Counts, str], Bools]
     #: As a user might write it.
     example: str
 
 
-def _satin(counts: _Counts, face: str) -> NDArray[np.bool_]:
+def _satin(counts: _Counts, face: str) -> Bools:
     step = counts[1] if counts[1:] else patterns.satin_step(counts[0])
     return patterns.satin(counts[0], step, face=face)
 
@@ -105,7 +103,7 @@ def canonical(text: str) -> str:
     return " ".join(part for part in parts if part)
 
 
-def named(text: str) -> NDArray[np.bool_]:
+def named(text: str) -> Bools:
     """Return one repeat of a pattern.
 
     Parameters
@@ -131,7 +129,7 @@ def named(text: str) -> NDArray[np.bool_]:
     return _made(*_parsed(text))
 
 
-def _made(name: str, counts: _Counts, word: str) -> NDArray[np.bool_]:
+def _made(name: str, counts: _Counts, word: str) -> Bools:
     try:
         return _WEAVES[name].make(counts, word)
     except InputError as error:

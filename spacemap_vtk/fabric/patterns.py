@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.drawdown import at_least_one, tile
+from spacemap_vtk.ndarrays import Bools
 
 
-def plain(ends: int = 2, picks: int = 2) -> NDArray[np.bool_]:
+def plain(ends: int = 2, picks: int = 2) -> Bools:
     """Return plain weave: every end goes over one pick and under the next."""
     return twill(1, 1, ends, picks)
 
@@ -23,7 +23,7 @@ def twill(
     ends: int | None = None,
     picks: int | None = None,
     direction: str = "right",
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return a twill: each end does what its neighbour does, one pick later."""
     return compound_twill((over, under), ends, picks, direction)
 
@@ -33,7 +33,7 @@ def compound_twill(
     ends: int | None = None,
     picks: int | None = None,
     direction: str = "right",
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return a twill with any number of floats: 3/1/1/2 goes over 3, under 1, over 1, under 2."""
     names = ("over", "under") * ((len(counts) + 1) // 2)
     for name, count in zip(names, counts, strict=False):
@@ -65,7 +65,7 @@ def satin(
     ends: int | None = None,
     picks: int | None = None,
     face: str = "warp",
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return a satin: one binding point in each end and pick of the repeat, none adjacent."""
     at_least_one(shafts=shafts)
     n, m = _size(ends, picks, shafts, shafts)
@@ -84,7 +84,7 @@ def satin(
     return ~bound if face == "warp" else bound
 
 
-def basket(n: int = 2, ends: int | None = None, picks: int | None = None) -> NDArray[np.bool_]:
+def basket(n: int = 2, ends: int | None = None, picks: int | None = None) -> Bools:
     """Return basket (hopsack) weave: plain weave of groups of n ends and n picks."""
     at_least_one(n=n)
     width, height = _size(ends, picks, 2 * n, 2 * n)
@@ -97,7 +97,7 @@ def rib(
     ends: int | None = None,
     picks: int | None = None,
     family: str = "warp",
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return a rib: plain weave drawn out along one family, whose floats lie side by side."""
     under = over if under is None else under
     at_least_one(over=over, under=under)

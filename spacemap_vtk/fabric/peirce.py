@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import format_quantity
 
 #: Rounding allowed in the square of the straight length, over D**2. Clamping inside it moves the
@@ -39,13 +40,13 @@ class Crimp(NamedTuple):
 
     # Each field is a float64 array of the arguments' common shape, a scalar for scalars.
 
-    theta: NDArray[np.float64]
+    theta: Floats
     """Angle of each arc, and slope of the straight length between them, in radians."""
-    straight: NDArray[np.float64]
+    straight: Floats
     """Length s of the straight part, in metres."""
-    length: NDArray[np.float64]
+    length: Floats
     """Length l of the yarn's axis, in metres."""
-    crimp: NDArray[np.float64]
+    crimp: Floats
     """Crimp c = l / p - 1."""
 
 
@@ -128,9 +129,9 @@ def check_height(
         )
 
 
-def _straight_squared(p: NDArray, h: NDArray, d: NDArray) -> NDArray[np.float64]:
+def _straight_squared(p: NDArray, h: NDArray, d: NDArray) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
-        result: NDArray[np.float64] = p * p - h * (2.0 * d - h)
+        result: Floats = p * p - h * (2.0 * d - h)
     return result
 
 
@@ -145,14 +146,13 @@ def _least_height(p: float, d: float) -> float:
     return sqrt(square) if square > JAM * d * d else 0.0
 
 
-def _minus_arctan(t: NDArray) -> NDArray[np.float64]:
+def _minus_arctan(t: NDArray) -> Floats:
     """Return t - arctan(t) for t >= 0, without loss where t is small."""
     small = np.minimum(t, _SERIES_BELOW) ** 2
     series = np.zeros_like(small)
     for n in range(17, 1, -2):
         series = small * (1.0 / n - series)
-    result: NDArray[np.float64] = np.where(t < _SERIES_BELOW, t * series, t - np.arctan(t))
-    return result
+    return np.where(t < _SERIES_BELOW, t * series, t - np.arctan(t))
 
 
 def _refuse(p: float, h: float, d: float) -> None:

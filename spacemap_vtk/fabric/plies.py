@@ -26,8 +26,7 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import section
-
-Floats = NDArray[np.floating[Any]]
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 
 #: Middles of plies, nearer to the yarn's than of circles that touch: they flatten each other.
 _PRESSED = 0.8
@@ -40,12 +39,12 @@ _LEAST_SAMPLES = 4
 _ORDER = quadrilateral_order(3, 3)
 
 
-def middle_of_plies(plies: Floats) -> Floats:
+def middle_of_plies(plies: AnyFloats) -> AnyFloats:
     """Return how far the middles of plies are from the yarn's, as a share of its radius."""
     return _PRESSED / (1.0 + np.sin(pi / plies))
 
 
-def outline(phase: Floats, plies: Floats) -> tuple[Floats, Floats]:
+def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Return how far plies reach, 1 on crowns, and its slope by the phase: turns from a crown."""
     middle = middle_of_plies(plies)
     wave, rise = np.sin(pi * plies * phase), np.cos(pi * plies * phase)
@@ -57,7 +56,7 @@ def outline(phase: Floats, plies: Floats) -> tuple[Floats, Floats]:
     return reach, -middle * sin * (1.0 + middle * cos / root) * by_phase
 
 
-def frames(rings: Floats) -> tuple[Floats, Floats, Floats]:
+def frames(rings: AnyFloats) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
     """Return the middles of rings, (..., size, 3), and the vectors to their top and their side."""
     middle = rings.mean(axis=-2)
     top = 0.5 * (rings[..., 0, :] + rings[..., -3 if rings.shape[-2] > 12 else 0, :])
@@ -84,9 +83,7 @@ class Strands:
         The patches are not those of the places.
     """
 
-    def __init__(
-        self, patches: NDArray[np.integer[Any]], cloth: Cloth, places: Floats, sides: int
-    ) -> None:
+    def __init__(self, patches: AnyInts, cloth: Cloth, places: AnyFloats, sides: int) -> None:
         yarn = places[:, 2].astype(np.int64)
         own = (yarn >= cloth.size[0]).astype(int)
         shapes = [section(t.shape, t.aspect, cloth.exact) for t in cloth.threads]
@@ -135,7 +132,7 @@ class Strands:
         #: Whether plies are made; where there are too few samples they can only be shaded.
         self.made = most > 1 and 4 * sides >= _LEAST_SAMPLES * most and sides >= 2.0 * winds
 
-    def coordinates(self, which: slice) -> Floats:
+    def coordinates(self, which: slice) -> AnyFloats:
         """Return what shading needs at the samples of some patches.
 
         Parameters
@@ -163,7 +160,7 @@ class Strands:
         found[:, :tubes, 2] = along / self._diameter[part]
         return found
 
-    def _ways(self, first: int, part: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    def _ways(self, first: int, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
         """Return the way round, turns and the way along at the samples of patches on tubes."""
         begin, span = self._phi[:, first : first + len(part)]
         turned, more = (each[part] for each in self._turned)
@@ -175,7 +172,7 @@ class Strands:
         self,
         points: NDArray[Any],
         weights: NDArray[Any] | None,
-        views: Iterable[tuple[slice, Floats, Floats]],
+        views: Iterable[tuple[slice, AnyFloats, AnyFloats]],
     ) -> None:
         """Draw a surface in to its plies.
 
@@ -210,12 +207,8 @@ class Strands:
                 surface[:, closing] = self._cap(surface[:, closing], part, ring, *axes)
 
     def _tube(
-        self,
-        patch: NDArray[np.int64],
-        points: NDArray[Any],
-        weights: NDArray[Any] | None,
-        middle: Floats,
-    ) -> tuple[Floats, Floats]:
+        self, patch: Ints, points: NDArray[Any], weights: NDArray[Any] | None, middle: AnyFloats
+    ) -> tuple[AnyFloats, AnyFloats]:
         """Return positions and normals, (samples, patches, 3)."""
         part, net = self._part[patch], self._net[patch].reshape(-1, 16)
         size, first = len(self._u), middle[part, :1]
@@ -250,13 +243,13 @@ class Strands:
 
     def _cap(
         self,
-        place: Floats,
-        part: NDArray[np.int64],
-        ring: NDArray[np.int64],
-        middle: Floats,
-        top: Floats,
-        side: Floats,
-    ) -> Floats:
+        place: AnyFloats,
+        part: Ints,
+        ring: Ints,
+        middle: AnyFloats,
+        top: AnyFloats,
+        side: AnyFloats,
+    ) -> AnyFloats:
         """Return positions on closed ends."""
         arm, half = place - middle, self._half[part]
         up, right = (

@@ -9,12 +9,11 @@ the lowest digits tell neighbours apart, all that differ in higher ones are far,
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 
 #: Of the largest coordinate: so far apart distances are taken for equal, of points in single
 #: precision.
@@ -26,9 +25,9 @@ def gaps(
     normals: ArrayLike,
     yarn: ArrayLike,
     reach: ArrayLike,
-    asked: NDArray[np.bool_] | None = None,
-    known: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float64]:
+    asked: Bools | None = None,
+    known: Bools | None = None,
+) -> Floats:
     """Return the distance from each point to the surface of the next other yarn.
 
     Parameters
@@ -69,7 +68,7 @@ def gaps(
         np.ones(len(place), bool) if some is None else some for some in (asked, known)
     )
 
-    def look_up(mine: NDArray[np.int64], others: NDArray[np.int64]) -> None:
+    def look_up(mine: Ints, others: Ints) -> None:
         """Let each of some points know how far the next of some others is."""
         mine, others = mine[wanted[mine]], others[there_are[others]]
         if not len(mine) or not len(others):
@@ -100,9 +99,9 @@ def gaps(
 def crossing_means(
     cloth: Cloth,
     part: tuple[slice, slice],
-    facets: tuple[ArrayLike, NDArray[np.float64], NDArray[np.float64]],
-    values: NDArray[np.floating[Any]],
-) -> NDArray[np.float64]:
+    facets: tuple[ArrayLike, Floats, Floats],
+    values: AnyFloats,
+) -> Floats:
     """Return the mean of what is seen of yarns at some crossings: of the half that looks outwards.
 
     Parameters
@@ -145,12 +144,7 @@ def crossing_means(
 
 
 def spread_over(
-    weaves: NDArray[np.int64],
-    over: NDArray[np.bool_],
-    strains: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    known: NDArray[np.int64],
-    values: NDArray[np.float64],
+    weaves: Ints, over: Bools, strains: Floats, cells: Ints, known: Ints, values: Floats
 ) -> NDArray[np.float32]:
     """Return a number for each crossing, where some are known: it goes with weave and strain.
 

@@ -12,10 +12,10 @@ Invariant: cells are those of `spacemap_vtk.fabric.weave.build`, whatever the he
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from spacemap_vtk.fabric.arcs import Plan, gaps_of, lay_gaps, plan_of
 from spacemap_vtk.fabric.axes import ALL, Share, woven_gaps
@@ -24,10 +24,8 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import Cap, Section, cap, section
 from spacemap_vtk.fabric.sweep import Tubes, span_caps
 from spacemap_vtk.memory import Recycler
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL, for_each
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Recrimp:
@@ -87,7 +85,7 @@ class Recrimp:
         )
 
     @property
-    def rest(self) -> NDArray[np.floating[Any]]:
+    def rest(self) -> AnyFloats:
         """(N, 3) How control points lie from their feet as woven [m]."""
         still = np.ones((2, *self.cloth.drawdown.shape))
         shares = np.reshape(self.cloth.shares, (2, 1, 1))
@@ -128,7 +126,7 @@ class Recrimp:
         along: Floats,
         normal: Floats,
         precision: DTypeLike = np.float64,
-    ) -> NDArray[np.floating[Any]]:
+    ) -> AnyFloats:
         """Return how the control points lie from where their feet have been carried to.
 
         Parameters
@@ -295,7 +293,7 @@ class _Rings(NamedTuple):
 class _Family(NamedTuple):
     """What does not change in a family."""
 
-    upper: NDArray[np.bool_]
+    upper: Bools
     radius: Floats
     """(rings,)"""
     lateral: Floats
@@ -339,7 +337,7 @@ def _spread(
     rings: _Rings,
     frame: tuple[Floats, Floats],
     flat: Floats | None,
-    out: NDArray[np.floating[Any]],
+    out: AnyFloats,
 ) -> None:
     """Write the control points of a family's tubes, from where their feet have been carried to."""
     size, first = family.shape.size, family.tubes.first

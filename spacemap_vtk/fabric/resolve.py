@@ -200,12 +200,7 @@ def _filling(layers: Layers | None) -> float:
 
 
 def _threads(
-    own: DraftThreads,
-    asked: ThreadsAsked,
-    fibres: Asked,
-    count: int,
-    color: Rgb,
-    filling: float,
+    own: DraftThreads, asked: ThreadsAsked, fibres: Asked, count: int, color: Rgb, filling: float
 ) -> Threads:
     aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
     spacing = _spacing(own, asked, count)

@@ -11,19 +11,19 @@ from math import cos, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import arc_handle, quadrilateral_order, rational_arc
+from spacemap_vtk.ndarrays import Floats, Ints
 
 
 class Section(NamedTuple):
     """The control points of a section of half height 1."""
 
-    lateral: NDArray[np.float64]
+    lateral: Floats
     """(m,) Across the yarn, along the cloth."""
-    normal: NDArray[np.float64]
+    normal: Floats
     """(m,) Along the normal of the yarn's axis, upwards."""
-    weight: NDArray[np.float64]
+    weight: Floats
     """(m,) Rational weights; 1 where segments meet, and everywhere for polynomial sections."""
     error: float
     """Largest distance from the true section."""
@@ -68,7 +68,7 @@ def cubic_error(angle: float) -> float:
     return float(np.sqrt(1.0 + 4.0 / 27.0 * s**6 / c**2) - 1.0)
 
 
-def tube_table(size: int) -> NDArray[np.int64]:
+def tube_table(size: int) -> Ints:
     """Return the control points of the patches round a part of a tube."""
     segment, j, i = np.ogrid[: size // 3, :4, :4]
     return _in_vtk_order(size * i + (3 * segment + j) % size)
@@ -80,11 +80,11 @@ class Cap(NamedTuple):
     # Both poles of the section are edges of no length; the surface is smooth there all the same,
     # and so it is exact for rational sections.
 
-    lower: NDArray[np.int64]
+    lower: Ints
     """(c,) Ring points below, from pole to pole, without the poles."""
-    upper: NDArray[np.int64]
+    upper: Ints
     """(c,) Ring points above."""
-    table: NDArray[np.int64]
+    table: Ints
     """(size / 6, 16) Patches in VTK's order, the normal along the yarn: below `size` a point of
     the ring, from there on a new one."""
 
@@ -109,7 +109,7 @@ def cap(size: int) -> Cap:
     return Cap(lower[1:-1], upper[1:-1], _in_vtk_order(grid[j, 3 * segment + i]))
 
 
-def _in_vtk_order(tensor: NDArray[np.int64]) -> NDArray[np.int64]:
+def _in_vtk_order(tensor: Ints) -> Ints:
     flat = tensor.reshape(len(tensor), 16)
     table = np.empty_like(flat)
     table[:, quadrilateral_order(3, 3)] = flat

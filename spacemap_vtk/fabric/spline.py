@@ -10,10 +10,10 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.threads import Yarns
+from spacemap_vtk.ndarrays import Floats
 
 #: Parts of an axis between two crossings. The tube's surface is a cubic along each, which misses
 #: the radius by less the shorter it is; the axis itself is exact in any number.
@@ -23,7 +23,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
-def spline_axes(own: Yarns, crossed: Yarns, height: NDArray[np.float64], overhang: float) -> Axes:
+def spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> Axes:
     """Lay axes as splines z(y), horizontal at both ends."""
     knots = crossed.position
     if overhang > 0.0:

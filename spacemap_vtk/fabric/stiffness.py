@@ -23,15 +23,12 @@ from __future__ import annotations
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.mechanics.plates import Plate, stiff_across
-
-FloatArray = NDArray[np.float64]
 
 #: Gaps between crossings that are looked at in one go: some ten megabytes.
 _GAPS = 50_000

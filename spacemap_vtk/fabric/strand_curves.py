@@ -22,10 +22,10 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.plies import APART, frames, middle_of_plies
 from spacemap_vtk.fabric.sweep import Tubes
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Ints
 
-Floats = NDArray[np.floating[Any]]
 #: Says of places, (n, 3), which are wanted.
-Within = Callable[[Floats], NDArray[np.bool_]]
+Within = Callable[[AnyFloats], Bools]
 
 #: Linear density of a cotton fibre [kg/m], by which fibres are counted where nobody does (W. E.
 #: Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres": 1 to 2.5 dtex).
@@ -45,13 +45,13 @@ _GOLDEN = pi * (3.0 - sqrt(5.0))
 class StrandCurves(NamedTuple):
     """Strands as uniform cubic B-splines, end to end."""
 
-    points: Floats
+    points: AnyFloats
     """(N, 3) Control points in m."""
-    counts: NDArray[np.int64]
+    counts: Ints
     """(curves,) Control points of each."""
-    radii: Floats
+    radii: AnyFloats
     """(curves,) In m."""
-    yarn: NDArray[np.int64]
+    yarn: Ints
     """(curves,) Number of the yarn each is of: the ends first, then the picks."""
 
 
@@ -82,7 +82,7 @@ def fibre_count(cloth: Cloth) -> int:
 def strand_curves(
     cloth: Cloth,
     tubes: tuple[Tubes, ...],
-    places: Floats,
+    places: AnyFloats,
     points: NDArray[Any],
     weights: NDArray[Any] | None = None,
     fibres: int = 0,
@@ -116,7 +116,7 @@ def strand_curves(
         If they would not fit into memory.
     """
     turns, plies, diameter = cloth.strands
-    made: list[tuple[Floats, int, float, int]] = []
+    made: list[tuple[AnyFloats, int, float, int]] = []
     for yarn in _yarns(tubes, places):
         number, of_ply = yarn.number, int(plies[yarn.number])
         way = places[yarn.parts, :2]
@@ -149,7 +149,7 @@ def strand_curves(
     return StrandCurves(np.concatenate([p.reshape(-1, 3) for p, *_ in made]), *rest)
 
 
-def _yarns(tubes: tuple[Tubes, ...], places: Floats) -> Iterator[_Yarn]:
+def _yarns(tubes: tuple[Tubes, ...], places: AnyFloats) -> Iterator[_Yarn]:
     """Yield where the rings and parts of each yarn are."""
     first_part = 0
     for bundle in tubes:
@@ -161,12 +161,8 @@ def _yarns(tubes: tuple[Tubes, ...], places: Floats) -> Iterator[_Yarn]:
 
 
 def _sampled(
-    yarn: _Yarn,
-    count: NDArray[np.int64],
-    way: Floats,
-    points: NDArray[Any],
-    weights: NDArray[Any] | None,
-) -> tuple[Floats, ...]:
+    yarn: _Yarn, count: Ints, way: AnyFloats, points: NDArray[Any], weights: NDArray[Any] | None
+) -> tuple[AnyFloats, ...]:
     """Return middle, half height and half width of a yarn's section all along, and the way."""
     tubes, size = yarn.tubes, yarn.tubes.ring
     own = slice(tubes.first + size * yarn.rings.start, tubes.first + size * yarn.rings.stop)
@@ -182,7 +178,9 @@ def _sampled(
     return middle, top, side, (1.0 - u) * way[part, 0] + u * way[part, 1]
 
 
-def _plies(axis: tuple[Floats, ...], turns: float, plies: int, number: int) -> tuple[Floats, float]:
+def _plies(
+    axis: tuple[AnyFloats, ...], turns: float, plies: int, number: int
+) -> tuple[AnyFloats, float]:
     """Return (plies, samples, 3), and the share of the radius at which their middles are."""
     middle, top, side, way = axis
     reach = float(middle_of_plies(np.array(float(plies)))) if plies > 1 else 0.0
@@ -193,8 +191,8 @@ def _plies(axis: tuple[Floats, ...], turns: float, plies: int, number: int) -> t
 
 
 def _fibres(
-    axis: tuple[Floats, ...], turns: float, plies: int, each: int, diameter: float, number: int
-) -> Floats:
+    axis: tuple[AnyFloats, ...], turns: float, plies: int, each: int, diameter: float, number: int
+) -> AnyFloats:
     """Return (fibres, samples, 3): of each ply a sunflower's seeds."""
     _, top, side, way = axis
     centres, reach = _plies(axis, turns, plies, number)
@@ -210,7 +208,7 @@ def _fibres(
     return found.reshape(plies * each, len(way), 3)
 
 
-def _control(samples: Floats) -> Floats:
+def _control(samples: AnyFloats) -> AnyFloats:
     """Return the control points of B-splines through samples (n, s, 3), one more at each end."""
     # (c- + 4 c + c+) / 6 = p is solved by c = p - p''/6 but for fourth differences: on a helix of
     # 12 samples a turn the radius is off by 0.2 %

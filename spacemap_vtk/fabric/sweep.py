@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.section import Cap, Section, cap, tube_table
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
 
-Floats = NDArray[np.float64]
 #: x, y and z of a vector at each station, (stations,); or of all of them, where they are equal.
 Vectors = tuple[Floats | float, Floats | float, Floats | float]
 
@@ -37,11 +37,11 @@ class CentreLines(NamedTuple):
 
     # Part q of the bundle, on its line y, runs from station q + y to station q + y + 1.
 
-    numbers: NDArray[np.int64]
+    numbers: Ints
     """(lines,) What each line is called."""
     radius: Floats
     """(lines,) Half the height of each section."""
-    parts: NDArray[np.int64]
+    parts: Ints
     """(lines,) Number of parts."""
     place: Vectors
     """Of the stations, in metres."""
@@ -60,7 +60,7 @@ class CentreLines(NamedTuple):
     """(2, parts) Curvature to the lateral; None where there is none."""
 
     @property
-    def owner(self) -> NDArray[np.int64]:
+    def owner(self) -> Ints:
         """(parts,) Line of each part."""
         return np.repeat(np.arange(len(self.parts)), self.parts)
 
@@ -77,13 +77,13 @@ class Tubes(NamedTuple):
     """First control point."""
     ring: int
     """Control points in a ring."""
-    parts: NDArray[np.int64]
+    parts: Ints
     """(lines,) Parts of each line; line y has 3 parts + 1 rings."""
     aspect: float
     """Width of the section over its height."""
 
     @property
-    def ends(self) -> NDArray[np.int64]:
+    def ends(self) -> Ints:
         """(2 lines,) First and last ring of each line."""
         last = 3 * np.cumsum(self.parts) + np.arange(len(self.parts))
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
@@ -98,9 +98,9 @@ class Tubes(NamedTuple):
 class Swept(NamedTuple):
     """Tubes as patches."""
 
-    points: NDArray[np.floating[Any]]
+    points: AnyFloats
     """(N, 3) Control points in metres; shared inside a line, not between lines."""
-    patches: NDArray[np.integer[Any]]
+    patches: AnyInts
     """(P, 16) Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3
     x 3. On tubes u runs along the line and v round it, du x dv points outwards, everywhere. Tubes
     line by line, part by part, round the line; then caps, line by line. int32 where that will do:
@@ -182,7 +182,7 @@ class _Plan(NamedTuple):
         return slice(self.first_patch, self.first_patch + count)
 
 
-def _fill_points(plan: _Plan, flat_points: NDArray[np.floating[Any]]) -> None:
+def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
     """Write the control points of a bundle's tubes."""
     # Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
     # curvature n)`` for points n above the line: so a point of an arc turns about the arc's axis.
@@ -245,7 +245,7 @@ def _fill_points(plan: _Plan, flat_points: NDArray[np.floating[Any]]) -> None:
             points[:, :, component] = out
 
 
-def _at(values: Floats | float, index: NDArray[np.int64]) -> Floats | float:
+def _at(values: Floats | float, index: Ints) -> Floats | float:
     return values if isinstance(values, float) else values[index]
 
 
@@ -261,12 +261,7 @@ def _fill_weights(plan: _Plan, weights: Floats) -> None:
     np.multiply(along[:, None], plan.shape.weight, out=weights.reshape(-1, plan.shape.size))
 
 
-def span_caps(
-    tubes: Tubes,
-    closing: Cap,
-    points: NDArray[np.floating[Any]],
-    new: NDArray[np.floating[Any]],
-) -> NDArray[np.int64]:
+def span_caps(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> Ints:
     """Write the inner points of a bundle's caps; return the points that they start at."""
     rings = tubes.first + tubes.ring * tubes.ends
     # the first end looks back: there the cap is turned over, lower for upper
@@ -282,10 +277,10 @@ def span_caps(
 def _fill_caps(
     plan: _Plan,
     closing: Cap,
-    points: NDArray[np.floating[Any]],
+    points: AnyFloats,
     weights: Floats | None,
     new: slice,
-    patches: NDArray[np.integer[Any]],
+    patches: AnyInts,
 ) -> None:
     """Close both ends of every line of a bundle, first end and last in turn."""
     size = plan.shape.size

@@ -21,13 +21,13 @@ from spacemap_vtk.fabric.normals import RobustNormals
 from spacemap_vtk.fabric.patch_chunks import (
     Bicubic,
     Chunk,
-    Floats,
     Scratch,
     cut_into_chunks,
     multiply,
     narrowed,
 )
 from spacemap_vtk.memory import Recycler
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 
 #: Surface points, over all steps, from which a small surface has earned compiled loops: until then
@@ -123,14 +123,14 @@ class Tessellation:
         #: Of each chunk the normals that were evaluated again last, with what goes with them.
         self._repaired: dict[int, RobustNormals] = {}
         #: Matrices of the last scales and types: those of points, and of arrays carried over.
-        self._kept: dict[tuple[float, np.dtype[Any]], tuple[Floats, Floats]] = {}
+        self._kept: dict[tuple[float, np.dtype[Any]], tuple[AnyFloats, AnyFloats]] = {}
 
     def evaluate(
         self,
         control_points: ArrayLike,
         dtype: DTypeLike = np.float32,
         weights: ArrayLike | None = None,
-    ) -> tuple[Floats, Floats]:
+    ) -> tuple[AnyFloats, AnyFloats]:
         """Return the surface points and their unit normals.
 
         The work is done relative to each patch's first control point, so a fabric far from the
@@ -189,7 +189,7 @@ class Tessellation:
                     robust = self._robust(chunk, found).of(points, rational, self._loops)
                 across.reshape(-1, 3)[found] = robust
 
-        def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
+        def by_products(chunk: Chunk, surface: AnyFloats, across: AnyFloats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 net = scratch.net(chunk, points[chunk.rows], kind)
                 apart = scratch.apart(net)
@@ -206,11 +206,8 @@ class Tessellation:
         return positions, normals
 
     def interpolate(
-        self,
-        values: ArrayLike,
-        weights: ArrayLike | None = None,
-        dtype: DTypeLike | None = None,
-    ) -> Floats:
+        self, values: ArrayLike, weights: ArrayLike | None = None, dtype: DTypeLike | None = None
+    ) -> AnyFloats:
         """Carry an array of the control points over to the surface points.
 
         Parameters
@@ -272,7 +269,7 @@ class Tessellation:
         for_each(self._chunks, lambda: do, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
-    def views(self, *arrays: Floats) -> Iterator[tuple[Any, ...]]:
+    def views(self, *arrays: AnyFloats) -> Iterator[tuple[Any, ...]]:
         """Yield runs of patches, and of arrays of the surface's points their part.
 
         Parameters
@@ -295,7 +292,7 @@ class Tessellation:
         return self.patch_count * (self.subdivisions + 1) ** 2
 
     @cached_property
-    def quads(self) -> NDArray[np.integer[Any]]:
+    def quads(self) -> AnyInts:
         """Quadrilaterals, (P n**2, 4): all of one patch, u fastest, before the next patch.
 
         Point numbers are int32 where that will do.
@@ -358,13 +355,13 @@ class Tessellation:
         finally:
             self._idle.append(scratch)
 
-    def _part(self, array: Floats, chunk: Chunk) -> Floats:
+    def _part(self, array: AnyFloats, chunk: Chunk) -> AnyFloats:
         """View of a chunk's rows as (samples, count, columns)."""
         samples = (self.subdivisions + 1) ** 2
         rows = array[chunk.first * samples : (chunk.first + chunk.patch_count) * samples]
         return rows.reshape(samples, chunk.patch_count, -1)
 
-    def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[Floats, Floats]:
+    def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[AnyFloats, AnyFloats]:
         """Return B over Bu and Bv of patches of a size, and B with the origin: kept for steps."""
         kept = self._kept.get((scale, kind))
         if kept is None:
@@ -384,7 +381,7 @@ class Tessellation:
         return kept
 
 
-def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
+def _stacked_basis(p: int, q: int, subdivisions: int) -> Floats:
     """Return B, Bu and Bv, (3, samples, control points); u is fastest in both."""
     t = np.arange(subdivisions + 1) / subdivisions
     u, v = bernstein(p, t), bernstein(q, t)
@@ -392,18 +389,18 @@ def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
     return np.stack((np.kron(v, u), np.kron(v, du), np.kron(dv, u)))
 
 
-def _with_ones(matrix: Floats) -> Floats:
+def _with_ones(matrix: AnyFloats) -> AnyFloats:
     """Return a matrix that adds the last row of a net to what it makes of the others."""
     # Last, so that it is added last: the sum of the others is small, and keeps its digits.
     return np.concatenate((matrix, np.ones((len(matrix), 1), matrix.dtype)), axis=1)
 
 
-def _flat(rows: Floats) -> Floats:
+def _flat(rows: AnyFloats) -> AnyFloats:
     """View (n, count, k) as (n, count * k)."""
     return rows.reshape(len(rows), -1)
 
 
-def _add_origin(values: Floats, net: Floats, out: Floats) -> None:
+def _add_origin(values: AnyFloats, net: AnyFloats, out: AnyFloats) -> None:
     """Write (k, samples, count) values plus the last row of their net, (count, k)."""
     for column, component in enumerate(values):
         np.add(component, net[-1, :, column], out=out[..., column])
@@ -417,6 +414,6 @@ def _magnitude(nets: NDArray[Any]) -> float:
     return 2.0 ** round(log2(max(finite, default=1.0)))
 
 
-def _frozen(array: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
+def _frozen(array: AnyInts) -> AnyInts:
     array.flags.writeable = False  # it is shared by every caller
     return array

@@ -11,29 +11,30 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.yarn import section_factor, usual_twist
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.units import format_quantity
 
 #: Sections of a yarn, the commonest first.
 SECTIONS = ("circular", "racetrack", "elliptic")
 
 #: One value for all yarns of a family, or one for each.
-Lengths = float | NDArray[np.float64]
+Lengths = float | Floats
 #: Some yarns of a family, by their numbers.
-Some = slice | NDArray[np.int64]
+Some = slice | Ints
 
 
 class Yarns(NamedTuple):
     """The yarns of one family, one by one; lengths in metres."""
 
-    diameter: NDArray[np.float64]
+    diameter: Floats
     """(n,) Heights of the sections."""
-    spacing: NDArray[np.float64]
+    spacing: Floats
     """(n - 1,) Distances between neighbours."""
     aspect: float
     """Width of each section over its height."""
     section: str
     """One of `SECTIONS`; "circular" wherever the aspect is 1."""
-    position: NDArray[np.float64]
+    position: Floats
     """(n,) Places across the whole family."""
 
     def chosen(self, which: Some) -> Yarns:
@@ -44,7 +45,7 @@ class Yarns(NamedTuple):
         )
 
     @property
-    def flat(self) -> NDArray[np.float64]:
+    def flat(self) -> Floats:
         """(n,) Length on top of each yarn along which a crossing yarn stays straight."""
         return (self.aspect - 1.0) * self.diameter
 
@@ -116,7 +117,7 @@ class Threads:
         """
         return float(np.mean(self.spacing)) if np.size(self.spacing) else width
 
-    def gaps(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def gaps(self) -> tuple[Floats, Floats]:
         # What gaps leave to yarns that pass: spacings less half the flats on both sides, p',
         # and the mean diameter of both neighbours.
         mean = self._between()
@@ -125,7 +126,7 @@ class Threads:
         room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
         return np.atleast_1d(room), np.atleast_1d(mean)
 
-    def chosen(self, which: NDArray[np.bool_]) -> Threads:
+    def chosen(self, which: Bools) -> Threads:
         # Some of the threads, in their places.
         yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
@@ -238,7 +239,7 @@ class Threads:
                 cure=f"Make {family}_diameter smaller or {family}_spacing larger",
             )
 
-    def _between(self) -> NDArray[np.float64]:
+    def _between(self) -> Floats:
         """Return mean diameters of neighbours: (n - 1,) of n values, a scalar of one for all."""
         values = np.asarray(self.diameter)
         return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
@@ -251,7 +252,7 @@ def along(values: Lengths | tuple[float, ...], count: int) -> Lengths:
     return alike(np.resize(np.asarray(values, dtype=np.float64), count))
 
 
-def alike(values: NDArray[np.float64]) -> Lengths:
+def alike(values: Floats) -> Lengths:
     """Return equal values as one."""
     return float(values[0]) if (values == values[0]).all() else values
 
@@ -264,7 +265,7 @@ def _unchangeable(value: Lengths) -> Lengths:
     return array
 
 
-def _places(spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+def _places(spacing: Floats) -> Floats:
     """Return (n + 1,) places that are (n,) distances apart, the middle of the ends at 0."""
     count = len(spacing) + 1
     if spacing.size == 0 or np.ptp(spacing) == 0.0:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -25,6 +25,7 @@ from spacemap_vtk.fabric.peirce import Crimp
 from spacemap_vtk.fabric.section import Section, cap, cubic_error, section
 from spacemap_vtk.fabric.spline import offset_error
 from spacemap_vtk.fabric.sweep import CentreLines, Tubes, sweep
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
 
 #: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
 _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
@@ -38,12 +39,12 @@ class Weave:
 
     #: (N, 3) Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not
     #: between yarns.
-    points: NDArray[np.floating[Any]]
+    points: AnyFloats
     #: (P, 16) Control points of each patch; see `spacemap_vtk.fabric.sweep.Swept`. The tubes of
     #: warp and weft come first, the caps of all their cut ends after them.
-    patches: NDArray[np.integer[Any]]
+    patches: AnyInts
     #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
-    weights: NDArray[np.float64] | None
+    weights: Floats | None
     #: (P,) Yarn of each patch: the ends first, then the picks.
     yarn: NDArray[np.int32]
     #: (P,) 0 warp, 1 weft.
@@ -62,7 +63,7 @@ class Weave:
     #: (parts, 4) Of each part of a yarn, in the tubes' order, where along the cloth it starts and
     #: ends [m], its yarn, and that again as the whole counts whose part this may be. Twist
     #: goes by these: by the yarn's own length it would not be known of a part of it.
-    places: NDArray[np.float64]
+    places: Floats
 
 
 def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
@@ -116,7 +117,7 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
     )
 
 
-def _places(path: Axes, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+def _places(path: Axes, numbers: Ints) -> Floats:
     """Return the rows of `Weave.places` of one family."""
     start = np.arange(len(path.length)) + path.owner
     own = numbers[path.owner]
@@ -128,7 +129,7 @@ def _sections(cloth: Cloth) -> tuple[Section, Section]:
     return warp, weft
 
 
-def _lines(path: Axes, number: int, numbers: NDArray[np.int64]) -> CentreLines:
+def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
     """Return axes in space: each yarn in its own vertical plane."""
     cos, sin = np.cos(path.angle), np.sin(path.angle)
     aside = np.repeat(path.lateral, path.parts + 1)

@@ -14,12 +14,12 @@ from math import pi, radians, tan
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import parse_quantity
 
-OneOrMany = TypeVar("OneOrMany", float, NDArray[np.float64])
+OneOrMany = TypeVar("OneOrMany", float, Floats)
 
 #: Density of cotton fibres at 65 % relative humidity, in kg/m3 (Morton and Hearle, table 5.1).
 COTTON = 1520.0
@@ -143,7 +143,7 @@ def twist(text: str) -> float:
     return -turns if letter == "S" else turns
 
 
-def usual_twist(diameter: NDArray[np.float64], plies: NDArray[np.float64]) -> NDArray[np.float64]:
+def usual_twist(diameter: Floats, plies: Floats) -> Floats:
     """Return turns per metre where nobody says: singles Z, plied yarns against their own, S."""
     # J. W. S. Hearle, P. Grosberg and S. Backer (1969): fibres at the surface of a yarn lean by
     # tan(angle) = pi d T.

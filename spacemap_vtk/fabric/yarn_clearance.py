@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import Share, axes
@@ -22,8 +22,8 @@ from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.weave import Weave
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
 _Found = TypeVar("_Found")
 
 #: Places on each part of an axis from which the search starts.
@@ -46,22 +46,22 @@ class Clearance(NamedTuple):
     """Between their surfaces, in m; below 0 by how far they overlap."""
     yarns: tuple[int, int]
     """Which: the ends are numbered first, then the picks."""
-    place: NDArray[np.float64]
+    place: Floats
     """(3,) Between their surfaces, in m."""
 
 
 class _Tubes(NamedTuple):
     """Yarns as tubes; parts are numbered through all yarns."""
 
-    parts: NDArray[np.int64]
+    parts: Ints
     """(yarns,) Number of parts."""
     radius: Floats
     """(yarns,) About the radius."""
-    flat: NDArray[np.bool_]
+    flat: Bools
     """(yarns,) Whether the section is flattened."""
     perpendicular: bool
     """Whether sections are round, but for their flat, and perpendicular to the axis."""
-    at: Callable[[NDArray[np.int64], Floats], tuple[Floats, Floats, Floats, Floats]]
+    at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
 
 
@@ -185,7 +185,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
     first_ring = np.concatenate([rows[0], len(nets[0]) + rows[1]])
     net = np.concatenate(nets)
 
-    def at(part: NDArray[np.int64], fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         basis = bernstein(3, fraction)
         local = net[first_ring[part][:, None] + np.arange(4)]
         value = np.einsum("ni,nik->nk", basis, local)
@@ -216,8 +216,7 @@ def _finished(steps: Generator[None, None, _Found]) -> _Found:
         try:
             next(steps)
         except StopIteration as end:
-            found: _Found = end.value
-            return found
+            return end.value
 
 
 def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
@@ -226,7 +225,7 @@ def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
     first = len(families[0].length)
     owners = [family.owner for family in families]
 
-    def at(part: NDArray[np.int64], fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         point, normal, lateral, half = np.zeros((4, len(part), 3))
         for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
             mine = (part >= first) == bool(number)
@@ -294,7 +293,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     keep = tubes.flat[yarn] | (side == 0.0)
     place, side, yarn = place[keep], side[keep], yarn[keep]
 
-    def at(place: Floats, yarn: NDArray[np.int64]) -> tuple[Floats, ...]:
+    def at(place: Floats, yarn: Ints) -> tuple[Floats, ...]:
         within = np.minimum(place.astype(np.int64), ends[1, yarn] - 1)
         return tubes.at(within, place - within)
 
@@ -372,15 +371,11 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     return Clearance(float(best[least]), (first, second), middle[least])
 
 
-def _sides(
-    located: Floats, pairs: NDArray[np.int64]
-) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+def _sides(located: Floats, pairs: Ints) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
     return tuple(x[pairs[0]] for x in located), tuple(x[pairs[1]] for x in located)
 
 
-def _nearest(
-    points: Floats, radius: Floats, yarn: NDArray[np.int64]
-) -> Iterator[NDArray[np.int64]]:
+def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
     """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them."""
     # Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
     from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
@@ -399,8 +394,8 @@ def _nearest(
 
 
 def _local_minima(
-    pairs: NDArray[np.int64], gap: Floats, facing: Floats, yarn: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], Floats, Floats]:
+    pairs: Ints, gap: Floats, facing: Floats, yarn: Ints
+) -> tuple[Ints, Floats, Floats]:
     """Keep the pairs that are no further apart than those beside them along the first yarn."""
     infinite = np.array([np.inf])
     before, after = np.concatenate([infinite, gap[:-1]]), np.concatenate([gap[1:], infinite])
@@ -461,5 +456,4 @@ def _separation(
 
 
 def _norm(vectors: Floats) -> Floats:
-    result: Floats = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return result
+    return np.linalg.norm(vectors, axis=1, keepdims=True)

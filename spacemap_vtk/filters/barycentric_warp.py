@@ -39,6 +39,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import WORTHWHILE, for_each
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
@@ -142,9 +143,7 @@ class BarycentricWarp(Stage):
             self._feet.SetPoints(places)
         return self._feet
 
-    def _at_vertices(
-        self, cage: vtkUnstructuredGrid, prepared: _Ride, name: str
-    ) -> NDArray[np.float64]:
+    def _at_vertices(self, cage: vtkUnstructuredGrid, prepared: _Ride, name: str) -> Floats:
         at_points, of_cells = cage.GetPointData(), cage.GetCellData()
         if at_points.GetArray(name) is not None:
             values = vtk_to_numpy(at_points.GetArray(name))
@@ -271,9 +270,9 @@ class _Ride:
     settings: tuple[str, bool]
     points: Geometry
     cage: Geometry
-    vertices: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    elements: NDArray[np.int64]
+    vertices: Floats
+    cells: Ints
+    elements: Ints
     location: Location
     interpolation: Riding
     note: str
@@ -298,7 +297,7 @@ class _Ride:
         return AffineInterpolation(np.empty((0, 3)), self.location, self.vertices, self.elements)
 
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
-        each: NDArray[np.integer[Any]] = np.arange(len(normals))
+        each: AnyInts = np.arange(len(normals))
         if isinstance(self._slopes, QuadraticGradients):
             gradients = self._slopes.at(displacement)
         else:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
@@ -22,6 +21,7 @@ from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
 from spacemap_vtk.mechanics.shell import THIN
 from spacemap_vtk.mechanics.supports import is_thin
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, Real, Vector
 from spacemap_vtk.units import GRAVITY
 
@@ -60,8 +60,6 @@ _CONSTANTS = (
     "twisting_rigidity",
     "areal_mass",
 )
-
-FloatArray = NDArray[np.float64]
 
 
 class CageMaterial(Stage):
@@ -268,7 +266,7 @@ class CageMaterial(Stage):
         if self.elements != "tetrahedra":
             self.plate(1.0)
 
-    def constants(self, extent: float) -> tuple[FloatArray, float]:
+    def constants(self, extent: float) -> tuple[Floats, float]:
         """Return elasticity along x, y and z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
         # A measured fabric's are spread over the extent of the cage along z [m].
         if self.material == WOVEN:
@@ -386,7 +384,7 @@ class CageMaterial(Stage):
                 )
         return given
 
-    def _solid(self, given: dict[str, Any], thickness: float) -> tuple[FloatArray, float]:
+    def _solid(self, given: dict[str, Any], thickness: float) -> tuple[Floats, float]:
         """Return elasticity and density; a measured fabric's are spread over the thickness."""
         own = {key: given[key] for key in (*_MODULI, "density") if key in given}
         if self.material in FABRICS:
@@ -407,7 +405,7 @@ class CageMaterial(Stage):
             modulus = self.youngs_modulus
         return isotropic(modulus, self.poissons_ratio), density
 
-    def give_way(self, vertices: FloatArray, elements: NDArray[np.int64], up: int | None) -> None:
+    def give_way(self, vertices: Floats, elements: Ints, up: int | None) -> None:
         """Find the modulus that suits an object of unknown size, where it is automatic."""
         if self.youngs_modulus is not None or up is None:
             self.in_use = {}

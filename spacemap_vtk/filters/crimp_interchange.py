@@ -24,8 +24,7 @@ from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.memory import require
-
-Floats = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: Strain of yarns that are meant to keep their length, from which on it is told.
 _STRAIN = 0.01

@@ -13,9 +13,8 @@ from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
 from spacemap_vtk.mechanics.fittings import Fittings, fitted
 from spacemap_vtk.mechanics.supports import loose_sides, resting
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Text
-
-FloatArray = NDArray[np.float64]
 
 
 class FittedCage(CageMaterial):
@@ -54,8 +53,8 @@ class FittedCage(CageMaterial):
     )
 
     def fittings(
-        self, grid: vtkUnstructuredGrid, vertices: FloatArray, elements: NDArray[np.int64]
-    ) -> tuple[NDArray[np.bool_], Fittings]:
+        self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
+    ) -> tuple[Bools, Fittings]:
         """Return which components (V, 3) cannot move, and what else is fitted to the cage."""
 
         def mask(name: str) -> NDArray[np.generic]:
@@ -82,7 +81,7 @@ class FittedCage(CageMaterial):
         )
 
 
-def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray | None:
+def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
     if not name:
         return None
     with naming(key):
@@ -101,5 +100,4 @@ def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray | Non
                 value=name,
                 allowed="finite numbers above 0",
             )
-        factors: FloatArray = values.astype(np.float64)
-        return factors
+        return values.astype(np.float64)

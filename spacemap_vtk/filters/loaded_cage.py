@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
@@ -23,10 +22,9 @@ from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping, rayleigh
 from spacemap_vtk.mechanics.kinematics import von_mises
 from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
 from spacemap_vtk.units import GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 #: The field arrays of energies.
 ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
@@ -239,7 +237,7 @@ class LoadedCage(Stage):
         """Return the times of the frames, without which ParaView would write one step only."""
         return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
 
-    def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
+    def gravity_on(self, grid: vtkUnstructuredGrid) -> Floats:
         """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own."""
         # The default is no one's wish, and ParaView's users write three numbers.
         field = grid.GetFieldData()
@@ -260,7 +258,7 @@ class LoadedCage(Stage):
         vectors = [modes.vector("gravity", more, step())] if more.any() else []
         return vectors + load_vectors(modes, grid, self.loads, "loads")
 
-    def started(self, grid: vtkUnstructuredGrid) -> tuple[FloatArray, FloatArray]:
+    def started(self, grid: vtkUnstructuredGrid) -> tuple[Floats, Floats]:
         """Return what is added to displacement and velocity at t = 0, (V, 3) both."""
         displacement = self._start(
             grid, self.initial_displacement, "displacement", self.initial_displacement_array
@@ -278,14 +276,14 @@ class LoadedCage(Stage):
         ]
 
     @staticmethod
-    def add_motion(output: vtkUnstructuredGrid, fields: Iterable[FloatArray]) -> None:
+    def add_motion(output: vtkUnstructuredGrid, fields: Iterable[Floats]) -> None:
         """Write displacement, velocity and acceleration, (V, 3) each."""
         points = output.GetPointData()
         for name, field in zip(_MOTION, fields, strict=True):
             add_array(points, name, field)
 
     @staticmethod
-    def add_stress(output: vtkUnstructuredGrid, strain: FloatArray, stress: FloatArray) -> None:
+    def add_stress(output: vtkUnstructuredGrid, strain: Floats, stress: Floats) -> None:
         """Write strain and stress of each tetrahedron, (T, 6) both."""
         cells = output.GetCellData()
         order = [0, 1, 2, 5, 3, 4]  # VTK's, whose shears are a tensor's: half of engineering's
@@ -294,7 +292,7 @@ class LoadedCage(Stage):
         add_array(cells, "von_mises", von_mises(stress))
 
     @staticmethod
-    def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | FloatArray) -> None:
+    def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | Floats) -> None:
         """Write kinetic, strain and dissipated energy, and external work [J]."""
         field = output.GetFieldData()
         for name, value in zip(ENERGIES, energies, strict=True):
@@ -302,13 +300,13 @@ class LoadedCage(Stage):
 
     def _start(
         self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
-    ) -> FloatArray:
+    ) -> Floats:
         field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))
         if array:
             field += self._vectors(grid, f"initial_{what}_array", array)
         return field
 
-    def _vectors(self, grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray:
+    def _vectors(self, grid: vtkUnstructuredGrid, key: str, name: str) -> Floats:
         with naming(key):
             return vectors_of(
                 grid.GetPointData(), name, grid.GetNumberOfPoints(), type(self).__name__

@@ -6,7 +6,6 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
@@ -21,9 +20,8 @@ from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, largest_rotation
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Flag
-
-FloatArray = NDArray[np.float64]
 
 
 class ModalResponse(LoadedCage):
@@ -148,8 +146,8 @@ class ModalResponse(LoadedCage):
 
 
 def static_displacements(
-    model: Model, forces: FloatArray, processes: Processes | None = None
-) -> tuple[FloatArray, FloatArray]:
+    model: Model, forces: Floats, processes: Processes | None = None
+) -> tuple[Floats, Floats]:
     """Return static displacements, from the user's cache folder where they were solved before.
 
     Parameters

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
@@ -33,6 +32,7 @@ from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
@@ -57,10 +57,9 @@ ROUNDING = 1e-4
 #: The arrays that are kept on disk, and their shapes.
 _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 
-FloatArray = NDArray[np.float64]
 
 #: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.eigen.Modes`.
-Solution = tuple[FloatArray, FloatArray, FloatArray]
+Solution = tuple[Floats, Floats, Floats]
 
 
 class ModalSolver(FittedCage):
@@ -158,7 +157,7 @@ class ModalSolver(FittedCage):
     #: The undeformed model of what hangs; digest of the last equilibrium, its displacement,
     #: and the share of the load at which it buckled.
     _rest: Model | None = None
-    _hangs: tuple[str, Sequence[FloatArray]] | None = None
+    _hangs: tuple[str, Sequence[Floats]] | None = None
     _stored: float = -math.inf
 
     def run(
@@ -172,7 +171,7 @@ class ModalSolver(FittedCage):
         held, fittings = self.fittings(grid, vertices, elements)
         sheet = self._sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers
-        material: FloatArray | Plate
+        material: Floats | Plate
         if sheet is None:
             filled = filled_share(grid)
             elasticity, density = self.constants(extent)
@@ -233,7 +232,7 @@ class ModalSolver(FittedCage):
         cloth = cloth_of(grid) if self.material == WOVEN else None
         return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth)
 
-    def _sheet(self, vertices: FloatArray, elements: NDArray[np.int64]) -> Layer | None:
+    def _sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""
         if self.elements == "tetrahedra":
             return None
@@ -260,7 +259,7 @@ class ModalSolver(FittedCage):
         """The arrays that the next run adds, by name."""
         return {k: v for k, v in super().arrays.items() if self.hangs or k != "equilibrium"}
 
-    def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> FloatArray:
+    def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> Floats:
         """Return the forces on the vertices under which the cage hangs [N], (3V,)."""
         self.check()
         nothing = np.empty((0, model.points.size))
@@ -273,11 +272,11 @@ class ModalSolver(FittedCage):
             total += cage.force(vector)
         return total
 
-    def _hung(self, model: Model, load: FloatArray, layers: float) -> FloatArray:
+    def _hung(self, model: Model, load: Floats, layers: float) -> Floats:
         """Return the displacement to the equilibrium [m], (V, 3): from disk, or solved."""
         digest = digest_of(model.digest, load / model.modulus)
 
-        def solve() -> list[FloatArray]:
+        def solve() -> list[Floats]:
             shapes = {"displacement": model.points.shape, "critical": (1,)}
             entry = cache.load(f"hung-{digest}", **shapes)
             if entry is not None and np.isfinite(entry["displacement"]).all():
@@ -347,7 +346,7 @@ class ModalSolver(FittedCage):
         self.report(1.0, "modes")
         return self._kept[1]
 
-    def _mode_arrays(self, shapes: FloatArray, density: float) -> list[vtkDataArray]:
+    def _mode_arrays(self, shapes: Floats, density: float) -> list[vtkDataArray]:
         """Return the mode shapes as VTK has them: the same objects for the same modes."""
         assert self._kept is not None
         modes = self._kept[0], len(shapes), density
@@ -371,7 +370,7 @@ class ModalSolver(FittedCage):
                 f"{times:.2g} times if bending matters more"
             )
 
-    def _warn_of_rounding(self, rounding: FloatArray) -> None:
+    def _warn_of_rounding(self, rounding: Floats) -> None:
         worst = float(rounding.max())
         if worst <= ROUNDING:
             return
@@ -417,7 +416,7 @@ class ModalSolver(FittedCage):
             + f" times too high in frequency; {cure}"
         )
 
-    def _warn_of_volume(self, elasticity: FloatArray) -> None:
+    def _warn_of_volume(self, elasticity: Floats) -> None:
         ratio = volume_ratio(elasticity)
         if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
             alike = self.material == "isotropic"

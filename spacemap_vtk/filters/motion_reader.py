@@ -7,7 +7,6 @@ from bisect import bisect_right
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
 
@@ -24,6 +23,7 @@ from spacemap_vtk.datasets.volume import Volume, tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.io.series import MeshSeries, kinds, open_series
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
 #: Steps whose displacement is held: two are needed between them, more for going back.
@@ -73,8 +73,8 @@ class MotionReader(Stage):
     )
 
     _opened: tuple[Any, MeshSeries] | None = None
-    _first: tuple[Any, Volume, Connectivity, NDArray[np.float64]] | None = None
-    _steps: dict[int, NDArray[np.float64]]
+    _first: tuple[Any, Volume, Connectivity, Floats] | None = None
+    _steps: dict[int, Floats]
 
     def __init__(self, **values: Any) -> None:
         self._steps = {}
@@ -138,14 +138,14 @@ class MotionReader(Stage):
             self._first = key, volume, Connectivity(data), rest
         return self._first[1]
 
-    def _displacement(self, series: MeshSeries, step: int) -> NDArray[np.float64]:
+    def _displacement(self, series: MeshSeries, step: int) -> Floats:
         if step not in self._steps:
             if len(self._steps) >= _HELD:
                 del self._steps[next(iter(self._steps))]
             self._steps[step] = self._read(series, step)
         return self._steps[step]
 
-    def _read(self, series: MeshSeries, step: int) -> NDArray[np.float64]:
+    def _read(self, series: MeshSeries, step: int) -> Floats:
         assert self._first is not None
         _, volume, cells, rest = self._first
         where = f"{series.file}, step {step} (t = {series.times[step]:g} s)"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
@@ -18,8 +17,7 @@ from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.rotation_coordinates import RotationCoordinates
 from spacemap_vtk.mechanics.supports import held_components
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: What a mover writes that is replaced here, and its order as a derivative of time.
 _RATES = ("velocity", "acceleration")
@@ -107,7 +105,7 @@ class RotationStrain(Stage):
         if len(rates) == 2:
             add_array(data, "acceleration", kernel.acceleration(linear, *rates))
 
-    def largest(self, cage: vtkUnstructuredGrid, linear: FloatArray) -> tuple[float, float]:
+    def largest(self, cage: vtkUnstructuredGrid, linear: Floats) -> tuple[float, float]:
         """Return by how much an element of a cage turns at most, and is strained at most.
 
         Parameters

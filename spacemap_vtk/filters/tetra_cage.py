@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     VTK_QUADRATIC_TETRA,
@@ -35,6 +35,7 @@ from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merged, read_blocks
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
@@ -184,9 +185,7 @@ class TetraCage(Stage):
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))
 
-    def _box(
-        self, data: vtkDataSet, cloth: Cloth | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _box(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
         chosen = self.divisions or _cubes(bounds)
@@ -236,9 +235,7 @@ class TetraCage(Stage):
         used, numbers = np.unique(groups, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
 
-    def _wild(
-        self, data: vtkDataSet, cloth: Cloth | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _wild(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
         low, high = np.array(whole).reshape(3, 2).T
         diagonal = float(np.linalg.norm(high - low))
@@ -312,9 +309,7 @@ class TetraCage(Stage):
             "distance": np.array(share * diagonal),
         }
 
-    def _filled(
-        self, surface: Outline, diagonal: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _filled(self, surface: Outline, diagonal: float) -> tuple[Floats, Ints]:
         vertices, made = filled(*surface, self.edge_length or diagonal / 10)
         tetrahedra, _, flat = mended(vertices, made)
         if not len(tetrahedra):
@@ -344,7 +339,7 @@ class TetraCage(Stage):
         output.ShallowCopy(volume.grid)
 
 
-def _cubes(bounds: NDArray[np.float64]) -> tuple[int, ...]:
+def _cubes(bounds: Floats) -> tuple[int, ...]:
     """Return the numbers of hexahedra of a box that are as good as cubes."""
     sides = bounds[:, 1] - bounds[:, 0]
     return tuple(np.maximum(1, np.rint(_ALONG * sides / sides.max())).astype(int).tolist())
@@ -354,10 +349,10 @@ def _touched_by_yarns(
     cloth: Cloth,
     kind: DTypeLike,
     whole: Sequence[float],
-    origin: NDArray[np.float64],
-    spacing: NDArray[np.float64],
+    origin: Floats,
+    spacing: Floats,
     divisions: Sequence[int],
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return the hexahedra that a cloth touches: as `touched`, of few yarns after others."""
     # `whole` are the bounds of all control points, which are of some `kind`.
     kept = np.zeros(divisions[::-1], np.bool_)

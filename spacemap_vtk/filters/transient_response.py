@@ -19,12 +19,12 @@ from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.supports import held_components, held_directions
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Flag, Real
 
 if TYPE_CHECKING:
     from spacemap_vtk.mechanics.transient import Stepped
 
-FloatArray = NDArray[np.float64]
 
 #: States of an entry on disk, and the seconds between two writings of one that is not full.
 _CHUNK, _PAUSE = 512, 5.0
@@ -203,7 +203,7 @@ class TransientResponse(LoadedCage):
 
     def _hung(
         self, grid: vtkUnstructuredGrid, modes: CageModes, vectors: list[LoadVector]
-    ) -> FloatArray:
+    ) -> Floats:
         """Return the displacement at rest under the loads at t = 0 [m], (V, 3)."""
         model, load = modes.model, modes.model.forces.copy()
         for vector in vectors:
@@ -250,9 +250,9 @@ class TransientResponse(LoadedCage):
         self._stored = len(rows), now
 
 
-def _read(digest: str) -> list[FloatArray]:
+def _read(digest: str) -> list[Floats]:
     """Return the states on disk, by entries."""
-    found: list[FloatArray] = []
+    found: list[Floats] = []
     while not found or len(found[-1]) == _CHUNK:
         shape = (-1, found[0].shape[1] if found else -1)
         entry = cache.load(f"steps-{digest}-{len(found)}", rows=shape)

@@ -6,9 +6,6 @@ from collections.abc import Iterable
 from copy import copy
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft, pattern_names
 from spacemap_vtk.fabric.cloth import AXES
@@ -16,6 +13,7 @@ from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.fabric.yarn import COTTON, PACKING, linear_density, twist
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Parameter, Real, Series
 
 _P = TypeVar("_P", bound=Parameter[Any])
@@ -108,7 +106,7 @@ class PerYarn(Series):
     each = "repeated over the yarns"
 
 
-def repeat_of(pattern: Any) -> NDArray[np.bool_]:
+def repeat_of(pattern: Any) -> Bools:
     """Return one repeat of a pattern."""
     return pattern_names.named(pattern) if isinstance(pattern, str) else draft.from_matrix(pattern)
 

@@ -7,7 +7,6 @@ from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
@@ -28,6 +27,7 @@ from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Floats
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
@@ -70,7 +70,7 @@ class WeaveSource(WeaveParameters):
     #: What is made of the cloth: where some of its yarns cross; None: all of it.
     _part: tuple[Share, Cloth] | None = None
     #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
-    _whole: tuple[Cloth, float | None, NDArray[np.float64] | None] | None = None
+    _whole: tuple[Cloth, float | None, Floats | None] | None = None
 
     @property
     def cloth(self) -> Cloth:

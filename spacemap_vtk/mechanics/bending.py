@@ -8,16 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.elasticity import VOIGT
 from spacemap_vtk.mechanics.elements import volumes
 from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.materials import volume_ratio
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: A mesh is thin along an axis where its extent is below this share of that along another one.
 _THIN = 1 / 3
@@ -66,7 +63,7 @@ class Proportions(NamedTuple):
         return self.thickness / self.height if self.long else float("inf")
 
 
-def proportions_of(vertices: FloatArray, tetrahedra: IntArray) -> Proportions:
+def proportions_of(vertices: Floats, tetrahedra: Ints) -> Proportions:
     """Return the shape of a mesh, as its bounding box tells it.
 
     Parameters
@@ -89,12 +86,7 @@ def proportions_of(vertices: FloatArray, tetrahedra: IntArray) -> Proportions:
     return Proportions(normal, long, float(extent[normal]), float(width), float(size[normal]))
 
 
-def locking(
-    vertices: FloatArray,
-    tetrahedra: IntArray,
-    elasticity: FloatArray,
-    held: NDArray[np.bool_],
-) -> Locking:
+def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools) -> Locking:
     """Estimate how many times too stiffly a sheet or bar of tetrahedra bends and twists.
 
     Parameters
@@ -167,7 +159,7 @@ def locking(
     return Locking(max(float(stiffer.min()), 1.0), max(float(stiffer.max()), 1.0))
 
 
-def _compressible(elasticity: FloatArray) -> FloatArray:
+def _compressible(elasticity: Floats) -> Floats:
     """Return the material with Poisson's ratios lowered to those that the estimate holds for."""
     ratio = volume_ratio(elasticity)
     if ratio <= _RATIO:
@@ -180,7 +172,7 @@ def _compressible(elasticity: FloatArray) -> FloatArray:
 class _Plate:
     """A sheet of linear tetrahedra, whose vertices go where those of a curved plate do."""
 
-    def __init__(self, vertices: FloatArray, corners: IntArray, normal: int) -> None:
+    def __init__(self, vertices: Floats, corners: Ints, normal: int) -> None:
         self.volume = volumes(vertices, corners)
         self._vertices, self._normal = vertices, normal
         self._gradient = MeanGradient(vertices, corners)
@@ -189,7 +181,7 @@ class _Plate:
         z = self._z[corners]
         self._second_moment = float(self.volume @ ((z**2).sum(axis=1) + z.sum(axis=1) ** 2)) / 20
 
-    def strains(self, first: int, other: int) -> FloatArray:
+    def strains(self, first: int, other: int) -> Floats:
         """Return the strains in a unit curvature along an axis, or in a unit twist along two."""
         x, y = self._vertices[:, first], self._vertices[:, other]
         field = np.zeros_like(self._vertices)
@@ -197,13 +189,13 @@ class _Plate:
         field[:, self._normal] = -x * y / (2 if first == other else 1)
         return strains(self._gradient.of(field))
 
-    def times(self, elasticity: FloatArray, first: int, other: int) -> float:
+    def times(self, elasticity: Floats, first: int, other: int) -> float:
         """Return the energy of these strains over that of the plate."""
         field = np.zeros_like(self._vertices)
         field[:, self._normal] = self._z**2
         bent, swollen = self.strains(first, other), strains(self._gradient.of(field))
 
-        def work(a: FloatArray, b: FloatArray) -> float:
+        def work(a: Floats, b: Floats) -> float:
             return float(self.volume @ ((a @ elasticity) * b).sum(axis=1))
 
         # The thickness swells where that frees energy: plane stress, as far as there are layers.
@@ -217,7 +209,7 @@ class _Plate:
         return energy / (size * plate * self._second_moment)
 
 
-def _plane(elasticity: FloatArray, axes: list[int]) -> FloatArray:
+def _plane(elasticity: Floats, axes: list[int]) -> Floats:
     """Return the elasticity in plane stress, (3, 3): along two axes, and in shear."""
     rows = [*axes, VOIGT[axes[0], axes[1]]]
     return np.linalg.inv(np.linalg.inv(elasticity)[np.ix_(rows, rows)])
@@ -226,15 +218,13 @@ def _plane(elasticity: FloatArray, axes: list[int]) -> FloatArray:
 class _Ritz:
     """A thin plate on a sheet's rectangle, held where the sheet is, in products of polynomials."""
 
-    def __init__(
-        self, vertices: FloatArray, corners: IntArray, held: NDArray[np.bool_], sheet: Proportions
-    ) -> None:
+    def __init__(self, vertices: Floats, corners: Ints, held: Bools, sheet: Proportions) -> None:
         low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
         weights, polynomials = _quadrature()
         sides = extent[sheet.long] / extent.max()
         bases = [[each / side**k for k, each in enumerate(polynomials)] for side in sides]
 
-        def integral(x: tuple[int, int], y: tuple[int, int]) -> FloatArray:
+        def integral(x: tuple[int, int], y: tuple[int, int]) -> Floats:
             """Of a derivative of each function times one of each other."""
             parts = [
                 base[first].T @ (weights[:, None] * base[other])
@@ -274,7 +264,7 @@ class _Ritz:
         #: Of the curvatures along x, along y, of their product, and of the twist.
         self._squares = np.array([free.T @ square @ free for square in curvatures])
 
-    def stiffer(self, plate: FloatArray, factors: FloatArray) -> FloatArray:
+    def stiffer(self, plate: Floats, factors: Floats) -> Floats:
         """Return of each of the lowest modes how much less it yields with factors, (n,)."""
         if not self._squares.size:
             return factors
@@ -290,13 +280,13 @@ class _Ritz:
 
 
 @cache
-def _quadrature() -> tuple[FloatArray, list[FloatArray]]:
+def _quadrature() -> tuple[Floats, list[Floats]]:
     """Return Gauss's weights, and the polynomials and their derivatives at his places."""
     gauss, weights = legendre.leggauss(_DEGREE + 1)
     return weights, [_polynomials(gauss, k) for k in range(3)]
 
 
-def _polynomials(places: FloatArray, derivative: int) -> FloatArray:
+def _polynomials(places: Floats, derivative: int) -> Floats:
     """Return orthonormal polynomials from -1 to 1, or a derivative, (n, _DEGREE + 1)."""
     each = np.diag(np.sqrt(np.arange(_DEGREE + 1) + 0.5))
     values = legendre.legval(places, legendre.legder(each, derivative))
@@ -304,11 +294,7 @@ def _polynomials(places: FloatArray, derivative: int) -> FloatArray:
 
 
 def _varying_twist(
-    vertices: FloatArray,
-    held: NDArray[np.bool_],
-    sheet: Proportions,
-    plate: _Plate,
-    elasticity: FloatArray,
+    vertices: Floats, held: Bools, sheet: Proportions, plate: _Plate, elasticity: Floats
 ) -> float:
     """Return by how much quadratic tetrahedra are above 1 in twist, see `locking`."""
     from scipy.spatial import cKDTree  # with all it brings: a tenth of a second

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +15,7 @@ from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.factors import Solve, factorise
 from spacemap_vtk.mechanics.multifrontal import Analysis
 from spacemap_vtk.mechanics.strains import Strains
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Progress = Callable[[float], object]
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Share of its diagonal that is added to a stiffness, so that motions without energy are solved
 #: for; and the most that it is raised to, where rounding leaves a definite one indefinite.
@@ -32,11 +29,11 @@ class Part(NamedTuple):
     """Elements of one kind at some positions."""
 
     kind: Strains
-    strain: FloatArray
+    strain: Floats
     """ε, (E, Q, s)."""
-    gradients: FloatArray
+    gradients: Floats
     """G, (E, Q, s, n, 3)."""
-    stress: FloatArray
+    stress: Floats
     """C ε, (E, Q, s)."""
 
 
@@ -47,8 +44,8 @@ class Body:
         self,
         strains: Sequence[Strains],
         basis: sp.csr_matrix,
-        start: FloatArray,
-        load: FloatArray,
+        start: Floats,
+        load: Floats,
         progress: Progress,
     ) -> None:
         self.strains, self.basis, self.start, self.load = strains, basis.tocsr(), start, load
@@ -80,7 +77,7 @@ class Body:
         values = np.concatenate([block.ravel() for block in blocks])[self._entry]
         return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
 
-    def at(self, z: FloatArray) -> list[Part]:
+    def at(self, z: Floats) -> list[Part]:
         """Return all strains and stresses at some positions."""
         return [
             Part(kind, strain, gradients, kind.stresses(strain))
@@ -89,7 +86,7 @@ class Body:
         ]
 
     def tangent(
-        self, parts: list[Part], stresses: list[FloatArray] | None = None, firm: float = 0.0
+        self, parts: list[Part], stresses: list[Floats] | None = None, firm: float = 0.0
     ) -> sp.csr_matrix:
         """Return K, with other stresses, and without a share of those that do not pull."""
         blocks = [
@@ -100,34 +97,33 @@ class Body:
         ]
         return self.matrix(blocks)
 
-    def forces(self, parts: list[Part], share: float) -> FloatArray:
+    def forces(self, parts: list[Part], share: float) -> Floats:
         """Return what a share of the load leaves unbalanced, (N,)."""
         total = -share * self.load
         for kind, _, gradients, stress in parts:
             total += kind.summed(stress, gradients, len(total))
         return self.along_free(total)
 
-    def along_free(self, nodal: FloatArray) -> FloatArray:
+    def along_free(self, nodal: Floats) -> Floats:
         """Return Tᵀ f of nodal forces (V, 3)."""
-        force: FloatArray = self._across @ nodal.ravel()
-        return force
+        return self._across @ nodal.ravel()
 
-    def moved(self, q: FloatArray) -> FloatArray:
+    def moved(self, q: Floats) -> Floats:
         """Return T q as a move of nodal vectors, (V, 3)."""
         return (self.basis @ q).reshape(-1, 3)
 
-    def turn(self, move: FloatArray) -> float:
+    def turn(self, move: Floats) -> float:
         """Return the largest rotation of a move [rad], above zero."""
         return max(np.finfo(float).tiny, *(kind.turn(move) for kind in self.strains))
 
-    def inside_out(self, z: FloatArray) -> bool:
+    def inside_out(self, z: Floats) -> bool:
         """Tell whether an element is: its energy would be as low as that of its mirror image."""
         return any(
             bool((kind.handedness(z) * kind.handedness(self.start) <= 0).any())
             for kind in self.strains
         )
 
-    def along(self, parts: list[Part], move: FloatArray, share: float) -> FloatArray:
+    def along(self, parts: list[Part], move: Floats, share: float) -> Floats:
         """Return the energy at z + a Δz less that at z: the coefficients of a⁴ to 1."""
         powers = np.zeros(5)
         for kind, _, gradients, stress in parts:
@@ -172,16 +168,14 @@ class Body:
         except RuntimeError as error:
             raise SolverError("the matrix of a step is singular") from error
 
-        def solved(right: FloatArray) -> FloatArray:
+        def solved(right: Floats) -> Floats:
             result = np.empty_like(right)
             result[order] = solve(right[order])
             return result
 
         return solved
 
-    def lowest(
-        self, matrix: sp.csr_matrix, definite: sp.csr_matrix
-    ) -> tuple[float, FloatArray, Solve]:
+    def lowest(self, matrix: sp.csr_matrix, definite: sp.csr_matrix) -> tuple[float, Floats, Solve]:
         """Return the lowest eigenvalue of a matrix against another, its vector, and 1/the other."""
         solve, size = self.definite(definite), matrix.shape[0]
         definite = self._shifted(definite)
@@ -189,7 +183,7 @@ class Body:
             values, vectors = la.eigh(matrix.toarray(), definite.toarray(), subset_by_index=[0, 0])
             return float(values[0]), vectors[:, 0], solve
 
-        def divided(right: FloatArray) -> FloatArray:
+        def divided(right: Floats) -> Floats:
             self.report()
             return solve(right)
 
@@ -230,7 +224,7 @@ class Body:
         return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
 
 
-def _crossings(nodes: IntArray, basis: sp.csr_matrix) -> tuple[IntArray, FloatArray, IntArray]:
+def _crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
     """Return entries of elements' matrices, with what weight, and as what Tᵀ K T has them."""
     elements, wide = len(nodes), 3 * nodes.shape[1]
     part = basis[(3 * nodes[:, :, None] + np.arange(3)).ravel()]

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics import loads as forces
@@ -16,9 +16,7 @@ from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.residual_vectors import participation
 from spacemap_vtk.mechanics.shell import LegGradient
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 
 class LoadVector(NamedTuple):
@@ -28,20 +26,20 @@ class LoadVector(NamedTuple):
     """Name and size of each elementary vector that it is a sum of."""
     function: TimeFunction
     """The factor."""
-    moves_base: FloatArray | None = None
+    moves_base: Floats | None = None
     """The displacement of the base [m], for which the vector is the mass times it."""
     pressure: float = 0.0
     """The pressure that stays normal to `faces` [Pa]; `parts` are those where nothing has moved."""
-    faces: IntArray | None = None
+    faces: Ints | None = None
     """(f, k) of a wall, see `spacemap_vtk.mechanics.loads.Wall`; None of all other loads."""
 
 
 class Basis(NamedTuple):
     """The shapes that a cage moves in."""
 
-    eigenvalues: FloatArray
+    eigenvalues: Floats
     """(n + k,): of the modes and of the residual vectors."""
-    shapes: FloatArray
+    shapes: Floats
     """(n + k, 3V)."""
 
 
@@ -50,7 +48,7 @@ FAR = 0.05
 
 
 #: Displacements under forces, (3V, m), and the share of each that is rounding, (m,).
-Statics = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+Statics = Callable[[Floats], tuple[Floats, Floats]]
 
 
 class CageModes:
@@ -71,14 +69,12 @@ class CageModes:
     # Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
     # solutions are kept by name, so that another size of a load solves nothing.
 
-    def __init__(
-        self, model: Model, eigenvalues: FloatArray, shapes: FloatArray, rounding: FloatArray
-    ) -> None:
+    def __init__(self, model: Model, eigenvalues: Floats, shapes: Floats, rounding: Floats) -> None:
         self.model, self.eigenvalues, self.shapes = model, eigenvalues, shapes
         self.eigenvalue_rounding = rounding
         self.nodal_mass = model.nodal_mass
-        self._forces: dict[str, FloatArray] = {}
-        self._statics: dict[str, FloatArray] = {}
+        self._forces: dict[str, Floats] = {}
+        self._statics: dict[str, Floats] = {}
         self._rounding: dict[str, float] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
 
@@ -115,7 +111,7 @@ class CageModes:
             return MeanGradient(self.model.points + moved, self.model.cells)
         return LegGradient(self.model.points, surface, moved)
 
-    def strained(self, moved: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def strained(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
         """Return strain and stress of each tetrahedron.
 
         Parameters
@@ -138,22 +134,22 @@ class CageModes:
         return self.model.strained(moved)
 
     @cached_property
-    def effective_masses(self) -> FloatArray:
+    def effective_masses(self) -> Floats:
         """Of each mode along x, y and z [kg], (n, 3)."""
         return participation(self.shapes, self.nodal_mass) ** 2
 
     @cached_property
-    def movable_mass(self) -> FloatArray:
+    def movable_mass(self) -> Floats:
         """What the effective masses of all modes sum to, (3,) in kg."""
         return self.model.movable_mass
 
     @property
-    def frequencies(self) -> FloatArray:
+    def frequencies(self) -> Floats:
         """Frequencies without damping in Hz, (n,); 0 of what no stiffness brings back."""
         return np.asarray(np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi))
 
     @property
-    def mass_shares(self) -> FloatArray:
+    def mass_shares(self) -> Floats:
         """Effective masses as shares of what can move along x, y and z, (n, 3)."""
         masses, movable = self.effective_masses, self.movable_mass
         # A cage held along an axis everywhere has nothing to move along it.
@@ -222,7 +218,7 @@ class CageModes:
         self._forces[f"array {place}"] = np.ravel(value)
         return LoadVector(((f"array {place}", 1.0),), function)
 
-    def force(self, vector: LoadVector) -> FloatArray:
+    def force(self, vector: LoadVector) -> Floats:
         """Return a vector's forces.
 
         Parameters
@@ -301,7 +297,7 @@ class CageModes:
         names = {name for vector in vectors for name, _ in vector.parts}
         return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
-    def loaded_axes(self, vectors: Sequence[LoadVector]) -> NDArray[np.bool_]:
+    def loaded_axes(self, vectors: Sequence[LoadVector]) -> Bools:
         """Return along which axes the loads have a resultant.
 
         Parameters
@@ -320,7 +316,7 @@ class CageModes:
             loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
         return loaded
 
-    def _elementary(self, name: str) -> FloatArray:
+    def _elementary(self, name: str) -> Floats:
         if name not in self._forces:
             kind, _, axis = name.rpartition(" ")
             unit = np.eye(3)[int(axis)]
@@ -333,5 +329,5 @@ class CageModes:
         return self._forces[name]
 
 
-def _axes(kind: str, vector: Sequence[float] | FloatArray) -> tuple[tuple[str, float], ...]:
+def _axes(kind: str, vector: Sequence[float] | Floats) -> tuple[tuple[str, float], ...]:
     return tuple((f"{kind} {axis}", float(v)) for axis, v in enumerate(vector) if v != 0.0)

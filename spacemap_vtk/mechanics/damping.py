@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import format_quantity
-
-FloatArray = NDArray[np.float64]
 
 
 class Damping(NamedTuple):
@@ -25,7 +23,7 @@ class Damping(NamedTuple):
     ratio: float | tuple[float, ...] = 0.0
     """ζ of every mode that has a frequency; or of each mode, the last one's for all that follow."""
 
-    def alphas(self, eigenvalues: FloatArray) -> FloatArray:
+    def alphas(self, eigenvalues: Floats) -> Floats:
         """Return what acts like an α of each mode's own: α + 2ζ√λ.
 
         Parameters
@@ -42,7 +40,7 @@ class Damping(NamedTuple):
         ratios = given[np.minimum(np.arange(len(eigenvalues)), len(given) - 1)]
         return np.asarray(self.alpha + 2.0 * ratios * np.sqrt(eigenvalues))
 
-    def halves(self, eigenvalues: FloatArray) -> FloatArray:
+    def halves(self, eigenvalues: Floats) -> Floats:
         """Return h of each mode, its rate of decay where it swings.
 
         Parameters

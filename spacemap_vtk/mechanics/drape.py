@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Lines on which a shadow is measured: four digits of it hold, and all of a polygon between lines.
 LINES = 2000
 
 
-def shadow(
-    points: FloatArray, triangles: NDArray[np.int64], direction: ArrayLike, lines: int = LINES
-) -> float:
+def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = LINES) -> float:
     """Return the area of the shadow of a surface: what lies one above the other counts once.
 
     Parameters

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy import linalg as la
 
 from spacemap_vtk.errors import InputError, SolverError
@@ -22,9 +20,7 @@ from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
 from spacemap_vtk.mechanics.pencil import Pencil
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[float], object]
+from spacemap_vtk.ndarrays import Bools, Floats, Progress
 
 #: Up to here the dense solver is no slower.
 DENSE = 600
@@ -61,11 +57,11 @@ _ROUNDING = 2.0**-53
 class Modes(NamedTuple):
     """The lowest modes of a supported mesh."""
 
-    eigenvalues: FloatArray
+    eigenvalues: Floats
     """λ = ω² [1/s²], ascending, (n,); exactly 0.0 for a rigid mode."""
-    shapes: FloatArray
+    shapes: Floats
     """Mode shapes [1/√kg], (n, V, 3)."""
-    rounding: FloatArray
+    rounding: Floats
     """An estimate, from above, of the share of each λ that is rounding, (n,): 0 to 1."""
 
 
@@ -135,9 +131,7 @@ def _ignore(_: float) -> None:
     pass
 
 
-def _of_components(
-    pencil: Pencil, count: int, report: Progress
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats, Floats, Floats]:
     """Return λ of the lowest modes of all components, these, (N, n), and their rounding."""
     total = pencil.size
     rows, solved, done, top = [], [], 0, math.inf
@@ -173,7 +167,7 @@ def _of_components(
     return eigenvalues[lowest], modes, rounding[lowest]
 
 
-def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray:
+def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
     """Return at least the lowest modes of a component."""
     size = component.size
     if size <= 6 and component.nodes is not None and component.motions.shape[1] == size:
@@ -201,7 +195,7 @@ def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray
     return _refined(component, modes)
 
 
-def _refined(component: Pencil, modes: FloatArray) -> FloatArray:
+def _refined(component: Pencil, modes: Floats) -> Floats:
     """Return modes of a dense solver without what rounding has mixed into the lowest."""
     # It mixes in a share of the highest eigenvalue, which of a sheet is its thickness's. The
     # inverse's lowest modes have none of it, as the factors are good to each row's own size.
@@ -224,7 +218,7 @@ def _refined(component: Pencil, modes: FloatArray) -> FloatArray:
     return np.concatenate([low, high - low @ (low.T @ (mass @ high))], axis=1)
 
 
-def _evaluated(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats]:
     """Return λ of the modes of a component, ascending, these modes, and their rounding."""
     # The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
     # of both solvers equal down to rounding in K itself.
@@ -252,25 +246,19 @@ def _evaluated(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatA
     return eigenvalues[order], modes[:, order], rounding[order]
 
 
-def _energies(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _energies(component: Pencil, modes: Floats) -> tuple[Floats, Floats]:
     """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
     size = abs(modes)
     energy = np.einsum("nk,nk->k", modes, component.stiffness @ modes)
     return energy, np.einsum("nk,nk->k", size, abs(component.stiffness) @ size)
 
 
-def _fields(component: Pencil, modes: FloatArray) -> FloatArray:
+def _fields(component: Pencil, modes: Floats) -> Floats:
     """Return the modes of a component as displacements of all vertices, (n, V, 3)."""
-    fields: FloatArray = (component.basis @ modes).T.reshape(modes.shape[1], -1, 3)
-    return fields
+    return (component.basis @ modes).T.reshape(modes.shape[1], -1, 3)
 
 
-def _told_by_strains(
-    component: Pencil,
-    modes: FloatArray,
-    lowest: NDArray[np.bool_],
-    motions: FloatArray,
-) -> FloatArray:
+def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: Floats) -> Floats:
     """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others."""
     # Each is freed of those before it alone, which have less energy: what is left of them in it
     # does no harm, where a trace of a high mode in a low one would.
@@ -300,14 +288,14 @@ def _told_by_strains(
     return la.solve_triangular(factor, both.T, lower=True).T
 
 
-def _counted(component: Pencil, count: int, report: Progress) -> FloatArray:
+def _counted(component: Pencil, count: int, report: Progress) -> Floats:
     """Return a few more than the lowest modes, none of them missed."""
     # A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
     # negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
     # that is wanted, and so a few more are solved for.
     for attempt, share in enumerate(_SHARES):
 
-        def solve(seed: int = attempt) -> tuple[FloatArray, FloatArray]:
+        def solve(seed: int = attempt) -> tuple[Floats, Floats]:
             return lowest_modes(
                 component.factorised(lambda part: report(0.3 * part)).solve,
                 component.stiffness,
@@ -342,7 +330,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> FloatArray:
 
 
 def _verify(
-    stiffness: sp.csr_matrix, mass: sp.csr_matrix, eigenvalues: FloatArray, modes: FloatArray
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, eigenvalues: Floats, modes: Floats
 ) -> None:
     """Say which mode is wrong."""
     if eigenvalues.min() < 0:
@@ -365,7 +353,7 @@ def _verify(
         )
 
 
-def _signs(modes: FloatArray) -> FloatArray:
+def _signs(modes: Floats) -> Floats:
     """Return the signs that make the first of the largest components of each mode positive."""
     # Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
     # ones often are, and rounding would choose between them.

@@ -19,14 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements import (
-    FloatArray,
-    IntArray,
-    checked_mesh,
-    edges_and_volumes,
-    element,
-    volumes,
-)
+from spacemap_vtk.mechanics.elements import checked_mesh, edges_and_volumes, element, volumes
+from spacemap_vtk.ndarrays import Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -40,27 +34,25 @@ class Assembly:
     """What a mesh of tetrahedra contributes to K and M, whatever its material."""
 
     #: The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
-    indptr: IntArray
-    indices: IntArray
+    indptr: Ints
+    indices: Ints
     #: (P, 9) ∫ N_a,k N_b,l of each pair, column 3 k + l [m]; as the others times a factor of each
     #: tetrahedron, where there are any.
-    gradients: FloatArray
+    gradients: Floats
     #: (P,) ∫ N_a N_b of each pair [m³].
-    products: FloatArray
+    products: Floats
     #: (V,) Each vertex's share of the volume, for a lumped mass [m³].
-    lumps: FloatArray
+    lumps: Floats
 
 
-def barycentric_gradients(
-    points: FloatArray, tetrahedra: IntArray
-) -> tuple[FloatArray, FloatArray]:
+def barycentric_gradients(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]:
     """Return the gradients of the barycentric coordinates, and the volumes."""
     edges, volume = edges_and_volumes(points, tetrahedra)
     # ∇L_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
     # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
     cross = np.cross(edges[:, [1, 2, 0]], edges[:, [2, 0, 1]])
     rest = cross / np.einsum("tk,tk->t", edges[:, 0], cross[:, 0])[:, None, None]
-    gradients: FloatArray = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+    gradients: Floats = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
     return gradients, volume
 
 
@@ -69,8 +61,8 @@ def nodal_mass(
     tetrahedra: ArrayLike,
     density: float,
     lumped: bool = False,
-    factors: FloatArray | None = None,
-) -> FloatArray:
+    factors: Floats | None = None,
+) -> Floats:
     """Return the share of the mass that belongs to each vertex."""
     _check_density(density)
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
@@ -84,8 +76,8 @@ def nodal_mass(
 def assemble(
     points: ArrayLike,
     tetrahedra: ArrayLike,
-    stiffness_factors: FloatArray | None = None,
-    mass_factors: FloatArray | None = None,
+    stiffness_factors: Floats | None = None,
+    mass_factors: Floats | None = None,
 ) -> Assembly:
     """Sum the geometric part of K and M over the tetrahedra, each as many times as is said."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
@@ -150,7 +142,7 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
     return sp.kron(sp.csr_matrix(parts, shape=(count, count)), sp.identity(3), format="csr")
 
 
-def _summed(places: IntArray, values: FloatArray, count: int) -> FloatArray:
+def _summed(places: Ints, values: Floats, count: int) -> Floats:
     """Return the sum of the values at each place."""
     return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)
 

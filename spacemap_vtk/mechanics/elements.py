@@ -16,12 +16,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import GeometryError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: A tetrahedron is flat when six times its volume is below this share of its longest edge cubed:
 #: closer to zero, rounding in the edges alone decides the volume.
@@ -31,13 +29,13 @@ FLAT = 1e-12
 STRAIGHT = 1e-6
 
 
-def volumes(points: ArrayLike, tetrahedra: ArrayLike) -> FloatArray:
+def volumes(points: ArrayLike, tetrahedra: ArrayLike) -> Floats:
     """Return the volume of each tetrahedron, of either orientation."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     return edges_and_volumes(points, tetrahedra)[1]
 
 
-def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[FloatArray, IntArray]:
+def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints]:
     """Return the mesh as float64 and int64 arrays, or say what is wrong with it."""
     vertices = np.asarray(points, dtype=np.float64)
     cells = np.asarray(tetrahedra)
@@ -68,7 +66,7 @@ def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[FloatArray, 
     return vertices, cells
 
 
-def edges_and_volumes(points: FloatArray, tetrahedra: IntArray) -> tuple[FloatArray, FloatArray]:
+def edges_and_volumes(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]:
     """Return what the shape functions of each tetrahedron are made of."""
     corners = points[tetrahedra[:, :4]]
     edges = corners[:, 1:] - corners[:, :1]
@@ -105,12 +103,12 @@ class Element(NamedTuple):
     """A tetrahedron of n nodes, of unit volume."""
 
     #: (n, n) ∫ N_a N_b / V.
-    products: FloatArray
+    products: Floats
     #: (4, 4, n, n) ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
-    slopes: FloatArray
+    slopes: Floats
     #: (n,) Each node's share of a lumped mass: the diagonal of the consistent one, scaled to the
     #: mass. Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976) 245.
-    lumps: FloatArray
+    lumps: Floats
 
 
 def element(nodes: int) -> Element:
@@ -118,7 +116,7 @@ def element(nodes: int) -> Element:
     return _ELEMENTS[nodes]
 
 
-def shape_functions(weights: FloatArray) -> FloatArray:
+def shape_functions(weights: Floats) -> Floats:
     """Return the ten shape functions of quadratic tetrahedra.
 
     Parameters
@@ -136,7 +134,7 @@ def shape_functions(weights: FloatArray) -> FloatArray:
     return np.concatenate([corners, middles], axis=1)
 
 
-def shape_slopes(weights: FloatArray) -> FloatArray:
+def shape_slopes(weights: Floats) -> Floats:
     """Return the derivatives of the ten shape functions to the barycentric coordinates.
 
     Parameters
@@ -190,9 +188,7 @@ def _quadratic() -> Element:
 _ELEMENTS = {4: _linear(), 10: _quadratic()}
 
 
-def with_midpoints(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def with_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:
     """Return a mesh with a vertex in the middle of each edge, shared by those that meet there.
 
     Parameters

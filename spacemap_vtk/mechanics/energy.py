@@ -16,8 +16,9 @@ import numpy as np
 
 from spacemap_vtk.mechanics.harmonic import ComplexArray, from_rest
 from spacemap_vtk.mechanics.motion import ModalMotion, State
-from spacemap_vtk.mechanics.oscillator import FloatArray, kernels
+from spacemap_vtk.mechanics.oscillator import kernels
 from spacemap_vtk.mechanics.timefunctions import Pieces
+from spacemap_vtk.ndarrays import Floats
 
 #: Below this share of λ + Ω² the factor of H has lost too many digits, and H is integrated.
 RESONANT = 1e-4
@@ -55,7 +56,7 @@ class Account:
         self._marks, self._states = [0.0], [first]
         self._works = [float(_stored(motion, first))]
         #: The piece that was asked for last, its load at its start, and the slope.
-        self._last: tuple[int, FloatArray, FloatArray] | None = None
+        self._last: tuple[int, Floats, Floats] | None = None
         self._lossless = not motion.half.any()
         functions = [drive.function for drive in motion.drives]
         #: Pieces that start in a second.
@@ -119,7 +120,7 @@ class Account:
             self._marks += ends.tolist()
             self._states += list(after)
 
-    def _load(self, begins: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _load(self, begins: Floats) -> tuple[Floats, Floats]:
         """Return the piecewise linear load, and its slope, where spans begin, (p, n)."""
         shape = len(begins), len(self._motion.stiffness)
         load, slope = np.zeros(shape), np.zeros(shape)
@@ -132,13 +133,13 @@ class Account:
 
     def _work(
         self,
-        begins: FloatArray,
-        ends: FloatArray,
-        firsts: FloatArray,
-        lasts: FloatArray,
-        load: FloatArray,
-        slope: FloatArray,
-    ) -> FloatArray:
+        begins: Floats,
+        ends: Floats,
+        firsts: Floats,
+        lasts: Floats,
+        load: Floats,
+        slope: Floats,
+    ) -> Floats:
         """Return the work of the loads over spans in which no piece starts, (p,)."""
         # The states at their ends, (p, 2, n), are those before a jump that happens there.
         motion = self._motion
@@ -162,18 +163,18 @@ class _Spells(NamedTuple):
     """Motions from given states to given states, each under a linear load and sines."""
 
     motion: ModalMotion
-    spans: FloatArray
+    spans: Floats
     """(p, 1)."""
-    firsts: FloatArray
-    lasts: FloatArray
+    firsts: Floats
+    lasts: Floats
     """(p, 2, n)."""
-    load: FloatArray
-    slope: FloatArray
+    load: Floats
+    slope: Floats
     """(p, n)."""
     sines: list[tuple[ComplexArray, float]]
     """Phasors (p, n), and Ω."""
 
-    def integral(self) -> FloatArray:
+    def integral(self) -> Floats:
         """Return ∫ q."""
         stiffness, half = self.motion.stiffness, self.motion.half
         kernel = kernels(stiffness, half, self.spans)
@@ -227,13 +228,13 @@ class _Spells(NamedTuple):
         return np.asarray((weighted * motion).sum(axis=0))
 
 
-def _turned(omega: float, spans: FloatArray) -> ComplexArray:
+def _turned(omega: float, spans: Floats) -> ComplexArray:
     """Return ∫ e^{iωs} ds."""
     turned: ComplexArray = np.exp(0.5j * omega * spans) * np.sinc(omega * spans / (2 * math.pi))
     return spans * turned
 
 
-def _stored(motion: ModalMotion, states: FloatArray) -> FloatArray:
+def _stored(motion: ModalMotion, states: Floats) -> Floats:
     """Return kinetic and strain energy of states (…, 2, n)."""
     q, rate = states[..., 0, :], states[..., 1, :]
     return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))

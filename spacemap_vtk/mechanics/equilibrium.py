@@ -17,20 +17,17 @@ less energy allows short steps only. Three things make the way short:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.body import Body, Part
 from spacemap_vtk.mechanics.strains import Strains
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[float], object]
+from spacemap_vtk.ndarrays import Floats, Progress
 
 #: Unbalanced share of the load up to which a state is one of equilibrium; or the share of the
 #: energy that a further step would win, where forces have no more digits.
@@ -73,7 +70,7 @@ FREE = 0.01
 class Equilibrium(NamedTuple):
     """A stable state."""
 
-    positions: FloatArray
+    positions: Floats
     """Nodal vectors (V, 3)."""
     steps: int
     """Linear systems that were solved."""
@@ -86,8 +83,8 @@ class Equilibrium(NamedTuple):
 def equilibrium(
     strains: Sequence[Strains],
     basis: sp.csr_matrix,
-    start: FloatArray,
-    load: FloatArray,
+    start: Floats,
+    load: Floats,
     *,
     progress: Progress | None = None,
     steps: int = 1200,
@@ -138,7 +135,7 @@ def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError
 class _Search:
     """The search for a stable state under a share of the load, from one under a smaller share."""
 
-    def __init__(self, body: Body, start: FloatArray, before: float, share: float) -> None:
+    def __init__(self, body: Body, start: Floats, before: float, share: float) -> None:
         self._body, self._start, self._before, self._share = body, start, before, share
         self._z, self._best, self._least, self._since = start, start, np.inf, 0
         #: What the last step would have won, the least of these lately, and how often not less.
@@ -147,11 +144,11 @@ class _Search:
         self._firm = 1.0
         #: Whether each step has to lower the energy; if not, stresses of the last step's solution.
         self._careful = False
-        self._carried: list[FloatArray] | None = None
+        self._carried: list[Floats] | None = None
         #: Share of the load at which the straight way stops being stable.
         self.critical: float | None = None
 
-    def run(self, limit: int) -> tuple[FloatArray, float] | None:
+    def run(self, limit: int) -> tuple[Floats, float] | None:
         """Return the state and its residual, or None where it takes more steps."""
         body, share = self._body, self._share
         full = share * float(np.linalg.norm(body.along_free(body.load)))
@@ -208,12 +205,12 @@ class _Search:
         self._go_back(self._best)
         return True
 
-    def _go_back(self, z: FloatArray) -> None:
+    def _go_back(self, z: Floats) -> None:
         """Begin anew at some positions, with steps that lower the energy."""
         self._z, self._best, self._least, self._since = z, z, np.inf, 0
         self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
 
-    def _step(self, parts: list[Part], move: FloatArray) -> None:
+    def _step(self, parts: list[Part], move: Floats) -> None:
         """Make a step along a move, and choose the next tangent."""
         most = TURN / self._body.turn(move)
         if self._careful:
@@ -266,7 +263,7 @@ class _Search:
         return True
 
 
-def _least(powers: FloatArray, most: float) -> tuple[float, float]:
+def _least(powers: Floats, most: float) -> tuple[float, float]:
     """Return the least value above zero, up to `most`, of a polynomial, and where it has it."""
     roots = np.roots(np.polyder(powers))
     sizes = np.append(roots.real[abs(roots.imag) <= 1e-9 * abs(roots)], most)

@@ -13,14 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.multifrontal import Analysis, Cholesky
+from spacemap_vtk.ndarrays import Floats, Progress
 
-FloatArray = NDArray[np.float64]
-Solve = Callable[[FloatArray], FloatArray]
-Progress = Callable[[float], object]
+Solve = Callable[[Floats], Floats]
 
 #: CHOLMOD's errors when memory is short, which are no MemoryError before scikit-sparse 0.5.
 _TOO_LARGE = ("CholmodOutOfMemoryError", "CholmodTooLargeError", "CholmodOverflowError")
@@ -76,7 +74,7 @@ def pardiso(matrix: sp.csr_matrix) -> Solve:
     upper = sp.triu(matrix, format="csr")
     solver.factorize(upper)
 
-    def solve(right: FloatArray) -> FloatArray:
+    def solve(right: Floats) -> Floats:
         return np.asarray(solver.solve(upper, np.asfortranarray(right)))
 
     # MKL holds the factors, and Python's garbage collector knows nothing of them.

@@ -16,8 +16,7 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.mechanics.loads import traction, wall
 from spacemap_vtk.mechanics.places import SIDES, Masks, caught, directions, parse
 from spacemap_vtk.mechanics.supports import held_components, held_directions, rigid_bodies
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: The units of what is fitted; the second of a spring is per area.
 SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
@@ -26,17 +25,17 @@ SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
 class Fittings(NamedTuple):
     """Arrays of what is fitted; None where nothing is."""
 
-    normals: FloatArray | None = None
+    normals: Floats | None = None
     """(V, 3, 3), Σ n nᵀ over the directions n that a vertex is held along."""
-    bodies: NDArray[np.int64] | None = None
+    bodies: Ints | None = None
     """(V,), the number of the rigid body that a vertex belongs to, from 1 on; 0 of none."""
-    springs: FloatArray | None = None
+    springs: Floats | None = None
     """(V, 3, 3), stiffness against the base [N/m]."""
-    masses: FloatArray | None = None
+    masses: Floats | None = None
     """(V,), in kg."""
-    stiffness_factors: FloatArray | None = None
+    stiffness_factors: Floats | None = None
     """(T,), by which the elasticity of each tetrahedron is multiplied."""
-    mass_factors: FloatArray | None = None
+    mass_factors: Floats | None = None
     """(T,), by which its density is."""
 
     @property
@@ -50,14 +49,14 @@ NONE = Fittings()
 
 
 def fitted(
-    vertices: FloatArray,
-    cells: NDArray[np.int64],
+    vertices: Floats,
+    cells: Ints,
     fixed: Sequence[str],
     rigid: Sequence[str],
     springs: Sequence[str],
     masses: Sequence[str],
     masks: Masks | None = None,
-) -> tuple[NDArray[np.bool_], Fittings]:
+) -> tuple[Bools, Fittings]:
     """Return what of a cage cannot move, and what is fitted to it besides.
 
     Parameters
@@ -98,11 +97,8 @@ def fitted(
 
 
 def spring_stiffness(
-    points: FloatArray,
-    cells: NDArray[np.int64],
-    springs: Iterable[str],
-    masks: Masks | None = None,
-) -> FloatArray | None:
+    points: Floats, cells: Ints, springs: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
     """Return what springs add to the stiffness of each vertex, (V, 3, 3) [N/m]; None without."""
     # One in N/m is that of the whole place, which its vertices share alike; one in N/m³ is of a
     # side's area, which they share as a constant pressure.
@@ -128,8 +124,8 @@ def spring_stiffness(
 
 
 def point_masses(
-    points: FloatArray, masses: Iterable[str], masks: Masks | None = None
-) -> FloatArray | None:
+    points: Floats, masses: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
     """Return the masses fitted to each vertex, (V,) [kg], which those of a place share alike."""
     parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
     if not parsed:

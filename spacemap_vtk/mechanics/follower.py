@@ -17,10 +17,8 @@ from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: (a, b, c) of s with (s × d)_a = Σ s_abc s_b d_c.
 _CROSS = np.zeros((3, 3, 3))
@@ -32,21 +30,20 @@ class Pressed:
 
     # `places` (V, 3) are those of the vertices at q = 0, `ways` (3V, N) how they move with q.
 
-    def __init__(self, faces: IntArray, places: FloatArray, ways: sp.csr_matrix) -> None:
+    def __init__(self, faces: Ints, places: Floats, ways: sp.csr_matrix) -> None:
         self._rest, self._table = places[faces], _table(faces.shape[1])
         self._ways = ways.tocsr()[(3 * faces[:, :, None] + np.arange(3)).ravel()]
         wide = 3 * faces.shape[1]
         each = np.arange(faces.size * 3).reshape(len(faces), wide)
         self._columns = np.repeat(each, wide, axis=0).ravel()
 
-    def force(self, position: FloatArray, move: FloatArray) -> FloatArray:
+    def force(self, position: Floats, move: Floats) -> Floats:
         """Return the mean forces on the way from q to q + Δ, (N,), into the wall."""
         middle = self._rest + self._moved(position + move / 2)
         mean = self._forces(middle) + self._forces(self._moved(move)) / 12
-        force: FloatArray = -(self._ways.T @ mean.ravel())
-        return force
+        return -(self._ways.T @ mean.ravel())
 
-    def tangent(self, position: FloatArray, move: FloatArray) -> sp.csr_matrix:
+    def tangent(self, position: Floats, move: Floats) -> sp.csr_matrix:
         """Return the derivative of `force` with respect to Δ, (N, N)."""
         turned = self._rest + self._moved(position + 2 / 3 * move)
         arms = np.einsum("abc,fbi->faci", self._table, turned)
@@ -55,18 +52,17 @@ class Pressed:
         matrix = sp.csr_matrix((blocks.ravel(), self._columns, starts))
         return -(self._ways.T @ matrix @ self._ways)
 
-    def _moved(self, q: FloatArray) -> FloatArray:
-        moved: FloatArray = (self._ways @ q).reshape(self._rest.shape)
-        return moved
+    def _moved(self, q: Floats) -> Floats:
+        return (self._ways @ q).reshape(self._rest.shape)
 
-    def _forces(self, x: FloatArray) -> FloatArray:
+    def _forces(self, x: Floats) -> Floats:
         """Return f_a of faces whose nodes are at x, (f, k, 3) both."""
         arms = np.einsum("abc,fbi->faci", self._table, x)
         return np.cross(arms, x[:, None]).sum(axis=2)
 
 
 @cache
-def _table(nodes: int) -> FloatArray:
+def _table(nodes: int) -> Floats:
     """Return t of a face with so many nodes."""
     if nodes == 4:
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -89,5 +85,4 @@ def _table(nodes: int) -> FloatArray:
             slopes = np.concatenate([(4 * area - 1)[..., None] * slope, 4 * middle], axis=1)
         along, across = slopes[..., 0], slopes[..., 1]
     half = np.einsum("q,qa,qb,qc->abc", weights / 2, shape, along, across)
-    table: FloatArray = half - half.swapaxes(1, 2)
-    return table
+    return half - half.swapaxes(1, 2)

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse import csgraph
 
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Ints
 
 #: Subtrees of up to so many vertices are one front: a dense block is quicker than many small ones.
 _LEAF = 12
@@ -35,12 +34,12 @@ class Front:
     first: int
     last: int
     #: (b,) The later vertices that the run is coupled with, ascending.
-    border: IntArray
+    border: Ints
     #: Fronts whose parent this is.
     children: list[int] = field(default_factory=list)
 
 
-def fronts(graph: sp.csr_matrix, order: IntArray) -> tuple[list[Front], IntArray]:
+def fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
     """Return the fronts of an elimination."""
     parent = _tree(graph[order][:, order])
     post = _postorder(parent)
@@ -53,7 +52,7 @@ def fronts(graph: sp.csr_matrix, order: IntArray) -> tuple[list[Front], IntArray
     return _merged(_blocks(ordered, parent)), order
 
 
-def _tree(graph: sp.csr_matrix) -> IntArray:
+def _tree(graph: sp.csr_matrix) -> Ints:
     """Return the parent of each vertex in the elimination tree, -1 for roots."""
     starts, neighbours = graph.indptr.tolist(), graph.indices.tolist()
     parent, ancestor = [-1] * graph.shape[0], [-1] * graph.shape[0]
@@ -68,7 +67,7 @@ def _tree(graph: sp.csr_matrix) -> IntArray:
     return np.array(parent, dtype=np.int64)
 
 
-def _postorder(parent: IntArray) -> IntArray:
+def _postorder(parent: Ints) -> Ints:
     """Return the vertices with each subtree in a run, and its root last."""
     children: list[list[int]] = [[] for _ in parent]
     waiting: list[int] = []
@@ -82,7 +81,7 @@ def _postorder(parent: IntArray) -> IntArray:
     return np.array(backwards[::-1], dtype=np.int64)
 
 
-def _blocks(graph: sp.csr_matrix, parent: IntArray) -> list[Front]:
+def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
     """Return the fundamental fronts, small subtrees made one, with their children."""
     count = len(parent)
     size = np.ones(count, dtype=np.int64)
@@ -153,7 +152,7 @@ def _merged(found: list[Front]) -> list[Front]:
 _SMALL = 60
 
 
-def dissection(graph: sp.csr_matrix) -> IntArray:
+def dissection(graph: sp.csr_matrix) -> Ints:
     """Return vertices in an order in which elimination fills little."""
     try:
         import pymetis
@@ -169,11 +168,11 @@ def dissection(graph: sp.csr_matrix) -> IntArray:
     return np.asarray(found[0], dtype=np.int64)
 
 
-def by_levels(graph: sp.csr_matrix) -> IntArray:
+def by_levels(graph: sp.csr_matrix) -> Ints:
     """Return such an order without METIS."""
     # A part is cut at the middle one of the levels that breadth-first search finds from a vertex at
     # its far end; what lies to either side is cut likewise.
-    backwards: list[IntArray] = []
+    backwards: list[Ints] = []
     waiting = [np.arange(graph.shape[0])]
     while waiting:
         part = waiting.pop()
@@ -199,7 +198,7 @@ def by_levels(graph: sp.csr_matrix) -> IntArray:
     return np.concatenate(backwards[::-1])
 
 
-def _levels(graph: sp.csr_matrix, start: int) -> IntArray:
+def _levels(graph: sp.csr_matrix, start: int) -> Ints:
     """Return each vertex's distance from a start in steps, -1 where there is no way."""
     order, before = csgraph.breadth_first_order(graph, start, directed=False)
     level = np.full(graph.shape[0], -1)

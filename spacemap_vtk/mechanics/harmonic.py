@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.oscillator import SHORT, TERMS, FloatArray, kernels
+from spacemap_vtk.mechanics.oscillator import SHORT, TERMS, kernels
+from spacemap_vtk.ndarrays import Floats
 
 ComplexArray = NDArray[np.complex128]
 
@@ -31,9 +32,7 @@ class Forced(NamedTuple):
     """Its derivative [s]."""
 
 
-def from_rest(
-    stiffness: FloatArray, half: FloatArray, omega: float, time: FloatArray | float
-) -> Forced:
+def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | float) -> Forced:
     """Return the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest."""
     spring, h, t = np.broadcast_arrays(stiffness, half, time)
     p = 1j * omega
@@ -52,7 +51,7 @@ def from_rest(
     return Forced(value, impulse + p * value)
 
 
-def steady(stiffness: FloatArray, half: FloatArray, omega: float) -> ComplexArray:
+def steady(stiffness: Floats, half: Floats, omega: float) -> ComplexArray:
     """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance."""
     root = np.sqrt(stiffness)
     inverse = (root - omega) * (root + omega) + 2j * half * omega
@@ -65,7 +64,7 @@ def steady(stiffness: FloatArray, half: FloatArray, omega: float) -> ComplexArra
     return np.asarray(1.0 / inverse)
 
 
-def _first(z: ComplexArray, t: FloatArray) -> ComplexArray:
+def _first(z: ComplexArray, t: Floats) -> ComplexArray:
     """Return φ₁(z t)."""
     from scipy.special import expm1  # with all it brings: a tenth of a second
 
@@ -73,7 +72,7 @@ def _first(z: ComplexArray, t: FloatArray) -> ComplexArray:
     return np.divide(expm1(x), x, out=np.ones_like(x), where=x != 0)
 
 
-def _series(spring: FloatArray, h: FloatArray, p: complex, t: FloatArray) -> ComplexArray:
+def _series(spring: Floats, h: Floats, p: complex, t: Floats) -> ComplexArray:
     """Sum X = Σ T[k], (k + 1) k T[k+1] = t² (pt)ᵏ⁻¹ / (k - 1)! - 2h t k T[k] - λt² T[k-1]."""
     damping, stiff = 2 * h * t, spring * t * t
     load: ComplexArray = (t * t).astype(np.complex128)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements import EDGES, shape_slopes
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
 LARGE_ROTATION = np.radians(20.0)
@@ -31,13 +30,13 @@ class MeanGradient:
         self._nodes = np.ascontiguousarray(nodes.T)
         self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
 
-    def of(self, displacement: FloatArray) -> FloatArray:
+    def of(self, displacement: Floats) -> Floats:
         """Return the gradients of a field."""
         values = np.ascontiguousarray(displacement.T).take(self._nodes, axis=1)
         return np.einsum("int,jnt->ijt", values, self._slopes)
 
 
-def largest_rotation(gradients: FloatArray) -> float:
+def largest_rotation(gradients: Floats) -> float:
     """Return the largest rotation of any tetrahedron, half the curl of the displacement.
 
     Parameters
@@ -54,7 +53,7 @@ def largest_rotation(gradients: FloatArray) -> float:
     return 0.5 * math.sqrt(0.5 * np.einsum("ijt,ijt->t", twice, twice).max())
 
 
-def strains(gradients: FloatArray) -> FloatArray:
+def strains(gradients: Floats) -> Floats:
     """Return the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears as γ = 2ε, (T, 6)."""
     twice = (gradients + gradients.swapaxes(0, 1)).reshape(9, -1)
     strain = twice.take([0, 4, 8, 5, 6, 1], axis=0)
@@ -71,12 +70,8 @@ _CHUNK = 4096
 
 
 def strain_products(
-    points: FloatArray,
-    cells: NDArray[np.int64],
-    elasticity: FloatArray,
-    fields: FloatArray,
-    factors: FloatArray | None = None,
-) -> FloatArray:
+    points: Floats, cells: Ints, elasticity: Floats, fields: Floats, factors: Floats | None = None
+) -> Floats:
     """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε."""
     # That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is
     # the small difference of large forces; here, where only displacements within a tetrahedron are
@@ -106,7 +101,7 @@ _MISES[:3, :3] = 0.5**0.5 * (np.eye(3) - np.roll(np.eye(3), 1, axis=0))
 _MISES[3:, 3:] = 3**0.5 * np.eye(3)
 
 
-def von_mises(stress: FloatArray) -> FloatArray:
+def von_mises(stress: Floats) -> Floats:
     """Return the von Mises stress.
 
     Parameters

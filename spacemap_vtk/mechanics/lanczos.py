@@ -18,14 +18,13 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy import linalg as la
 from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import SolverError
+from spacemap_vtk.ndarrays import Floats
 
-FloatArray = NDArray[np.float64]
-Solve = Callable[[FloatArray], FloatArray]
+Solve = Callable[[Floats], Floats]
 
 #: Vectors in a block: at least the number of copies of an eigenvalue, six for rigid modes.
 BLOCK = 8
@@ -42,7 +41,7 @@ def lowest_modes(
     count: int,
     progress: Callable[[float], object],
     seed: int = 0,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Floats, Floats]:
     """Return the lowest modes of a connected mesh, iterating on a sparse factorisation."""
     vectors = _block_lanczos(solve, mass, count, progress, seed)
     # One more inverse iteration: a Lanczos vector is a sum of many and carries the rounding of
@@ -68,12 +67,8 @@ def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
 
 
 def _block_lanczos(
-    solve: Solve,
-    mass: sp.csr_matrix,
-    count: int,
-    progress: Callable[[float], object],
-    seed: int,
-) -> FloatArray:
+    solve: Solve, mass: sp.csr_matrix, count: int, progress: Callable[[float], object], seed: int
+) -> Floats:
     """Return Ritz vectors (N, count) of (K + σM)⁻¹ M for its largest eigenvalues."""
     size = mass.shape[0]
     # Pages of an empty array take memory when they are first written to, so a generous limit
@@ -106,8 +101,8 @@ def _block_lanczos(
 
 
 def _orthonormal(
-    block: FloatArray, basis: FloatArray, mass: sp.csr_matrix
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    block: Floats, basis: Floats, mass: sp.csr_matrix
+) -> tuple[Floats, Floats, Floats]:
     """Split ``block = basis @ inside + result @ beyond``, with [basis, result] M-orthonormal."""
     # Twice, because once leaves rounding where little of the block is new. Where nothing is new, QR
     # fills in vectors of its own, which the second round makes orthogonal too.

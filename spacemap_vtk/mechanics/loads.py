@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.places import SIDES
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: The faces of a tetrahedron: three corners, and in a quadratic one the middles of their edges.
 FACES = np.array(
@@ -23,20 +21,20 @@ FACES = np.array(
 class Wall(NamedTuple):
     """The faces of a mesh that lie in one side of its bounding box."""
 
-    nodes: IntArray
+    nodes: Ints
     """(f, k), the vertices that carry the load of each face alike: its corners in a mesh of linear
     tetrahedra, the middles of its edges in one of quadratic ones; of a sheet the corners of a
     hexahedron's face."""
-    areas: FloatArray
+    areas: Floats
     """(f,) in m²."""
-    normal: FloatArray
+    normal: Floats
     """(3,), outward, of length one."""
-    faces: IntArray
+    faces: Ints
     """(f, k), corners counter-clockwise seen from outside: of triangles, with the middles of their
     edges in a mesh of quadratic tetrahedra, or of quadrilaterals."""
 
 
-def wall(points: FloatArray, cells: IntArray, side: str, sheet: bool = False) -> Wall:
+def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
     """Return the faces in one side of the bounding box.
 
     Parameters
@@ -98,7 +96,7 @@ def wall(points: FloatArray, cells: IntArray, side: str, sheet: bool = False) ->
     return Wall(nodes, areas, normal, whole)
 
 
-def _faces(nodes: IntArray, areas: FloatArray, owner: IntArray) -> tuple[IntArray, FloatArray]:
+def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
     """Return the faces of hexahedra, (f, 4), and their areas, out of two triangles of each."""
     order = np.argsort(owner, kind="stable")
     both = np.sort(nodes[order].reshape(-1, 6), axis=1)
@@ -106,7 +104,7 @@ def _faces(nodes: IntArray, areas: FloatArray, owner: IntArray) -> tuple[IntArra
     return both[first].reshape(-1, 4), areas[order].reshape(-1, 2).sum(axis=1)
 
 
-def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
+def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
     """Return the forces of a constant traction on a wall."""
     share = np.zeros(count)
     corners = where.nodes.shape[1]
@@ -114,7 +112,7 @@ def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
     return share[:, None] * np.asarray(stress, dtype=np.float64)
 
 
-def nearest(points: FloatArray, place: ArrayLike) -> int:
+def nearest(points: Floats, place: ArrayLike) -> int:
     """Return the vertex nearest to a place.
 
     Parameters
@@ -132,6 +130,6 @@ def nearest(points: FloatArray, place: ArrayLike) -> int:
     return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
 
 
-def on_mass(nodal_mass: FloatArray, acceleration: ArrayLike) -> FloatArray:
+def on_mass(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:
     """Return the forces of a constant acceleration, such as gravity."""
     return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: Moduli [Pa] and densities [kg/m³] that can be calculated with: their ratios and squares are
 #: numbers, too, and neither infinite nor zero.
 SIZES = (1e-50, 1e50)
 
 
-def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:
+def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
     """Return the elasticity matrix of an isotropic solid (Hooke's law).
 
     Parameters
@@ -62,10 +60,8 @@ def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:
 
 
 def orthotropic(
-    youngs_moduli: Sequence[float],
-    shear_moduli: Sequence[float],
-    poissons_ratios: Sequence[float],
-) -> FloatArray:
+    youngs_moduli: Sequence[float], shear_moduli: Sequence[float], poissons_ratios: Sequence[float]
+) -> Floats:
     """Return the elasticity matrix of a solid with three planes of symmetry.
 
     The axes 1, 2, 3 are the material's own, see `along_fabric`.
@@ -148,7 +144,7 @@ def orthotropic(
     return matrix
 
 
-def along_fabric(matrix: FloatArray) -> FloatArray:
+def along_fabric(matrix: Floats) -> Floats:
     """Return an elasticity matrix along x, y, z from one along a fabric's own axes.
 
     Parameters
@@ -165,7 +161,7 @@ def along_fabric(matrix: FloatArray) -> FloatArray:
     return matrix[order][:, order]
 
 
-def volume_ratio(matrix: FloatArray) -> float:
+def volume_ratio(matrix: Floats) -> float:
     """Return Poisson's ratio of the isotropic solid that is as nearly incompressible.
 
     Parameters
@@ -195,7 +191,7 @@ def check_sizes(key: str, values: float | list[float], unit: str) -> None:
         )
 
 
-def _three(key: str, values: Sequence[float], allowed: str) -> FloatArray:
+def _three(key: str, values: Sequence[float], allowed: str) -> Floats:
     result = np.asarray(values, dtype=np.float64)
     if result.shape != (3,) or not np.isfinite(result).all():
         raise InputError("not three numbers", key=key, value=values, allowed=allowed)

@@ -13,12 +13,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.plates import Plate, stiff_across
-
-FloatArray = NDArray[np.float64]
 
 #: Where all of `FABRICS` were measured.
 SOURCE = (

@@ -14,7 +14,6 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, stiffness
@@ -25,11 +24,11 @@ from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import free_pairs, mid_surface, of_pairs, of_quads, of_sheet
 from spacemap_vtk.mechanics.strains import Strains, of_base, of_tetrahedra, tangent
 from spacemap_vtk.mechanics.supports import free_motions
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
-FloatArray = NDArray[np.float64]
 
 #: Digits of a material that count: two moduli in a fixed ratio leave the last ones to rounding.
 _DIGITS = 14
@@ -70,12 +69,12 @@ class MeshPencil(Pencil):
         self,
         digest: str,
         mesh: str,
-        points: FloatArray,
-        cells: NDArray[np.int64],
-        material: list[FloatArray],
-        free: NDArray[np.bool_],
+        points: Floats,
+        cells: Ints,
+        material: list[Floats],
+        free: Bools,
         lumped: bool,
-        displacement: FloatArray | None,
+        displacement: Floats | None,
         fittings: Fittings,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
@@ -107,7 +106,7 @@ class MeshPencil(Pencil):
         return found
 
     @property
-    def _stiff(self) -> FloatArray | None:
+    def _stiff(self) -> Floats | None:
         """Factors of the tetrahedra's stiffness: none have those that are within a rigid body."""
         # What they would add to K is rounding, which soft springs would not be told from.
         factors, bodies = self.fittings.stiffness_factors, self.fittings.bodies
@@ -190,7 +189,7 @@ class MeshPencil(Pencil):
         return found + tangent([self._against_base(blocks)], self.nodes.positions)
 
     @cached_property
-    def strain_products(self) -> Callable[[FloatArray], FloatArray]:  # type: ignore[override]
+    def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
         if self.surface is not None or self._displacement is not None:
             return partial(_products, self.strains, self.nodes.positions)
         solid = self._points, self._cells, self.material[0]
@@ -199,29 +198,27 @@ class MeshPencil(Pencil):
             return found
         return lambda fields: found(fields) + _products(self.springs, self._points, fields)
 
-    def gathered(self, forces: FloatArray) -> FloatArray:
+    def gathered(self, forces: Floats) -> Floats:
         """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
         if self.surface is None and self.plain:
             return forces[self.free]
         nodal = forces if self.surface is None else 2 * self._nodal(forces)
-        gathered: FloatArray = self.basis.T @ nodal
-        return gathered
+        return self.basis.T @ nodal
 
-    def coordinates(self, moved: FloatArray) -> FloatArray:
+    def coordinates(self, moved: Floats) -> Floats:
         """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""
         if self.surface is None and self.plain:
             return moved[self.free]
         nodal = moved if self.surface is None else self._nodal(moved)
-        found: FloatArray = self.basis.T @ nodal
-        return found
+        return self.basis.T @ nodal
 
-    def spread(self, coordinates: FloatArray) -> FloatArray:
+    def spread(self, coordinates: Floats) -> Floats:
         """Return the displacements of the vertices (3V, m) that coordinates (N, m) stand for."""
         if self.surface is None and self.plain:
             result = np.zeros((len(self.free), coordinates.shape[1]))
             result[self.free] = coordinates
             return result
-        nodal: FloatArray = self.basis @ coordinates
+        nodal: Floats = self.basis @ coordinates
         if self.surface is None:
             return nodal
         nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
@@ -234,7 +231,7 @@ class MeshPencil(Pencil):
             return self.basis.tocsr()
         return (2 * self.surface.matrix().T @ self.basis).tocsr()
 
-    def movable(self, moved: FloatArray) -> FloatArray:
+    def movable(self, moved: Floats) -> Floats:
         """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
         if self.plain:
             return moved * self.free[:, None]
@@ -247,7 +244,7 @@ class MeshPencil(Pencil):
         turn = self.surface.matrix()
         return (turn.T @ matrix @ turn).tocsr()
 
-    def _against_base(self, blocks: FloatArray) -> Strains:
+    def _against_base(self, blocks: Floats) -> Strains:
         """Return the strains of springs (V, 3, 3) between the vertices and the base."""
         where = np.flatnonzero(blocks.any(axis=(1, 2)))
         if self.surface is None:
@@ -256,7 +253,7 @@ class MeshPencil(Pencil):
         rest = self.surface.nodal(self._points)
         return of_base(rest, nodes[where], signs[where], blocks[where])
 
-    def _nodal(self, table: FloatArray) -> FloatArray:
+    def _nodal(self, table: Floats) -> Floats:
         assert self.surface is not None
         whole = table.reshape(len(self._points), 3, table.shape[1])
         return self.surface.nodal(whole).reshape(table.shape)
@@ -290,13 +287,13 @@ def digest_of(*parts: Any) -> str:
 
 
 def mesh_pencil(
-    points: FloatArray,
-    cells: NDArray[np.int64],
-    parts: list[FloatArray],
+    points: Floats,
+    cells: Ints,
+    parts: list[Floats],
     modulus: float,
-    held: NDArray[np.bool_],
+    held: Bools,
     lumped: bool,
-    displacement: FloatArray | None,
+    displacement: Floats | None,
     fittings: Fittings,
 ) -> MeshPencil:
     """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
@@ -324,11 +321,10 @@ def mesh_pencil(
     return found
 
 
-def _products(strains: list[Strains], positions: FloatArray, fields: FloatArray) -> FloatArray:
-    total: FloatArray = np.sum([part.products(positions, fields) for part in strains], axis=0)
-    return total
+def _products(strains: list[Strains], positions: Floats, fields: Floats) -> Floats:
+    return np.sum([part.products(positions, fields) for part in strains], axis=0)
 
 
-def _rounded(matrix: FloatArray) -> FloatArray:
+def _rounded(matrix: Floats) -> Floats:
     text = [f"{value:.{_DIGITS - 1}e}" for value in np.ravel(matrix)]
     return np.array(text, dtype=np.float64).reshape(np.shape(matrix)) + 0.0  # no -0.0

@@ -21,14 +21,12 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.body import Body, Part
 from spacemap_vtk.mechanics.factors import Solve
 from spacemap_vtk.mechanics.follower import Pressed
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Corrections that a step may take, and how much smaller each has to be than the one before, or the
 #: tangent is made anew.
@@ -52,18 +50,18 @@ LEAST = 1e-15
 class Acting(NamedTuple):
     """What acts at a time."""
 
-    push: FloatArray
+    push: Floats
     """Forces, (N,)."""
-    pressures: FloatArray
+    pressures: Floats
     """On each of what is pressed, (n,)."""
 
 
 class Step(NamedTuple):
     """A state, and what happened on the way to it."""
 
-    position: FloatArray
+    position: Floats
     """q, (N,)."""
-    rate: FloatArray
+    rate: Floats
     """q̇ [1/s], (N,)."""
     parts: list[Part]
     """Strains and stresses there."""
@@ -85,8 +83,8 @@ class Midpoint:
         alpha: float,
         beta: float,
         pressed: Sequence[Pressed] = (),
-        late: NDArray[np.bool_] | None = None,
-        drag: FloatArray | None = None,
+        late: Bools | None = None,
+        drag: Floats | None = None,
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
         self.pressed, self._late = pressed, 0.0 if late is None else late.astype(np.float64)
@@ -98,28 +96,28 @@ class Midpoint:
         size = float(np.linalg.norm(np.ptp(body.start, axis=0)))
         self._least = LEAST * size * math.sqrt(float(mass.diagonal().sum()))
 
-    def at(self, position: FloatArray) -> list[Part]:
+    def at(self, position: Floats) -> list[Part]:
         """Return strains and stresses at q."""
         return self.body.at(self.body.start + self.body.moved(position))
 
-    def stored(self, rate: FloatArray, parts: list[Part]) -> tuple[float, float]:
+    def stored(self, rate: Floats, parts: list[Part]) -> tuple[float, float]:
         """Return kinetic and strain energy."""
         strain = sum(float(np.vdot(part.strain, part.stress)) for part in parts)
         return 0.5 * float(rate @ (self.mass @ rate)), 0.5 * strain
 
-    def impulse(self, parts: list[Part], move: FloatArray) -> FloatArray:
+    def impulse(self, parts: list[Part], move: Floats) -> Floats:
         """Return that of the damping against a sudden move q."""
         return self._dragged(move) + self._viscous(parts, move)
 
     def step(
         self,
-        position: FloatArray,
-        rate: FloatArray,
+        position: Floats,
+        rate: Floats,
         parts: list[Part],
         loads: tuple[Acting, Acting],
         span: float,
-        guess: FloatArray,
-        carried: list[FloatArray],
+        guess: Floats,
+        carried: list[Floats],
     ) -> Step | None:
         """Return the state after a span [s], or None where Newton's method finds none."""
         # `loads` act at the start, and on the average over the span; `guess` is of the move, and
@@ -178,12 +176,12 @@ class Midpoint:
 
     def _reached(
         self,
-        position: FloatArray,
-        rate: FloatArray,
+        position: Floats,
+        rate: Floats,
         parts: list[Part],
         loads: tuple[Acting, Acting],
         span: float,
-        move: FloatArray,
+        move: Floats,
         solve: Solve,
     ) -> Step:
         ends = self.at(position + move)
@@ -203,7 +201,7 @@ class Midpoint:
         work = float(self._load(loads[1], position, move) @ move)
         return Step(position + move, later, ends, damped, work, error)
 
-    def _load(self, loads: Acting, position: FloatArray, move: FloatArray) -> FloatArray:
+    def _load(self, loads: Acting, position: Floats, move: Floats) -> Floats:
         """Return the mean forces of loads on the way from q to q + Δ."""
         total = loads.push
         for pressed, pressure in zip(self.pressed, loads.pressures, strict=True):
@@ -211,7 +209,7 @@ class Midpoint:
                 total = total + pressure * pressed.force(position, move)
         return total
 
-    def _mean(self, first: Part, last: Part, span: float) -> FloatArray:
+    def _mean(self, first: Part, last: Part, span: float) -> Floats:
         change = last.stress - first.stress
         return first.stress + (0.5 + self.beta / span) * change
 
@@ -223,19 +221,17 @@ class Midpoint:
         whole = solve(drag)
         small = np.linalg.inv(span * np.eye(drag.shape[1]) + drag.T @ whole)
 
-        def solved(right: FloatArray) -> FloatArray:
+        def solved(right: Floats) -> Floats:
             found = solve(right)
-            result: FloatArray = found - whole @ (small @ (drag.T @ found))
-            return result
+            return found - whole @ (small @ (drag.T @ found))
 
         return solved
 
-    def _dragged(self, move: FloatArray) -> FloatArray:
+    def _dragged(self, move: Floats) -> Floats:
         """Return (α M + U Uᵀ) of a move, or of a rate."""
-        force: FloatArray = self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
-        return force
+        return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
 
-    def _viscous(self, parts: list[Part], move: FloatArray) -> FloatArray:
+    def _viscous(self, parts: list[Part], move: Floats) -> Floats:
         """Return β Gᵀ C G of a move, or of a rate."""
         if self.beta == 0.0:
             return np.zeros_like(move)
@@ -246,9 +242,7 @@ class Midpoint:
         ]
         return self._force(parts, stress, [part.gradients for part in parts])
 
-    def _force(
-        self, parts: list[Part], stress: list[FloatArray], gradients: list[FloatArray]
-    ) -> FloatArray:
+    def _force(self, parts: list[Part], stress: list[Floats], gradients: list[Floats]) -> Floats:
         total = np.zeros_like(self.body.start)
         for part, pull, slope in zip(parts, stress, gradients, strict=True):
             total += part.kind.summed(pull, slope, len(total))

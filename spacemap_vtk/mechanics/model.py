@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import nodal_mass
@@ -23,13 +23,12 @@ from spacemap_vtk.mechanics.mesh_pencil import mesh_pencil
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by, residual_modes
 from spacemap_vtk.mechanics.shell import of_middle, of_quads
+from spacemap_vtk.ndarrays import Bools, Floats
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from spacemap_vtk.mechanics.eigen import Modes
-
-FloatArray = NDArray[np.float64]
 
 
 class Model:
@@ -113,7 +112,7 @@ class Model:
         )
 
     @property
-    def elasticity(self) -> FloatArray:
+    def elasticity(self) -> Floats:
         """Elasticity matrix of a solid [Pa]."""
         return self.parts[0]
 
@@ -123,7 +122,7 @@ class Model:
         return self.pencil.digest
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Bools:
         """Which components of the vertices no support along an axis holds, shape (3V,)."""
         return self.pencil.free
 
@@ -144,7 +143,7 @@ class Model:
         return self.density * self.pencil.of_vertices(self.pencil.whole_mass)
 
     @cached_property
-    def nodal_mass(self) -> FloatArray:
+    def nodal_mass(self) -> Floats:
         """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
         surface, fitted = self.pencil.surface, self.fittings
         if surface is None:
@@ -156,7 +155,7 @@ class Model:
         return found if fitted.masses is None else found + fitted.masses
 
     @cached_property
-    def movable_mass(self) -> FloatArray:
+    def movable_mass(self) -> Floats:
         """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
         if self.pencil.surface is None and self.pencil.plain and self.fittings.masses is None:
             return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
@@ -165,17 +164,17 @@ class Model:
         return moved_by(lambda x: mass @ x, mass.diagonal(), loads)
 
     @cached_property
-    def rigid(self) -> FloatArray:
+    def rigid(self) -> Floats:
         """The motions without strain that the supports leave, mass-normalised, shape (3V, r)."""
         return self.pencil.spread(self.pencil.rigid) / np.sqrt(self.density)
 
     @cached_property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Floats:
         """What holds the equilibrium [N], shape (3V,), of free and held components."""
         forces, surface = self.pencil.nodes.forces, self.pencil.surface
         if forces is None:
             return np.zeros(self.points.size)
-        result: FloatArray = surface.vertices(forces) / 2 if surface else forces
+        result: Floats = surface.vertices(forces) / 2 if surface else forces
         return self.modulus * result.ravel()
 
     @cached_property
@@ -186,7 +185,7 @@ class Model:
         positions = self.pencil.nodes.positions
         return self.modulus * sum(part.energy(positions) for part in self.pencil.strains)
 
-    def solve(self, forces: ArrayLike) -> FloatArray:
+    def solve(self, forces: ArrayLike) -> Floats:
         """Return static displacements, K u = f.
 
         Where the supports leave rigid motions, forces are freed of the part that accelerates the
@@ -213,7 +212,7 @@ class Model:
         """
         return self.statics(forces)[0]
 
-    def statics(self, forces: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def statics(self, forces: ArrayLike) -> tuple[Floats, Floats]:
         """Return static displacements as `solve` does, and how far rounding disturbs them.
 
         Parameters
@@ -245,7 +244,7 @@ class Model:
         found, rounding = self.unit_statics(given.reshape(size, -1))
         return (found / self.modulus).reshape(given.shape), rounding
 
-    def unit_statics(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def unit_statics(self, forces: Floats) -> tuple[Floats, Floats]:
         """Return the static displacements of a unit modulus, and how far rounding disturbs them.
 
         Parameters
@@ -297,8 +296,8 @@ class Model:
         return found._replace(shapes=np.ascontiguousarray(shapes))
 
     def residual_modes(
-        self, shapes: FloatArray, eigenvalues: FloatArray, loads: FloatArray, statics: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+        self, shapes: Floats, eigenvalues: Floats, loads: Floats, statics: Floats
+    ) -> tuple[Floats, Floats]:
         """Return shapes that make the static response to loads exact.
 
         Parameters
@@ -335,8 +334,8 @@ class Model:
         return values, pencil.spread(found.T).T
 
     def hung(
-        self, forces: FloatArray, progress: Callable[[float], object] | None = None
-    ) -> tuple[FloatArray, float | None]:
+        self, forces: Floats, progress: Callable[[float], object] | None = None
+    ) -> tuple[Floats, float | None]:
         """Return where the undeformed body comes to rest under dead loads, however far that is.
 
         Parameters
@@ -398,7 +397,7 @@ class Model:
         cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
         return round(1.8 * each * cells) + estimate_bytes(self.pencil.size, 8, layers)
 
-    def strained(self, moved: FloatArray, large: bool = False) -> tuple[FloatArray, FloatArray]:
+    def strained(self, moved: Floats, large: bool = False) -> tuple[Floats, Floats]:
         """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
 
         Parameters
@@ -433,7 +432,7 @@ class Model:
             stress *= factors[:, None]
         return np.repeat(mean, 5, axis=0), np.repeat(stress, 5, axis=0)
 
-    def stress(self, strain: FloatArray) -> FloatArray:
+    def stress(self, strain: Floats) -> Floats:
         """Return the stress of each tetrahedron of a solid.
 
         Parameters
@@ -450,7 +449,7 @@ class Model:
         return stress if factors is None else stress * factors[:, None]
 
 
-def _parts(material: ArrayLike | Plate) -> list[FloatArray]:
+def _parts(material: ArrayLike | Plate) -> list[Floats]:
     """Return what a material's stiffness is made of: one matrix of a solid, four of a plate."""
     if isinstance(material, Plate):
         parts = material.membrane, material.bending, material.shear, material.thickness

@@ -18,9 +18,9 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.harmonic import from_rest, steady
-from spacemap_vtk.mechanics.oscillator import FloatArray
 from spacemap_vtk.mechanics.periodic import Linear, Repeated
 from spacemap_vtk.mechanics.timefunctions import Pieces, Sine, TimeFunction
+from spacemap_vtk.ndarrays import Floats
 
 #: Its third power, as a load has that rises for ever, is a number still [s].
 LATEST = 1e100
@@ -31,7 +31,7 @@ BALANCED = 1e-10
 class Drive(NamedTuple):
     """A load, as the modes feel it."""
 
-    gain: FloatArray
+    gain: Floats
     """(n,), load on each mode for a factor of one: Sᵀf; for a moving base Γ = Sᵀ M r times the
     displacement."""
     function: TimeFunction
@@ -43,11 +43,11 @@ class Drive(NamedTuple):
 class State(NamedTuple):
     """ModalMotion of the modes at one time, each of shape (n,)."""
 
-    position: FloatArray
+    position: Floats
     """q."""
-    rate: FloatArray
+    rate: Floats
     """q̇ [1/s]."""
-    acceleration: FloatArray
+    acceleration: Floats
     """q̈ [1/s²]."""
 
 
@@ -56,13 +56,13 @@ class ModalMotion:
 
     def __init__(
         self,
-        stiffness: FloatArray,
-        half: FloatArray,
+        stiffness: Floats,
+        half: Floats,
         drives: Sequence[Drive] = (),
         *,
         equilibrium: bool = False,
-        position: FloatArray | None = None,
-        rate: FloatArray | None = None,
+        position: Floats | None = None,
+        rate: Floats | None = None,
     ) -> None:
         self.stiffness, self.half, self.drives = stiffness, half, tuple(drives)
         #: State before t = 0, without steady parts.
@@ -102,7 +102,7 @@ class ModalMotion:
         acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q
         return State(q, rate, acceleration)
 
-    def state(self, time: float) -> FloatArray:
+    def state(self, time: float) -> Floats:
         """Return positions and rates at a time, after a jump that happens just then."""
         state = self._linear.at(time)
         for repeated in self.repeated:
@@ -119,7 +119,7 @@ class ModalMotion:
                 )
         return state
 
-    def load(self, time: float) -> FloatArray:
+    def load(self, time: float) -> Floats:
         """Return the load on each mode at a time."""
         total = np.zeros(len(self.stiffness))
         for drive in self.drives:
@@ -130,7 +130,7 @@ class ModalMotion:
                 total = total + drive.gain * (function.omega**2 * function.value(time))
         return total
 
-    def jump(self, time: float) -> FloatArray:
+    def jump(self, time: float) -> Floats:
         """Return by how much the state jumps at a time."""
         total = np.zeros((2, len(self.stiffness)))
         for drive in self.drives:
@@ -138,12 +138,12 @@ class ModalMotion:
                 total += self._jump(drive, *jump_of(drive.function, time, self._held))
         return total
 
-    def _jump(self, drive: Drive, value: float, slope: float) -> FloatArray:
+    def _jump(self, drive: Drive, value: float, slope: float) -> Floats:
         """Return what -Γ d̈ leaves where d jumps by `value` and ḋ by `slope`."""
         q = -drive.gain * value
         return np.stack([q, -drive.gain * slope - 2 * self.half * q])
 
-    def _static(self) -> FloatArray:
+    def _static(self) -> Floats:
         load = np.zeros(len(self.stiffness))
         size = np.zeros(len(self.stiffness))
         for drive in self.drives:
@@ -197,7 +197,7 @@ class ModalMotion:
         return gain * np.exp(1j * sine.phase)
 
 
-def base_at(function: TimeFunction, time: float) -> FloatArray:
+def base_at(function: TimeFunction, time: float) -> Floats:
     """Return the factors of a base's displacement, velocity and acceleration at a time, (3,)."""
     value = function.value(max(time, 0.0))
     if time < 0.0:

@@ -11,21 +11,17 @@ Source: Duff and Reid, ACM TOMS 9 (1983) 302; Liu, SIAM Review 34 (1992) 82.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.fronts import dissection, fronts
 from spacemap_vtk.memory import require
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Progress = Callable[[float], object]
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Columns that are eliminated at once where eigenvalues are counted: more than most fronts have,
 #: and few enough to hear of progress, and to be stopped, several times a second.
@@ -35,7 +31,7 @@ PANEL = 384
 class Analysis:
     """The fronts of a sparse symmetric pattern."""
 
-    def __init__(self, matrix: sp.csr_matrix, vertices: IntArray) -> None:
+    def __init__(self, matrix: sp.csr_matrix, vertices: Ints) -> None:
         node = np.unique(vertices, return_inverse=True)[1].ravel()
         count = int(node.max()) + 1
         pairs = matrix.tocoo()
@@ -55,7 +51,7 @@ class Analysis:
         self.borders = [_ranges(start[f.border], start[f.border + 1]) for f in found]
         self.children = [f.children for f in found]
         #: Patterns that were ordered last, and the numbers of their entries in that order.
-        self._ordered: dict[bool, tuple[IntArray, IntArray, sp.csc_matrix]] = {}
+        self._ordered: dict[bool, tuple[Ints, Ints, sp.csc_matrix]] = {}
 
     @property
     def entries(self) -> int:
@@ -66,7 +62,7 @@ class Analysis:
         )
 
     @property
-    def work(self) -> FloatArray:
+    def work(self) -> Floats:
         """Multiplications up to the end of each front, as a share of all."""
         sizes = [(b - a, len(c)) for (a, b), c in zip(self.runs, self.borders, strict=True)]
         done = np.cumsum([w * (w * w / 3 + w * h + h * h) for w, h in sizes])
@@ -93,8 +89,8 @@ class Analysis:
         return sp.csc_matrix((values, entries.indices, entries.indptr), shape=matrix.shape)
 
     def assembled(
-        self, matrix: sp.csr_matrix, left: list[FloatArray | None]
-    ) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray]]:
+        self, matrix: sp.csr_matrix, left: list[Floats | None]
+    ) -> Iterator[tuple[int, Floats, Floats, Floats]]:
         """Yield each front, with what its children have left added in."""
         lower = self.ordered(matrix, lower=True)
         starts, rows, values = lower.indptr, lower.indices, lower.data
@@ -136,8 +132,8 @@ class Cholesky:
             cure="Use a coarser cage.",
         )
         self._analysis = analysis
-        self._blocks: list[tuple[FloatArray, FloatArray]] = []
-        left: list[FloatArray | None] = [None] * len(analysis.runs)
+        self._blocks: list[tuple[Floats, Floats]] = []
+        left: list[Floats | None] = [None] * len(analysis.runs)
         share = analysis.work
         for number, pivot, side, rest in analysis.assembled(matrix, left):
             triangle, failed = lapack.dpotrf(pivot, lower=1, clean=1, overwrite_a=1)
@@ -154,7 +150,7 @@ class Cholesky:
             if progress is not None:
                 progress(float(share[number]))
 
-    def solve(self, right: FloatArray) -> FloatArray:
+    def solve(self, right: Floats) -> Floats:
         """Solve for many right-hand sides at once."""
         analysis = self._analysis
         x = np.ascontiguousarray(right[analysis.order])
@@ -183,7 +179,7 @@ def negative_eigenvalues(
     """Count the negative eigenvalues of a sparse symmetric matrix."""
     # By Sylvester's law of inertia they are those of the pivots, whatever congruence leads there.
     # Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
-    left: list[FloatArray | None] = [None] * len(analysis.runs)
+    left: list[Floats | None] = [None] * len(analysis.runs)
     count, share = 0, np.append(0.0, analysis.work)
     for number, pivot, side, rest in analysis.assembled(matrix, left):
         before, after = share[number : number + 2]
@@ -196,7 +192,7 @@ def negative_eigenvalues(
     return count
 
 
-def _eliminated(pivot: FloatArray, side: FloatArray, rest: FloatArray) -> int:
+def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
     """Eliminate the first panel of a front in place, and count its negative eigenvalues."""
     size, whole = min(PANEL, len(pivot)), len(pivot) <= PANEL
     below = side if whole else np.concatenate([pivot[size:, :size], side[:, :size]])
@@ -220,17 +216,17 @@ def _eliminated(pivot: FloatArray, side: FloatArray, rest: FloatArray) -> int:
     return int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
 
 
-def _product(block: FloatArray, right: FloatArray, transposed: int = 0) -> FloatArray:
+def _product(block: Floats, right: Floats, transposed: int = 0) -> Floats:
     """Return A b, or Aᵀ b; of a large block in half the time that NumPy's product takes."""
     return blas.dgemm(1.0, block, right, trans_a=transposed)
 
 
-def _divided(triangle: FloatArray, right: FloatArray, transposed: int) -> FloatArray:
+def _divided(triangle: Floats, right: Floats, transposed: int) -> Floats:
     """Return L⁻¹ b, or L⁻ᵀ b; on the transposed of b, which lies in LAPACK's order."""
     return blas.dtrsm(1.0, triangle, right.T, side=1, lower=1, trans_a=transposed).T
 
 
-def _add(block: FloatArray, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
+def _add(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
     """Add to the crossings of rows and columns, by slices where they are runs."""
     if len(rows) == 0 or len(columns) == 0:
         return
@@ -241,7 +237,7 @@ def _add(block: FloatArray, rows: IntArray, columns: IntArray, values: FloatArra
         block.T[columns[:, None], rows] += values.T
 
 
-def _ranges(starts: IntArray, ends: IntArray) -> IntArray:
+def _ranges(starts: Ints, ends: Ints) -> Ints:
     """Return the numbers from each start to its end, in one array."""
     sizes = ends - starts
     return np.repeat(ends - np.cumsum(sizes), sizes) + np.arange(sizes.sum())

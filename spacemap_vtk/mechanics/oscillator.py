@@ -16,11 +16,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: Larger root times t, up to which the integrals of the impulse response are summed as a series.
 SHORT = 1.0
@@ -35,23 +34,23 @@ LOST = 0.1
 class Kernels(NamedTuple):
     """All that a piecewise linear load needs, each of the broadcast shape of the arguments."""
 
-    free: FloatArray
+    free: Floats
     """q after q(0) = 1, q̇(0) = 0 [1]."""
-    free_rate: FloatArray
+    free_rate: Floats
     """Its derivative [1/s]."""
-    impulse: FloatArray
+    impulse: Floats
     """q after q(0) = 0, q̇(0) = 1 [s]."""
-    impulse_rate: FloatArray
+    impulse_rate: Floats
     """Its derivative [1]."""
-    step: FloatArray
+    step: Floats
     """q from rest under w = 1 [s²]; its derivative is `impulse`."""
-    ramp: FloatArray
+    ramp: Floats
     """q from rest under w = t [s³]; its derivative is `step`."""
-    parabola: FloatArray
+    parabola: Floats
     """q from rest under w = t²/2 [s⁴]; its derivative is `ramp`."""
 
 
-def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -> Kernels:
+def kernels(stiffness: Floats, half: Floats, time: Floats | float) -> Kernels:
     """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
     over = half > np.sqrt(stiffness)
     if not over.any():
@@ -66,7 +65,7 @@ def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -
     return result
 
 
-def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> FloatArray:
+def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> Floats:
     """Return ζ = h / √λ of each mode.
 
     Parameters
@@ -126,7 +125,7 @@ def regime(
     return [str(kind) for kind in kinds]
 
 
-def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[FloatArray]:
+def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[Floats]:
     arrays = []
     for value, name in zip(values, names, strict=True):
         array = np.atleast_1d(np.asarray(value, dtype=np.float64))
@@ -138,7 +137,7 @@ def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[
     return list(np.broadcast_arrays(*arrays))
 
 
-def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) -> Kernels:
+def _overdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     from scipy.special import exprel  # with all it brings: a tenth of a second
 
     omega = np.sqrt(stiffness)
@@ -159,7 +158,7 @@ def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) -> 
     return Kernels(free, -stiffness * impulse, impulse, impulse_rate, *integrals)
 
 
-def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) -> Kernels:
+def _underdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     omega = np.sqrt(stiffness)
     # At critical damping rounding may leave h above √λ by its last place.
     phase = np.sqrt(np.maximum(omega - h, 0.0) * (omega + h)) * t
@@ -179,12 +178,8 @@ def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) ->
 
 
 def _early(
-    phase: FloatArray,
-    h: FloatArray,
-    stiffness: FloatArray,
-    t: FloatArray | float,
-    late: list[FloatArray],
-) -> list[FloatArray]:
+    phase: Floats, h: Floats, stiffness: Floats, t: Floats | float, late: list[Floats]
+) -> list[Floats]:
     """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small."""
     # Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on T[k+1] (k + 1) k = -2h t
     # k T[k] - λ t² T[k-1].
@@ -207,7 +202,7 @@ def _early(
     return late
 
 
-def _exponential_integrals(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _exponential_integrals(x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, the integrals of the exponential."""
     from scipy.special import exprel  # with all it brings: a tenth of a second
 

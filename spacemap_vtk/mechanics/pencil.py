@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.supports import six_motions, turned
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 # Modes may come from a cache: all of scipy that solves is imported where something is solved.
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from spacemap_vtk.mechanics.factors import Factors, Solve
     from spacemap_vtk.mechanics.multifrontal import Analysis
 
-FloatArray = NDArray[np.float64]
 
 #: Share of a cage's size that a rigid motion moves what is held, at most, by rounding. A clamped
 #: sheet that turns about its edge moves the edge by its thickness over its length.
@@ -51,21 +50,21 @@ _ROUNDING = 2.0**-53
 class Nodes(NamedTuple):
     """Where the nodes of a mesh are, and what they are."""
 
-    positions: FloatArray
+    positions: Floats
     """Those that the stiffness is of [m], (V, 3)."""
-    translate: NDArray[np.bool_]
+    translate: Bools
     """Which are places; of a sheet there are half thicknesses, which only turn, (V,)."""
-    forces: FloatArray | None = None
+    forces: Floats | None = None
     """What strains it there, where anything does, (V, 3)."""
     springs: sp.csr_matrix | None = None
     """What springs to the base do to displacements, (3V, 3V), whatever their stiffness."""
 
     @property
-    def groups(self) -> NDArray[np.int64]:
+    def groups(self) -> Ints:
         """The nodes that are places: others belong to one each, in their order."""
         return np.flatnonzero(self.translate)
 
-    def rigid(self, near: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    def rigid(self, near: Ints) -> tuple[Floats, Floats]:
         """Return the six rigid motions of some nodes, (3n, 6), and the loads' turning with them."""
         loads = np.zeros((len(near), 3, 6))
         if self.forces is not None and self.forces.any():
@@ -87,11 +86,11 @@ class Pencil:
         mass: sp.csr_matrix,
         basis: sp.csc_matrix,
         nodes: Nodes | None = None,
-        strain_products: Callable[[FloatArray], FloatArray] | None = None,
+        strain_products: Callable[[Floats], Floats] | None = None,
     ) -> None:
         self.whole_stiffness, self.whole_mass, self.basis = stiffness, mass, basis
         self.nodes: Nodes | None = nodes
-        self.strain_products: Callable[[FloatArray], FloatArray] | None = strain_products
+        self.strain_products: Callable[[Floats], Floats] | None = strain_products
 
     _factors: Factors | None = None
 
@@ -101,7 +100,7 @@ class Pencil:
         return int(self.basis.shape[1])
 
     @cached_property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """Which coordinates of the pencil that it is a component of are its own."""
         return np.arange(self.size)
 
@@ -167,7 +166,7 @@ class Pencil:
         return _SOFT * shift(*inner)
 
     @cached_property
-    def _places(self) -> NDArray[np.int64]:
+    def _places(self) -> Ints:
         """The coordinates that place a node, and do not turn its half thickness; of none, all."""
         # Half thicknesses are so much stiffer than what they weigh that all else is slow beside
         # them. They move by little where a sheet bends, and a factor is good to each row's size.
@@ -220,7 +219,7 @@ class Pencil:
         return self._factors
 
     @cached_property
-    def rigid(self) -> FloatArray:
+    def rigid(self) -> Floats:
         """The motions without strain, mass-normalised, shape (N, r)."""
         blocks = []
         for component in self.components:
@@ -230,7 +229,7 @@ class Pencil:
             blocks.append(whole)
         return np.concatenate(blocks, axis=1)
 
-    def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def solve(self, forces: Floats) -> tuple[Floats, Floats]:
         """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does."""
         from spacemap_vtk.mechanics import blas_threads
 
@@ -246,7 +245,7 @@ class Pencil:
         return result, rounding
 
     @cached_property
-    def motions(self) -> FloatArray:
+    def motions(self) -> Floats:
         """What of the six rigid motions of a component moves nothing that is held."""
         from scipy import linalg as la
 
@@ -286,9 +285,7 @@ class Pencil:
         return la.solve_triangular(factor, motions.T, lower=True).T
 
 
-def _solved(
-    component: Pencil, forces: FloatArray, rigid: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, Floats]:
     """Return static displacements, (n, m), and the share of each that is rounding, (m,)."""
     # The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with
     # the bending of a thin sheet, for which K is factorised again, closer to zero.
@@ -337,8 +334,8 @@ def _near_zero(component: Pencil) -> Factors:
 
 
 def _conjugate_gradients(
-    component: Pencil, solve: Solve, forces: FloatArray, rigid: FloatArray
-) -> tuple[FloatArray, bool]:
+    component: Pencil, solve: Solve, forces: Floats, rigid: Floats
+) -> tuple[Floats, bool]:
     """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled."""
     # With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful
     # of steps do. Columns are worked on side by side.
@@ -368,7 +365,7 @@ def _conjugate_gradients(
     return u, False
 
 
-def selection(free: NDArray[np.bool_]) -> sp.csc_matrix:
+def selection(free: Bools) -> sp.csc_matrix:
     """Return the columns of the unit matrix for what is free, (3V, N)."""
     import scipy.sparse as sp
 

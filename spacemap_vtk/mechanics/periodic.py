@@ -13,16 +13,17 @@ from bisect import bisect_right
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.oscillator import FloatArray, Kernels, kernels
+from spacemap_vtk.mechanics.oscillator import Kernels, kernels
 from spacemap_vtk.mechanics.timefunctions import Pieces
+from spacemap_vtk.ndarrays import Floats
 
 #: Kernels are made for so many numbers at once while the states at the pieces' starts are.
 CHUNK = 2_000_000
 
 
 def propagate(
-    kernel: Kernels, stiffness: FloatArray, state: FloatArray, load: FloatArray, slope: FloatArray
-) -> FloatArray:
+    kernel: Kernels, stiffness: Floats, state: Floats, load: Floats, slope: Floats
+) -> Floats:
     """Return the state of oscillators after a while under a load that is linear in time."""
     q, rate = state
     return np.array(
@@ -42,19 +43,19 @@ class Linear:
 
     def __init__(
         self,
-        stiffness: FloatArray,
-        half: FloatArray,
-        times: FloatArray,
-        values: FloatArray,
-        slopes: FloatArray,
-        gains: FloatArray,
-        jumps: FloatArray | None,
-        start: FloatArray,
+        stiffness: Floats,
+        half: Floats,
+        times: Floats,
+        values: Floats,
+        slopes: Floats,
+        gains: Floats,
+        jumps: Floats | None,
+        start: Floats,
     ) -> None:
         self._stiffness, self._half, self._times = stiffness, half, times.tolist()
         self._values, self._slopes, self._gains = values, slopes, gains
         #: The piece that was asked for last, and its load.
-        self._last: tuple[int, FloatArray, FloatArray] | None = None
+        self._last: tuple[int, Floats, Floats] | None = None
         count, size = len(times), len(stiffness)
         self._starts = np.empty((count, 2, size))
         self._starts[0] = start if jumps is None else start + jumps[0]
@@ -66,10 +67,10 @@ class Linear:
                 end = propagate(Kernels(*kernel), stiffness, self._starts[k], *self._load(k))
                 self._starts[k + 1] = end if jumps is None else end + jumps[k + 1]
 
-    def _load(self, k: int) -> tuple[FloatArray, FloatArray]:
+    def _load(self, k: int) -> tuple[Floats, Floats]:
         return self._values[k] @ self._gains, self._slopes[k] @ self._gains
 
-    def at(self, time: float) -> FloatArray:
+    def at(self, time: float) -> Floats:
         """Return the state at a time, after a jump that happens just then."""
         k = bisect_right(self._times, time) - 1
         if time == self._times[k]:
@@ -84,12 +85,7 @@ class Repeated:
     """Motion of oscillators, from rest, under one periodic load."""
 
     def __init__(
-        self,
-        stiffness: FloatArray,
-        half: FloatArray,
-        function: Pieces,
-        gain: FloatArray,
-        jumps: FloatArray,
+        self, stiffness: Floats, half: Floats, function: Pieces, gain: Floats, jumps: Floats
     ) -> None:
         assert function.period is not None
         self._stiffness, self._half = stiffness, half
@@ -104,7 +100,7 @@ class Repeated:
         self._moves = [kernels(stiffness, half, self._period)]
         self._first = self._steady_state() if function.steady else jumps[0]
 
-    def at(self, time: float) -> FloatArray:
+    def at(self, time: float) -> Floats:
         """Return the state at a time, after a jump that happens just then."""
         count, rest = self._function.phase(time)
         state = self._first
@@ -122,7 +118,7 @@ class Repeated:
         free = _moved(kernels(self._stiffness, self._half, rest), state)
         return free + self._inside.at(rest)
 
-    def _steady_state(self) -> FloatArray:
+    def _steady_state(self) -> Floats:
         """Return x of x = A x + b."""
         move, (q, rate) = self._moves[0], self.sums[0]
         # (1 - A)⁻¹ by Cramer's rule, mode by mode, with 1 - C = λ S₂ and 1 - Ṡ = λ S₂ + 2h S: for
@@ -143,7 +139,7 @@ class Repeated:
         return np.stack([(d * q - b * rate) / safe, (a * rate - c * q) / safe])
 
 
-def _moved(move: Kernels, state: FloatArray) -> FloatArray:
+def _moved(move: Kernels, state: Floats) -> Floats:
     q, rate = state
     return np.stack(
         [q * move.free + rate * move.impulse, q * move.free_rate + rate * move.impulse_rate]

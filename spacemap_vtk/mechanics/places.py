@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.units import UNITS, parse_quantity
 
 #: The sides of a box, and for each its axis and its end.
@@ -140,8 +141,8 @@ def parse(
 
 
 def caught(
-    vertices: NDArray[np.float64], place: Region, masks: Masks | None = None, what: str = "support"
-) -> NDArray[np.bool_]:
+    vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
+) -> Bools:
     """Return which vertices a place catches, (V,), or of a mask which components, (V, 3)."""
     found = _inside(vertices, place, masks)
     if not found.any():
@@ -156,8 +157,8 @@ def caught(
 
 
 def directions(
-    vertices: NDArray[np.float64], place: Region, masks: Masks | None = None, what: str = "support"
-) -> NDArray[np.float64]:
+    vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
+) -> Floats:
     """Return Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
     found = caught(vertices, place, masks, what)
     if place.direction:
@@ -174,15 +175,14 @@ def directions(
     return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
 
 
-def _inside(vertices: NDArray[np.float64], place: Region, masks: Masks | None) -> NDArray[np.bool_]:
+def _inside(vertices: Floats, place: Region, masks: Masks | None) -> Bools:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     # A share of the mesh, so that its unit of length does not matter.
     tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
     if place.shape in SIDES:
         axis, end = SIDES[place.shape]
         wall = high[axis] if end > 0 else low[axis]
-        side: NDArray[np.bool_] = np.abs(vertices[:, axis] - wall) <= tolerance
-        return side
+        return np.abs(vertices[:, axis] - wall) <= tolerance
     if place.shape == "box":
         bounds = np.reshape(place.numbers, (3, 2))
         inside = (vertices >= bounds[:, 0] - tolerance) & (vertices <= bounds[:, 1] + tolerance)
@@ -266,5 +266,5 @@ def _shortest(number: float) -> str:
     return f"{number:.14g}"
 
 
-def _triple(values: NDArray[np.float64]) -> str:
+def _triple(values: Floats) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

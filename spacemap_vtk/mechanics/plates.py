@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import VOIGT
 from spacemap_vtk.mechanics.materials import check_sizes
+from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.units import GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 #: Of the transverse shear of a homogeneous plate, which is not uniform over its thickness.
 SHEAR_CORRECTION = 5 / 6
@@ -33,11 +31,11 @@ class Plate:
     """
 
     #: (3, 3) Force per width from strain [N/m].
-    membrane: FloatArray
+    membrane: Floats
     #: (3, 3) Moment per width from curvature [N m].
-    bending: FloatArray
+    bending: Floats
     #: (2, 2) Transverse force per width from the shears γ13, γ23 [N/m].
-    shear: FloatArray
+    shear: Floats
     #: Force per width from a strain of the thickness [N/m].
     thickness: float
 
@@ -61,7 +59,7 @@ class DataSheet(NamedTuple):
     """In kg/m²."""
 
 
-def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Plate:
+def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
     """Return the plate that is a solid of some thickness.
 
     Parameters
@@ -247,15 +245,15 @@ def stiff_across(plate: Plate) -> Plate:
     return replace(plate, shear=most * np.eye(2), thickness=most)
 
 
-def strips(stiffness: FloatArray) -> tuple[float, float]:
+def strips(stiffness: Floats) -> tuple[float, float]:
     """Return what strips along warp and weft resist whose sides are free, of a (3, 3) matrix."""
     weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
     return float(warp), float(weft)
 
 
 def _along_fabric(
-    own: FloatArray, along: Sequence[float] | None, sheared: float | None, ratio: float | None
-) -> FloatArray:
+    own: Floats, along: Sequence[float] | None, sheared: float | None, ratio: float | None
+) -> Floats:
     """Return a (3, 3) matrix with what is given in place of its own."""
     if along is None and sheared is None and ratio is None:
         return own
@@ -287,8 +285,7 @@ def _mean_ratio(ratio: float, warp: float, weft: float) -> float:
     return ratio / bound
 
 
-def _inverse(matrix: NDArray[np.floating[Any]], rows: list[int]) -> FloatArray:
+def _inverse(matrix: AnyFloats, rows: list[int]) -> Floats:
     """Return the inverse of a symmetric block, symmetric to the last digit."""
     found = np.linalg.inv(matrix[np.ix_(rows, rows)])
-    symmetric: FloatArray = (found + found.T) / 2
-    return symmetric
+    return (found + found.T) / 2

@@ -7,14 +7,12 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.mechanics.elements import EDGES
 from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.shell import LegGradient, MidSurface
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: The sides of a quadrilateral.
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
@@ -44,7 +42,7 @@ class Realm(NamedTuple):
 
 def realm(
     motion: Motion,
-    rest: FloatArray,
+    rest: Floats,
     times: Iterable[float],
     gradient: MeanGradient | LegGradient | None = None,
     surface: MidSurface | None = None,
@@ -77,7 +75,7 @@ def realm(
     keys = np.sort(one * len(rest) + other)
     first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))
 
-    def lengths(vertices: FloatArray) -> FloatArray:
+    def lengths(vertices: Floats) -> Floats:
         nodes = vertices if surface is None else surface.nodal(vertices)
         return np.asarray(np.linalg.norm(nodes[last] - nodes[first], axis=1))
 

@@ -13,35 +13,35 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from spacemap_vtk.ndarrays import Bools, Floats
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from spacemap_vtk.mechanics.elasticity import Assembly
 
-FloatArray = NDArray[np.float64]
 
 #: A residual below this share of the static response, in the energy norm, is rounding.
 NEGLIGIBLE = 1e-11
 
 
 def residual_modes(
-    shapes: FloatArray,
-    eigenvalues: FloatArray,
+    shapes: Floats,
+    eigenvalues: Floats,
     stiffness: csr_matrix,
     mass: csr_matrix,
-    loads: FloatArray,
-    statics: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    loads: Floats,
+    statics: Floats,
+) -> tuple[Floats, Floats]:
     """Return shapes that make the static response to loads exact."""
     from scipy import linalg as la  # with all it brings: a tenth of a second
 
     elastic = eigenvalues > 0.0
     kept, values = shapes[elastic], eigenvalues[elastic]
     inertia, springs = (mass @ shapes.T).T, (stiffness @ kept.T).T / values[:, None]
-    found: list[FloatArray] = []
-    forces: list[FloatArray] = []
+    found: list[Floats] = []
+    forces: list[Floats] = []
     for load, static in zip(loads.T, statics.T, strict=True):
         size = float(np.sqrt(max(static @ load, 0.0)))
         rest = static - ((kept @ load) / values) @ kept
@@ -67,9 +67,7 @@ def residual_modes(
     return scale**2, (turn[:, order] * scale).T @ basis
 
 
-def movable_mass(
-    assembly: Assembly, density: float, lumped: bool, free: NDArray[np.bool_]
-) -> FloatArray:
+def movable_mass(assembly: Assembly, density: float, lumped: bool, free: Bools) -> Floats:
     """Return the mass that a uniform acceleration along each axis can set in motion."""
     # It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M
     # r being the inertia forces. With a consistent mass matrix it is less than the whole by what
@@ -82,7 +80,7 @@ def movable_mass(
     consistent = np.bincount(rows[own], assembly.products[own], count)
     diagonal = np.asarray(assembly.lumps if lumped else consistent, np.float64)
 
-    def inertia(moves: FloatArray, x: FloatArray) -> FloatArray:
+    def inertia(moves: Floats, x: Floats) -> Floats:
         if lumped:
             return diagonal * x
         return np.bincount(rows, assembly.products * x[assembly.indices], count) * moves
@@ -95,9 +93,7 @@ def movable_mass(
     return density * np.array(found)
 
 
-def moved_by(
-    inertia: Callable[[FloatArray], FloatArray], diagonal: FloatArray, loads: FloatArray
-) -> FloatArray:
+def moved_by(inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Floats) -> Floats:
     """Return bᵀ M⁻¹ b for each column b of (N, m) loads, with M times a vector and its diagonal."""
     result = np.zeros(loads.shape[1])
     for column, right in enumerate(loads.T):
@@ -121,7 +117,7 @@ def moved_by(
     return result
 
 
-def participation(shapes: FloatArray, nodal_mass: FloatArray) -> FloatArray:
+def participation(shapes: Floats, nodal_mass: Floats) -> Floats:
     """Return how far a uniform acceleration along each axis drives each mode."""
     modes = shapes.reshape(len(shapes), -1, 3)
     return np.einsum("nvc,v->nc", modes, nodal_mass)

@@ -21,8 +21,7 @@ from spacemap_vtk.mechanics.energy import Account, Energy
 from spacemap_vtk.mechanics.harmonic import steady
 from spacemap_vtk.mechanics.motion import Drive, ModalMotion, State, base_at
 from spacemap_vtk.mechanics.oscillator import LOST
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats, Ints
 
 #: A static shape is warned of where rounding is more than this share of it.
 ROUNDING = 1e-4
@@ -37,18 +36,18 @@ ENOUGH = 0.9
 class Motion(Protocol):
     """The motion of a cage: where its vertices are at any time, and its points."""
 
-    points: FloatArray
+    points: Floats
     """The vertices at rest [m], (V, 3)."""
-    cells: NDArray[np.int64]
+    cells: Ints
     """The tetrahedra, (T, 4) or (T, 10)."""
 
-    def at(self, time: float) -> FloatArray:
+    def at(self, time: float) -> Floats:
         """Return displacement [m] of the vertices, and its two rates [m/s, m/s²], (3, V, 3)."""
 
-    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+    def history(self, weights: Floats, times: Floats) -> Floats:
         """Return the same of a point over time [s], by its weights of the vertices, (3, t, 3)."""
 
-    def energies(self, times: FloatArray) -> FloatArray:
+    def energies(self, times: Floats) -> Floats:
         """Return kinetic, strain and dissipated energy and external work [J] over time, (t, 4)."""
 
 
@@ -110,8 +109,8 @@ class Response(Motion):
         damping: Damping,
         *,
         equilibrium: bool = False,
-        displacement: FloatArray | None = None,
-        velocity: FloatArray | None = None,
+        displacement: Floats | None = None,
+        velocity: Floats | None = None,
         residual: bool = True,
         statics: Statics | None = None,
     ) -> None:
@@ -152,9 +151,9 @@ class Response(Motion):
         )
         #: What holds the equilibrium, on each mode: against it strain grows as the cage moves.
         self._pull = self._shapes @ modes.model.forces
-        self._kept: tuple[FloatArray, list[State]] | None = None
+        self._kept: tuple[Floats, list[State]] | None = None
 
-    def _start(self, field: FloatArray | None, what: str) -> FloatArray | None:
+    def _start(self, field: Floats | None, what: str) -> Floats | None:
         """Return a field in modal coordinates."""
         if field is None:
             return None
@@ -162,7 +161,7 @@ class Response(Motion):
         if not moved.any():
             return None
         inertia = self.modes.model.mass @ moved
-        start: FloatArray = self._shapes @ inertia
+        start: Floats = self._shapes @ inertia
         missed = 1.0 - float(start @ start) / float(moved @ inertia)
         if missed > 1.0 - ENOUGH:
             self.warnings.append(
@@ -174,7 +173,7 @@ class Response(Motion):
     def _account(self) -> Account:
         return Account(self.modal)
 
-    def at(self, time: float, state: State | None = None) -> FloatArray:
+    def at(self, time: float, state: State | None = None) -> Floats:
         """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
         state = self.modal.at(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
@@ -205,7 +204,7 @@ class Response(Motion):
         return int(wrong.sum())
 
     @cached_property
-    def _phases(self) -> tuple[FloatArray, FloatArray, float]:
+    def _phases(self) -> tuple[Floats, Floats, float]:
         """Of each mode ω and the phase that rounding adds to in a second; when it first is all."""
         omega = np.sqrt(self.modal.stiffness[: len(self.modes.eigenvalues)])
         lost = omega * (self.modes.eigenvalue_rounding / 2 + 2.0**-53)
@@ -232,7 +231,7 @@ class Response(Motion):
         hung = self.modes.model.strain_energy + float(self._pull @ state.position)
         return found._replace(strain=found.strain + hung, work=found.work + hung)
 
-    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+    def history(self, weights: Floats, times: Floats) -> Floats:
         """Return how a point moves over time."""
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
@@ -242,20 +241,18 @@ class Response(Motion):
         ]
         return np.stack(rows, axis=1)
 
-    def energies(self, times: FloatArray) -> FloatArray:
+    def energies(self, times: Floats) -> Floats:
         """Return where the energy is over time."""
         states = zip(times, self._states(times), strict=True)
         return np.array([self.energy(t, now) for t, now in states]).reshape(-1, 4)
 
-    def _states(self, times: FloatArray) -> list[State]:
+    def _states(self, times: Floats) -> list[State]:
         """Return the states at some times; the last are kept, for other curves over the same."""
         if self._kept is None or not np.array_equal(self._kept[0], times):
             self._kept = times.copy(), [self.modal.at(t) for t in times]
         return self._kept[1]
 
-    def frequency_response(
-        self, weights: FloatArray, frequencies: FloatArray
-    ) -> NDArray[np.complex128]:
+    def frequency_response(self, weights: Floats, frequencies: Floats) -> NDArray[np.complex128]:
         """Return how a point answers to the loads as sines, all in phase.
 
         Parameters
@@ -286,14 +283,12 @@ class Response(Motion):
                     result[row] += load.moves_base * weights.sum()
         return result
 
-    def _at_point(self, weights: FloatArray) -> FloatArray:
+    def _at_point(self, weights: Floats) -> Floats:
         shapes = self._shapes.reshape(len(self.modal.stiffness), -1, 3)
         return np.einsum("nvc,v->nc", shapes, weights)
 
-    def _fields(
-        self, state: State, shapes: FloatArray, rest: FloatArray, time: float
-    ) -> FloatArray:
-        fields: FloatArray = (np.array(state) @ shapes).reshape(3, -1, 3)
+    def _fields(self, state: State, shapes: Floats, rest: Floats, time: float) -> Floats:
+        fields: Floats = (np.array(state) @ shapes).reshape(3, -1, 3)
         fields[0] += rest
         for load in self.loads:
             if load.moves_base is not None:

@@ -19,7 +19,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.mechanics.pencil import selection
 from spacemap_vtk.mechanics.response import Motion
@@ -32,12 +31,11 @@ from spacemap_vtk.mechanics.shell import (
     mid_surface,
 )
 from spacemap_vtk.mechanics.strains import sampled_slopes
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: Up to here a dense inverse is quicker than a back-substitution.
 _DENSE = 1000
@@ -76,9 +74,9 @@ class RotationCoordinates:
 
     def __init__(
         self,
-        points: FloatArray,
-        cells: IntArray,
-        held: NDArray[np.bool_] | csc_matrix,
+        points: Floats,
+        cells: Ints,
+        held: Bools | csc_matrix,
         surface: MidSurface | None = None,
     ) -> None:
         self.points, self._surface = points, surface
@@ -98,9 +96,7 @@ class RotationCoordinates:
         self._inverse = np.linalg.inv(self._rest)
 
     @classmethod
-    def of_mesh(
-        cls, points: FloatArray, cells: IntArray, held: NDArray[np.bool_]
-    ) -> RotationCoordinates:
+    def of_mesh(cls, points: Floats, cells: Ints, held: Bools) -> RotationCoordinates:
         """Return what rebuilds the shapes of a mesh of which no more is known than what it holds.
 
         Parameters
@@ -121,7 +117,7 @@ class RotationCoordinates:
         sheet = thin is not None and thin.aspect > THIN
         return cls(points, cells, held, mid_surface(points, cells) if sheet else None)
 
-    def displacement(self, linear: FloatArray) -> FloatArray:
+    def displacement(self, linear: Floats) -> Floats:
         """Return where the vertices go.
 
         Parameters
@@ -139,7 +135,7 @@ class RotationCoordinates:
         turn, strain = _parts(gradients)
         return self._fitted(turn @ strain @ self._rest, self._nodal + moved) - self.points
 
-    def largest(self, linear: FloatArray) -> tuple[float, float]:
+    def largest(self, linear: Floats) -> tuple[float, float]:
         """Return by how much an element turns at most, and is strained at most.
 
         Parameters
@@ -159,7 +155,7 @@ class RotationCoordinates:
         angles = np.linalg.norm(_axial(gradients), axis=1)
         return float(angles.max()), float(abs(strains).max())
 
-    def velocity(self, linear: FloatArray, rate: FloatArray) -> FloatArray:
+    def velocity(self, linear: Floats, rate: Floats) -> Floats:
         """Return how fast the vertices go.
 
         Parameters
@@ -180,7 +176,7 @@ class RotationCoordinates:
         meant = spin @ turn @ strain + turn @ ((rates + rates.swapaxes(1, 2)) / 2)
         return self._fitted(meant @ self._rest, moving)
 
-    def acceleration(self, linear: FloatArray, rate: FloatArray, second: FloatArray) -> FloatArray:
+    def acceleration(self, linear: Floats, rate: Floats, second: Floats) -> Floats:
         """Return the rate of `velocity`.
 
         Parameters
@@ -219,15 +215,14 @@ class RotationCoordinates:
         """
         return _Turned(linear, self)
 
-    def _of_nodes(self, vertices: FloatArray) -> FloatArray:
+    def _of_nodes(self, vertices: Floats) -> Floats:
         return vertices if self._surface is None else self._surface.nodal(vertices)
 
-    def _columns(self, nodal: FloatArray) -> FloatArray:
+    def _columns(self, nodal: Floats) -> Floats:
         """Return the legs of each place as columns, (n, 3, 3)."""
-        legs: FloatArray = (self._legs @ nodal).reshape(-1, 3, 3).swapaxes(1, 2)
-        return legs
+        return (self._legs @ nodal).reshape(-1, 3, 3).swapaxes(1, 2)
 
-    def _fitted(self, meant: FloatArray, given: FloatArray) -> FloatArray:
+    def _fitted(self, meant: Floats, given: Floats) -> Floats:
         """Return the vertices with the nearest legs, held ones as given."""
         load = self._pull @ meant.swapaxes(1, 2).reshape(-1, 3)
         result = np.empty_like(given)
@@ -238,7 +233,7 @@ class RotationCoordinates:
         return result if self._surface is None else self._surface.vertices(result)
 
     @cached_property
-    def _loose(self) -> IntArray:
+    def _loose(self) -> Ints:
         """The axes along which nothing is held."""
         size = len(self.points) if self._surface is None else len(self._surface.pairs)
         places = np.arange(len(self.points)) < size
@@ -281,31 +276,31 @@ class _Turned(Motion):
         #: Where the motion is zero: hung.
         self._rest = kernel.points - linear.points
 
-    def at(self, time: float) -> FloatArray:
+    def at(self, time: float) -> Floats:
         moved, rate, second = self._linear.at(time)
         moved = moved - self._rest
         shape = self._rest + self._kernel.displacement(moved)
         speed = self._kernel.velocity(moved, rate)
         return np.stack([shape, speed, self._kernel.acceleration(moved, rate, second)])
 
-    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+    def history(self, weights: Floats, times: Floats) -> Floats:
         return np.stack([weights @ self.at(float(time)) for time in times], axis=1)
 
-    def energies(self, times: FloatArray) -> FloatArray:
+    def energies(self, times: Floats) -> Floats:
         return self._linear.energies(times)
 
 
 class _System:
     """The nearest positions of nodes, of which some are held."""
 
-    def __init__(self, springs: csr_matrix, basis: csc_matrix, anchor: FloatArray) -> None:
+    def __init__(self, springs: csr_matrix, basis: csc_matrix, anchor: Floats) -> None:
         self._springs, self._basis, self._anchor = springs, basis, anchor
         if basis.shape[1]:
             rows = basis[: len(anchor)]
             fixed = rows.T.multiply(anchor) @ rows
             self._solve = _solver((basis.T @ springs @ basis + fixed).tocsr())
 
-    def solved(self, load: FloatArray, given: FloatArray) -> FloatArray:
+    def solved(self, load: Floats, given: Floats) -> Floats:
         """Return the positions of all nodes, (V, m), or along three axes that hang together."""
         basis, shape = self._basis, given.shape
         load, given = (part.reshape(basis.shape[0], -1) for part in (load, given))
@@ -317,7 +312,7 @@ class _System:
         return (kept + basis @ self._solve(basis.T @ pushed)).reshape(shape)
 
 
-def _of_tetrahedra(points: FloatArray, cells: IntArray) -> tuple[csr_matrix, FloatArray]:
+def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
     """Return the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
     from scipy.sparse import csr_matrix
 
@@ -329,13 +324,13 @@ def _of_tetrahedra(points: FloatArray, cells: IntArray) -> tuple[csr_matrix, Flo
     return csr_matrix(parts, shape=(count, len(points))), np.repeat(weights.ravel(), 3)
 
 
-def _axial(gradients: FloatArray) -> FloatArray:
+def _axial(gradients: Floats) -> Floats:
     """Return the axial vectors of their skew parts, (n, 3)."""
     turned = [gradients[:, j, i] - gradients[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack(turned, axis=1) / 2
 
 
-def _cross(vectors: FloatArray) -> FloatArray:
+def _cross(vectors: Floats) -> Floats:
     """Return the matrices [v]×, (n, 3, 3)."""
     result = np.zeros((len(vectors), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -343,7 +338,7 @@ def _cross(vectors: FloatArray) -> FloatArray:
     return result
 
 
-def _parts(gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _parts(gradients: Floats) -> tuple[Floats, Floats]:
     """Return exp([ω]×) and I + ε of each gradient."""
     omega = _axial(gradients)
     angle = np.linalg.norm(omega, axis=1)[:, None, None]
@@ -354,7 +349,7 @@ def _parts(gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
     return turn, np.eye(3) + (gradients + gradients.swapaxes(1, 2)) / 2
 
 
-def _spin(omega: FloatArray, rate: FloatArray) -> FloatArray:
+def _spin(omega: Floats, rate: Floats) -> Floats:
     """Return the angular velocity of exp([ω]×) where ω has a rate, (n, 3)."""
     # The left Jacobian of rotations: I + (1 - cos θ)/θ² [ω] + (θ - sin θ)/θ³ [ω]².
     angle = np.linalg.norm(omega, axis=1)[:, None]
@@ -368,7 +363,7 @@ def _spin(omega: FloatArray, rate: FloatArray) -> FloatArray:
     return rate + half * once + rest * np.cross(omega, once)
 
 
-def _solver(matrix: csr_matrix) -> Callable[[FloatArray], FloatArray]:
+def _solver(matrix: csr_matrix) -> Callable[[Floats], Floats]:
     """Return what solves a definite system for some right-hand sides."""
     if matrix.shape[0] <= _DENSE:
         inverse = np.linalg.inv(matrix.toarray())

@@ -25,12 +25,11 @@ from spacemap_vtk.mechanics.elasticity import VOIGT, Assembly
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.strains import Strains, product
 from spacemap_vtk.mechanics.supports import free_motions
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: Cells this many times wider than thick are those of a sheet: there even quadratic tetrahedra
 #: twist too stiffly (see `spacemap_vtk.mechanics.bending.locking`).
@@ -47,19 +46,19 @@ _MIDDLES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 class MidSurface(NamedTuple):
     """The pairs of vertices of a one-layer lattice, and their quadrilaterals."""
 
-    pairs: IntArray
+    pairs: Ints
     """(P, 2) vertices at the upper and the lower end of each."""
-    quads: IntArray
+    quads: Ints
     """(E, 4) pairs of each hexahedron, counter-clockwise seen from above."""
     normal: int
     """The axis nearest to the direction across the layer."""
 
-    def nodal(self, vertices: FloatArray) -> FloatArray:
+    def nodal(self, vertices: Floats) -> Floats:
         """Return p of all pairs, then δ of all, of what vertices have, both (V, …)."""
         upper, lower = vertices[self.pairs.T]
         return np.concatenate([(upper + lower) / 2, (upper - lower) / 2])
 
-    def vertices(self, nodal: FloatArray) -> FloatArray:
+    def vertices(self, nodal: Floats) -> Floats:
         """Return what vertices have out of p and δ, both (V, …)."""
         middle, half = nodal.reshape(2, len(self.pairs), *nodal.shape[1:])
         result = np.empty_like(nodal)
@@ -77,7 +76,7 @@ class MidSurface(NamedTuple):
         ]
         return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
 
-    def ends(self) -> tuple[IntArray, FloatArray]:
+    def ends(self) -> tuple[Ints, Floats]:
         """Return the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
         count = len(self.pairs)
         nodes, signs = np.empty((2 * count, 2), dtype=np.int64), np.ones((2 * count, 2))
@@ -85,7 +84,7 @@ class MidSurface(NamedTuple):
         signs[self.pairs[:, 1], 1] = -1.0
         return nodes, signs
 
-    def thickness(self, points: FloatArray) -> FloatArray:
+    def thickness(self, points: Floats) -> Floats:
         """Return the length of each pair [m], (P,)."""
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
@@ -102,7 +101,7 @@ class Layer(NamedTuple):
     """How many times wider than thick the cells are."""
 
 
-def layer(points: FloatArray, cells: IntArray) -> Layer | None:
+def layer(points: Floats, cells: Ints) -> Layer | None:
     """Return the measures of the sheet that a cage can be.
 
     Parameters
@@ -126,7 +125,7 @@ def layer(points: FloatArray, cells: IntArray) -> Layer | None:
     return Layer(thickness, surface.normal, float(sides.mean()) / thickness)
 
 
-def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
+def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
     """Return the mid-surface of a one-layer lattice, whole or carved.
 
     Parameters
@@ -163,14 +162,14 @@ def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
     return best
 
 
-def of_quads(factors: FloatArray | None) -> FloatArray | None:
+def of_quads(factors: Floats | None) -> Floats | None:
     """Return the mean of what the tetrahedra of each quadrilateral have, (T,) as (E,)."""
     # The first of the five is a third of the hexahedron, each other one a sixth.
     shares = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6
     return None if factors is None else factors.reshape(-1, TETRAHEDRA_PER_CELL) @ shares
 
 
-def _corners(cells: IntArray) -> IntArray | None:
+def _corners(cells: Ints) -> Ints | None:
     """Return the corners x + 2y + 4z of each hexahedron, (E, 8); None where there are none."""
     if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
         return None
@@ -186,7 +185,7 @@ def _corners(cells: IntArray) -> IntArray | None:
 
 
 def of_sheet(
-    points: FloatArray, surface: MidSurface, plate: Plate, factors: FloatArray | None = None
+    points: Floats, surface: MidSurface, plate: Plate, factors: Floats | None = None
 ) -> list[Strains]:
     """Return the strains of a sheet: those of its quadrilaterals, and its pairs' thickness."""
     # Over the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending 11, 22,
@@ -236,9 +235,7 @@ def of_sheet(
     ]
 
 
-def of_pairs(
-    points: FloatArray, surface: MidSurface, factors: FloatArray | None = None
-) -> Assembly:
+def of_pairs(points: Floats, surface: MidSurface, factors: Floats | None = None) -> Assembly:
     """Return what a sheet contributes to M: the mid-points' ∫ N_a N_b h, and that of the rest."""
     # The half thicknesses' is a third of it, as x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
@@ -263,11 +260,11 @@ def of_pairs(
 
 
 def free_pairs(
-    points: FloatArray,
+    points: Floats,
     surface: MidSurface,
-    held: NDArray[np.bool_],
-    normals: FloatArray | None = None,
-    bodies: IntArray | None = None,
+    held: Bools,
+    normals: Floats | None = None,
+    bodies: Ints | None = None,
 ) -> csc_matrix:
     """Return the basis (3V, N) of what supports and rigid bodies leave of p and δ of each pair."""
     from scipy.sparse import hstack
@@ -295,18 +292,14 @@ def free_pairs(
     return found[:, np.argsort(_first(found), kind="stable")]
 
 
-def _first(basis: csc_matrix) -> IntArray:
+def _first(basis: csc_matrix) -> Ints:
     """Return the first node of each column."""
     return np.asarray(basis.indices[basis.indptr[:-1]] // 3, dtype=np.int64)
 
 
 def of_middle(
-    strains: list[Strains],
-    positions: FloatArray,
-    moved: FloatArray,
-    surface: MidSurface,
-    plate: Plate,
-) -> tuple[FloatArray, FloatArray]:
+    strains: list[Strains], positions: Floats, moved: Floats, surface: MidSurface, plate: Plate
+) -> tuple[Floats, Floats]:
     """Return strain and force per width [N/m] of each quadrilateral's middle, (E, 6) both."""
     # Where p and δ move from positions, linear in that. As xx, yy, zz, yz, zx, xy of the cage.
     found = []
@@ -326,7 +319,7 @@ def of_middle(
     return strain, force
 
 
-def legs_of(points: FloatArray, surface: MidSurface) -> tuple[csr_matrix, FloatArray]:
+def legs_of(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
     """Return the legs of a sheet as a matrix, (3 n, V), and the area that each row stands for."""
     # Of p and δ, at four points of each quadrilateral: ∂p along both axes in its plane, and d.
     from scipy.sparse import csr_matrix
@@ -351,46 +344,42 @@ class LegGradient:
     # there, and legs lie in a plane. Cloth hardly stretches, and so legs are those of the flat
     # sheet, turned.
     def __init__(
-        self, points: FloatArray, surface: MidSurface, displacement: FloatArray | float = 0.0
+        self, points: Floats, surface: MidSurface, displacement: Floats | float = 0.0
     ) -> None:
         self._legs, self._surface = legs_of(points, surface)[0], surface
         left, _, right = np.linalg.svd(self._columns(points + displacement))
         self._inverse = (left @ right).swapaxes(1, 2)
 
-    def of(self, displacement: FloatArray) -> FloatArray:
+    def of(self, displacement: Floats) -> Floats:
         """Return the gradients of a field, (3, 3, places)."""
-        result: FloatArray = (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
-        return result
+        return (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
 
-    def _columns(self, vertices: FloatArray) -> FloatArray:
-        legs: FloatArray = (self._legs @ self._surface.nodal(vertices)).reshape(-1, 3, 3)
+    def _columns(self, vertices: Floats) -> Floats:
+        legs: Floats = (self._legs @ self._surface.nodal(vertices)).reshape(-1, 3, 3)
         return legs.swapaxes(1, 2)
 
 
-def _unstrained(
-    nodes: IntArray, forms: FloatArray, stiffness: NDArray[Any], nodal: FloatArray
-) -> Strains:
+def _unstrained(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
     """Return strains that are zero in a shape."""
     bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
     return Strains(nodes, forms, bare.at(nodal)[0], stiffness)
 
 
-def _shape(at: FloatArray) -> FloatArray:
+def _shape(at: Floats) -> Floats:
     """Return the four bilinear shape functions at a place (ξ, η)."""
-    result: FloatArray = (1 + _CORNERS * at).prod(axis=1) / 4
-    return result
+    return (1 + _CORNERS * at).prod(axis=1) / 4
 
 
-def _slopes(at: FloatArray) -> FloatArray:
+def _slopes(at: Floats) -> Floats:
     """Return their derivatives along ξ and η, (2, 4)."""
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 
-def _axes(z: FloatArray, places: FloatArray, normal: int) -> tuple[FloatArray, FloatArray]:
+def _axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
     """Return ∂(ξ, η)/∂ the axes 1 and 2, (E, q, 2, 2), and the area each place stands for."""
     tangents = np.stack([_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
     upward = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-    area: FloatArray = np.linalg.norm(upward, axis=2)
+    area: Floats = np.linalg.norm(upward, axis=2)
     upward /= area[..., None]
     one, two = ((normal + k) % 3 for k in (1, 2))
     first = np.eye(3)[one] - upward * upward[..., one, None]
@@ -400,13 +389,13 @@ def _axes(z: FloatArray, places: FloatArray, normal: int) -> tuple[FloatArray, F
     first = np.where(steep, np.cross(second, upward), first)
     first /= np.linalg.norm(first, axis=2)[..., None]
     frame = np.stack([first, np.cross(upward, first)], axis=2)
-    turn: FloatArray = np.linalg.inv(
+    turn: Floats = np.linalg.inv(
         (frame @ tangents.swapaxes(2, 3)).astype(np.float64, copy=False)
     ).swapaxes(2, 3)
     return turn, area
 
 
-def _wide(values: FloatArray, start: int) -> FloatArray:
+def _wide(values: Floats, start: int) -> Floats:
     """Return values of four mid-points (start 0) or directors (4) as those of all eight."""
     result = np.zeros((len(values), 8))
     result[:, start : start + 4] = values

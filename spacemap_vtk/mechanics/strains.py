@@ -21,17 +21,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements import shape_slopes
 from spacemap_vtk.mechanics.kinematics import SAMPLES
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: Axes of the strains xx, yy, zz, yz, zx, xy.
 _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
@@ -45,22 +43,22 @@ class Strains:
     """The strains of elements of one kind, at their points of quadrature, and their energy."""
 
     #: (E, n) Rows of the positions that each of E elements has.
-    nodes: IntArray
+    nodes: Ints
     #: (E, Q, s, n, n) b of s strains at each of Q points, symmetric.
-    forms: FloatArray
+    forms: Floats
     #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
-    reference: FloatArray
+    reference: Floats
     #: (E, Q, s, s) C, weights of the quadrature included.
-    stiffness: FloatArray
+    stiffness: Floats
     #: (3, n) Weights of three vectors that have another handedness where it is inside out.
-    frame: FloatArray | None = field(default=None, kw_only=True)
+    frame: Floats | None = field(default=None, kw_only=True)
 
-    def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
         squares, gradients = self.squares(positions)
         return squares - self.reference, gradients
 
-    def squares(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def squares(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return ½ z b z, (E, Q, s), and G: what strains have of second order in a move z."""
         z = positions[self.nodes]
         elements, nodes = self.nodes.shape
@@ -68,21 +66,21 @@ class Strains:
         flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
         return 0.5 * flat.reshape(self.reference.shape), gradients
 
-    def energy(self, positions: FloatArray) -> float:
+    def energy(self, positions: Floats) -> float:
         """Return W = ½ Σ εᵀ C ε [J]."""
         strain = self.at(positions)[0]
         return 0.5 * float(np.vdot(strain, self.stresses(strain)))
 
-    def forces(self, positions: FloatArray) -> FloatArray:
+    def forces(self, positions: Floats) -> Floats:
         """Return ∂W/∂z, (V, 3): what holds the shape [N]."""
         strain, gradients = self.at(positions)
         return self.summed(self.stresses(strain), gradients, len(positions))
 
-    def stresses(self, strain: FloatArray) -> FloatArray:
+    def stresses(self, strain: Floats) -> Floats:
         """Return C ε of strains (E, Q, s), weights of the quadrature included."""
         return (self.stiffness @ strain[..., None])[..., 0]
 
-    def summed(self, stress: FloatArray, gradients: FloatArray, count: int) -> FloatArray:
+    def summed(self, stress: Floats, gradients: Floats, count: int) -> Floats:
         """Return Σ_s σ_s G_s of each of `count` nodes, (count, 3)."""
         elements, nodes = self.nodes.shape
         force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
@@ -90,17 +88,17 @@ class Strains:
         rows = self.nodes.ravel()
         return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
 
-    def tangent(self, positions: FloatArray) -> FloatArray:
+    def tangent(self, positions: Floats) -> Floats:
         """Return ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
         strain, gradients = self.at(positions)
         return self.tangent_of(self.stresses(strain), gradients)
 
-    def pulling(self, stress: FloatArray) -> FloatArray:
+    def pulling(self, stress: Floats) -> Floats:
         """Return of stresses (E, Q, s) those with which K is positive definite at any shape."""
         # Not compression, nor stresses of strains whose form is itself indefinite.
         return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
 
-    def changes(self, gradients: FloatArray, move: FloatArray) -> FloatArray:
+    def changes(self, gradients: Floats, move: Floats) -> Floats:
         """Return G Δz of a move (V, 3), (E, Q, s)."""
         elements, nodes = self.nodes.shape
         flat = gradients.reshape(elements, -1, 3 * nodes) @ move[self.nodes].reshape(
@@ -108,21 +106,19 @@ class Strains:
         )
         return flat.reshape(self.reference.shape)
 
-    def handedness(self, positions: FloatArray) -> FloatArray:
+    def handedness(self, positions: Floats) -> Floats:
         """Return the triple product of each element's frame, (E,)."""
         if self.frame is None:
             return np.ones(len(self.nodes))
         return np.linalg.det(self.frame @ positions[self.nodes])
 
-    def turn(self, move: FloatArray) -> float:
+    def turn(self, move: Floats) -> float:
         """Return how far a move (V, 3) turns or stretches any element, to first order [rad]."""
         # A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
         return float(np.sqrt(2 * squares.max(initial=0.0)))
 
-    def tangent_of(
-        self, stress: FloatArray, gradients: FloatArray, others: FloatArray | None = None
-    ) -> FloatArray:
+    def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
         """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
         # `others` are what the stress changes by, in place of the second G.
         elements, points, count, nodes, _ = gradients.shape
@@ -137,7 +133,7 @@ class Strains:
             blocks[:, :, axis, :, axis] += pull
         return result
 
-    def products(self, positions: FloatArray, fields: FloatArray) -> FloatArray:
+    def products(self, positions: Floats, fields: Floats) -> Floats:
         """Return φᵀ K φ of each two of the fields (m, V, 3), as a sum over strains, (m, m)."""
         # Where K is a sum of large forces that cancel, as of a thin sheet that bends, this has more
         # digits.
@@ -156,14 +152,14 @@ class Strains:
             total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
         return (total + total.T) / 2
 
-    def resisted(self) -> FloatArray:
+    def resisted(self) -> Floats:
         """Return a matrix of each element, (E, 3 n, 3 n), that is zero for what no form sees."""
         rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
         seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
         return seen
 
     @cached_property
-    def _stabilises(self) -> NDArray[np.bool_]:
+    def _stabilises(self) -> Bools:
         """Strains whose stress, where it pulls, stiffens."""
         values = np.linalg.eigvalsh(self.forms)
         return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
@@ -176,24 +172,22 @@ class Pulls(Strains):
     # ε = Σ_a w_a (z_a - Z_a) with numbers w_a, and so no forms.
 
     #: (E, n) w.
-    weights: FloatArray
+    weights: Floats
 
-    def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
         moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
         slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
         return moved[:, None] - self.reference, slopes[:, None]
 
-    def resisted(self) -> FloatArray:
+    def resisted(self) -> Floats:
         """Return a matrix of each spring that is zero for what it lets go, whatever its size."""
         size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
         alike = Pulls(self.nodes, self.forms, self.reference, self.stiffness / size, self.weights)
         return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
 
 
-def of_base(
-    points: FloatArray, nodes: IntArray, weights: FloatArray, stiffness: FloatArray
-) -> Pulls:
+def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> Pulls:
     """Return the displacements Σ_a w_a z_a, (E, n), that springs (E, 3, 3) keep from growing."""
     forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
     reference = np.zeros((len(nodes), 1, 3))
@@ -202,7 +196,7 @@ def of_base(
 
 
 def of_tetrahedra(
-    points: FloatArray, cells: IntArray, elasticity: FloatArray, factors: FloatArray | None = None
+    points: Floats, cells: Ints, elasticity: Floats, factors: Floats | None = None
 ) -> Strains:
     """Return the strains of linear or quadratic tetrahedra: Green's, xx, yy, zz, yz, zx, xy."""
     slope, weights = sampled_slopes(points, cells)
@@ -214,7 +208,7 @@ def of_tetrahedra(
     return Strains(cells, forms, reference, weights[..., None, None] * elasticity, frame=frame)
 
 
-def sampled_slopes(points: FloatArray, cells: IntArray) -> tuple[FloatArray, FloatArray]:
+def sampled_slopes(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
     """Return ∇N of tetrahedra at their points of quadrature, (T, Q, n, 3), and weights (T, Q)."""
     gradients, volume = barycentric_gradients(points, cells)
     slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
@@ -222,13 +216,13 @@ def sampled_slopes(points: FloatArray, cells: IntArray) -> tuple[FloatArray, Flo
     return np.einsum("qna,tai->tqni", slopes, gradients), weights
 
 
-def product(left: FloatArray, right: FloatArray) -> FloatArray:
+def product(left: Floats, right: Floats) -> Floats:
     """Return the form whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
     outer = left[..., :, None] * right[..., None, :]
     return outer + outer.swapaxes(-1, -2)
 
 
-def tangent(strains: Sequence[Strains], positions: FloatArray) -> csr_matrix:
+def tangent(strains: Sequence[Strains], positions: Floats) -> csr_matrix:
     """Return K of elements of all kinds at some positions, (3V, 3V)."""
     from scipy.sparse import coo_matrix
 

@@ -6,15 +6,14 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-FloatArray = NDArray[np.float64]
 
 #: What a place of `rigid_bodies` is, in words.
 BODY = "rigid place"
@@ -25,9 +24,7 @@ _FLAT, _THIN = 1e-3, 0.1
 _HELD = 1e-10
 
 
-def held_components(
-    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
-) -> NDArray[np.bool_]:
+def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> Bools:
     """Return which components of which vertices are held by supports that name no direction.
 
     Parameters
@@ -69,9 +66,7 @@ def held_components(
     return held
 
 
-def loose_sides(
-    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
-) -> list[str]:
+def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> list[str]:
     """Return the sides among supports that leave the cage free to turn, where all shall hold it.
 
     Parameters
@@ -103,7 +98,7 @@ def loose_sides(
     return [str(place) for place in places if place.shape in SIDES]
 
 
-def resting(vertices: FloatArray, up: int) -> str:
+def resting(vertices: Floats, up: int) -> str:
     """Return the place that an object is held by where nobody says.
 
     Parameters
@@ -143,7 +138,7 @@ def resting(vertices: FloatArray, up: int) -> str:
     return f"box({', '.join(ends)})"
 
 
-def is_thin(extent: FloatArray) -> bool:
+def is_thin(extent: Floats) -> bool:
     """Return whether a box is thin as a sheet.
 
     Parameters
@@ -161,8 +156,8 @@ def is_thin(extent: FloatArray) -> bool:
 
 
 def held_directions(
-    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
-) -> FloatArray | None:
+    vertices: Floats, supports: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
     """Return what supports hold that name a direction.
 
     Parameters
@@ -191,8 +186,8 @@ def held_directions(
 
 
 def rigid_bodies(
-    vertices: FloatArray, places: Iterable[str], masks: Masks | None = None
-) -> NDArray[np.int64] | None:
+    vertices: Floats, places: Iterable[str], masks: Masks | None = None
+) -> Ints | None:
     """Return the number of each vertex's body, (V,), from 1 on, 0 of none; None without places."""
     parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
     if not parsed:
@@ -211,10 +206,7 @@ def rigid_bodies(
 
 
 def free_motions(
-    points: FloatArray,
-    held: NDArray[np.bool_],
-    normals: FloatArray | None = None,
-    bodies: NDArray[np.int64] | None = None,
+    points: Floats, held: Bools, normals: Floats | None = None, bodies: Ints | None = None
 ) -> csc_matrix:
     """Return T, (3V, n), of u = T q: what supports and rigid bodies leave of displacements u."""
     # Its columns are orthonormal, unit vectors where a vertex is held along axes only, and stand in
@@ -261,13 +253,13 @@ def free_motions(
 class _Block(NamedTuple):
     """Entries of some columns of a matrix, and the first row of each of them."""
 
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
-    entries: FloatArray
-    first: NDArray[np.int64]
+    rows: Ints
+    columns: Ints
+    entries: Floats
+    first: Ints
 
 
-def six_motions(points: FloatArray, places: NDArray[np.bool_] | None = None) -> FloatArray:
+def six_motions(points: Floats, places: Bools | None = None) -> Floats:
     """Return three shifts and three turns about the middle, (3V, 6), turns scaled to the size."""
     # What is no place, as half thicknesses are none, only turns.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
@@ -279,6 +271,6 @@ def six_motions(points: FloatArray, places: NDArray[np.bool_] | None = None) -> 
     return motions.reshape(-1, 6)
 
 
-def turned(vectors: FloatArray) -> FloatArray:
+def turned(vectors: Floats) -> Floats:
     """Return what turns about x, y and z add to vectors, (n, 3, 3)."""
     return np.cross(np.eye(3)[None], vectors[:, None]).swapaxes(1, 2)

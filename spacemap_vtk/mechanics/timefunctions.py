@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 
 class Pieces(NamedTuple):
@@ -25,11 +23,11 @@ class Pieces(NamedTuple):
     # Before the first time it is zero; after the last its last piece goes on, or, with a period, it
     # repeats from the first time, which is then 0.
 
-    times: FloatArray
+    times: Floats
     """(k,), ascending, the start of each piece [s]; the first is 0."""
-    values: FloatArray
+    values: Floats
     """(k,), at the start of each piece."""
-    slopes: FloatArray
+    slopes: Floats
     """(k,), along each piece [1/s]."""
     period: float | None = None
     """After which it repeats [s]."""
@@ -210,9 +208,7 @@ def harmonic(frequency: float, phase: float = 0.0, *, steady: bool = False) -> S
     return Sine(2 * math.pi * frequency, phase, steady)
 
 
-def _checked_table(
-    times: Sequence[float], values: Sequence[float]
-) -> tuple[FloatArray, FloatArray]:
+def _checked_table(times: Sequence[float], values: Sequence[float]) -> tuple[Floats, Floats]:
     t, v = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.ndim != 1 or t.shape != v.shape or len(t) == 0:
         raise InputError(

@@ -8,10 +8,9 @@ acceleration of a step is constant, but for that of directors that are stilled.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from spacemap_vtk.errors import InputError, SolverError
@@ -25,9 +24,7 @@ from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.timefunctions import Sine
 from spacemap_vtk.memory import require
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[float], object]
+from spacemap_vtk.ndarrays import Bools, Floats, Progress
 
 #: The first step, and the shortest, as shares of the longest one.
 FIRST, SHORTEST = 1 / 256, 1e-9
@@ -101,8 +98,8 @@ class Stepped(Motion):
         loads: Sequence[LoadVector] = (),
         damping: Damping = Damping(),  # noqa: B008
         *,
-        displacement: FloatArray | None = None,
-        velocity: FloatArray | None = None,
+        displacement: Floats | None = None,
+        velocity: Floats | None = None,
         settled: bool = False,
         tolerance: float | None = None,
         max_step: float = 0.02,
@@ -148,11 +145,11 @@ class Stepped(Motion):
         kinetic, strain = self._rule.stored(v, self._rule.at(q))
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
-        self._parts: tuple[int, list[Part], list[FloatArray]] = 0, [], []
+        self._parts: tuple[int, list[Part], list[Floats]] = 0, [], []
         self._jump(0.0)
 
     @property
-    def rows(self) -> FloatArray:
+    def rows(self) -> Floats:
         """The states so far, (n, 6 + 2N): their times ascend, twice the same where a base jumps."""
         return self._rows[: self._count]
 
@@ -161,7 +158,7 @@ class Stepped(Motion):
         """The time of the last state [s]."""
         return float(self._rows[self._count - 1, 0])
 
-    def resume(self, rows: FloatArray) -> bool:
+    def resume(self, rows: Floats) -> bool:
         """Go on from states of the same motion that were stepped elsewhere.
 
         Parameters
@@ -219,14 +216,14 @@ class Stepped(Motion):
                 if progress is not None:
                     progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
 
-    def at(self, time: float) -> FloatArray:
+    def at(self, time: float) -> Floats:
         """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
         fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
         fields = fields + self.base(time)[:, None]
         fields[0] += self.rest
         return fields
 
-    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+    def history(self, weights: Floats, times: Floats) -> Floats:
         """Return how a point moves over time."""
         # The point is a mesh of one vertex; what gathers forces is the transposed of what spreads.
         forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
@@ -235,7 +232,7 @@ class Stepped(Motion):
         found[0] += weights @ self.rest
         return found
 
-    def energies(self, times: FloatArray) -> FloatArray:
+    def energies(self, times: Floats) -> Floats:
         """Return where the energy is over time, linear between the states."""
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
         self.reach(float(wanted.max(initial=0.0)))
@@ -243,7 +240,7 @@ class Stepped(Motion):
         found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
         return self.model.modulus * np.stack(found, axis=1)
 
-    def _state(self, time: float) -> FloatArray:
+    def _state(self, time: float) -> Floats:
         """Return q, its rate and its acceleration at a time, (3, N)."""
         self.reach(max(time, 0.0))
         now = int(np.searchsorted(self.rows[:, 0], max(time, 0.0), side="right")) - 1
@@ -258,7 +255,7 @@ class Stepped(Motion):
         rate = v + since * (2 * bend + 3 * since * twist)
         return np.stack([place, rate, (2 * bend + 6 * since * twist) / whole])
 
-    def base(self, time: float) -> FloatArray:
+    def base(self, time: float) -> Floats:
         """Return how the base moves.
 
         Parameters
@@ -277,7 +274,7 @@ class Stepped(Motion):
                 total += np.outer(base_at(load.function, time), load.moves_base)
         return total
 
-    def _append(self, row: FloatArray) -> None:
+    def _append(self, row: Floats) -> None:
         if self._count == len(self._rows):
             size = (len(row) - COLUMNS) // 2
             require(
@@ -347,16 +344,16 @@ class Stepped(Motion):
         mean = [(a.stress + b.stress) / 2 for a, b in zip(before, now, strict=True)]
         self._parts = self._count, now, mean
 
-    def _guess(self, span: float) -> FloatArray:
+    def _guess(self, span: float) -> Floats:
         """Return the move that the last step's parabola goes on to."""
         row = self.rows[-1]
-        v: FloatArray = np.split(row[COLUMNS:], 2)[1]
+        v: Floats = np.split(row[COLUMNS:], 2)[1]
         if self._count < 2 or (since := row[0] - self.rows[-2][0]) <= 0.0:
             return span * v
         before = np.split(self.rows[-2][COLUMNS:], 2)[1]
         return span * v + span**2 / 2 * (v - before) / since
 
-    def _missed(self, miss: FloatArray, span: float) -> float:
+    def _missed(self, miss: Floats, span: float) -> float:
         """Return an estimate of a step's error out of how far its guess missed it [m]."""
         # Both errors are shares of the third derivative (Milne): h² (h + h₀)/4 that of the parabola
         # through the last step h₀, h³/12 that of the rule. The rule's own estimate is better where
@@ -391,7 +388,7 @@ class Stepped(Motion):
         self._append(np.concatenate([row[:COLUMNS], q, v]))
 
 
-def _directors(body: Body, pairs: int) -> NDArray[np.bool_]:
+def _directors(body: Body, pairs: int) -> Bools:
     """Return which coordinates are of a sheet's directors alone, (N,)."""
     middle, half = (
         abs(part).sum(axis=0) for part in (body.basis[: 3 * pairs], body.basis[3 * pairs :])
@@ -401,7 +398,7 @@ def _directors(body: Body, pairs: int) -> NDArray[np.bool_]:
 
 def _of_ratios(
     cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
-) -> tuple[float, FloatArray | None]:
+) -> tuple[float, Floats | None]:
     """Return β, and U of what ratios of modes resist with beside it: C = β K + U Uᵀ."""
     values = cage.eigenvalues
     swing = values > 0
