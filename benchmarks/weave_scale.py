@@ -41,12 +41,14 @@ def measure(size: int, weave_name: str, exact: bool) -> dict[str, Any]:
     """Build one weave in this process and return what it took."""
     import numpy as np
 
-    from spacemap_vtk.fabric import draft
+    from spacemap_vtk.fabric import patterns
     from spacemap_vtk.fabric.cloth import Cloth
+    from spacemap_vtk.fabric.drawdown import tile
     from spacemap_vtk.fabric.threads import Threads
     from spacemap_vtk.fabric.weave import build, estimate_bytes
 
-    over = draft.plain(size, size) if weave_name == "plain" else draft.twill(2, 2, size, size)
+    unit = patterns.plain() if weave_name == "plain" else patterns.twill(2, 2)
+    over = tile(unit, size, size)
     threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
     cloth = Cloth(drawdown=over, warp=threads, weft=threads, exact=exact)
     build(

@@ -71,14 +71,14 @@ def layered(
 
 def stitched() -> Bools:
     """Two plain cloths, ends of the one below over some picks of the one above."""
-    found = two_cloths(blocks(100), patterns.plain(2, 2))
+    found = two_cloths(blocks(100), patterns.plain())
     found[0::16, 1::16] = found[8::16, 9::16] = True
     return found
 
 
 @pytest.mark.parametrize("of_picks", [[0, 1], [1, 0]])
 @pytest.mark.parametrize("size", [8, 12, 100])
-@pytest.mark.parametrize("weave", [patterns.plain(2, 2), patterns.twill(2, 2)])
+@pytest.mark.parametrize("weave", [patterns.plain(), patterns.twill(2, 2)])
 def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> None:
     above = blocks(size)
     found = find_layers(two_cloths(above, weave, of_picks=of_picks))
@@ -100,7 +100,7 @@ def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> N
     ],
 )
 def test_threads_may_be_arranged_otherwise(of_ends: list[int], of_picks: list[int]) -> None:
-    found = find_layers(two_cloths(blocks(100), patterns.plain(2, 2), of_ends, of_picks))
+    found = find_layers(two_cloths(blocks(100), patterns.plain(), of_ends, of_picks))
     assert found is not None
     assert found.joined == (False, False)
     np.testing.assert_array_equal(found.ends, np.resize(of_ends, 40) == 1)
@@ -161,13 +161,13 @@ def test_one_cloth_is_one() -> None:
         ]
     )
     for weave in (
-        patterns.plain(2, 2),
+        patterns.plain(),
         patterns.twill(2, 2),
         patterns.twill(3, 1),
         patterns.satin(8, 3),
         patterns.basket(2),
-        patterns.rib(2),
-        patterns.rib(1),
+        patterns.rib(2, 2),
+        patterns.rib(1, 1),
         waffle,
         np.ones((4, 4), dtype=bool),
     ):
@@ -207,19 +207,19 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
 @pytest.mark.parametrize(
     "cloth",
     [
-        layered(two_cloths(blocks(6, 12, 14), patterns.plain(2, 2))),
+        layered(two_cloths(blocks(6, 12, 14), patterns.plain())),
         layered(two_cloths(blocks(5, 12, 12), patterns.twill(2, 2)), warp_diameter=0.55e-3),
         layered(stitched()[:18, :18]),
         layered(np.random.default_rng(2).random((12, 12)) < 0.5, [0, 0, 1], [0, 1, 1, 0]),
         layered(
-            two_cloths(blocks(6, 10, 10), patterns.plain(2, 2)),
+            two_cloths(blocks(6, 10, 10), patterns.plain()),
             warp_diameter=np.resize([0.15e-3, 0.1e-3, 0.12e-3], 10),
             weft_diameter=0.1e-3,
             warp_section="racetrack",
             warp_aspect=5.0,
             layer_gap=0.02e-3,
         ),
-        layered(two_cloths(blocks(99, 12, 12), patterns.plain(2, 2)), warp_diameter=1.1e-3),
+        layered(two_cloths(blocks(99, 12, 12), patterns.plain()), warp_diameter=1.1e-3),
         changed(
             Cloth(
                 drawdown=changing(16, 14)[0],
@@ -239,7 +239,7 @@ def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
 
 
 def test_axes_are_smooth_where_cloths_change_places() -> None:
-    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain(2, 2)))
+    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain()))
     for family in axes(cloth):
         part = np.arange(len(family.length))
         inner = part[:-1][np.diff(family.owner) == 0]
@@ -252,7 +252,7 @@ def test_axes_are_smooth_where_cloths_change_places() -> None:
         assert np.ptp(family.height) > 2 * cloth.level
 
 
-@pytest.mark.parametrize("weave", [patterns.plain(2, 2), patterns.twill(2, 2)])
+@pytest.mark.parametrize("weave", [patterns.plain(), patterns.twill(2, 2)])
 def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
     both = layered(two_cloths(blocks(99, 16, 16), weave))
     wide = Threads(diameter=ROUND.diameter, spacing=2e-3)
@@ -279,7 +279,7 @@ def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
 
 
 def test_what_is_built_is_what_is_counted_and_bounded() -> None:
-    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain(2, 2)))
+    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain()))
     made, counted = build(cloth), count(cloth)[0]
     assert (len(made.points), len(made.patches)) == counted[:2]
     assert estimate_counts(cloth).points >= counted.points
@@ -289,7 +289,7 @@ def test_what_is_built_is_what_is_counted_and_bounded() -> None:
 
 def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     file = tmp_path / "double.txt"
-    file.write_text("\n".join(rows(two_cloths(blocks(12, 24, 24), patterns.plain(2, 2)))))
+    file.write_text("\n".join(rows(two_cloths(blocks(12, 24, 24), patterns.plain()))))
     scene = Scene({"weave": {"draft": str(file)}})
     assert any("double weave" in text for text in scene.weave.cloth.warnings)
     weave = scene.weave.update().output
@@ -313,7 +313,7 @@ def test_a_small_piece_is_what_the_whole_is() -> None:
 def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
     for size, filling in ((12, 0.45), (99, 0.9)):
         file = tmp_path / f"{size}.txt"
-        file.write_text("\n".join(rows(two_cloths(blocks(size, 24, 24), patterns.plain(2, 2)))))
+        file.write_text("\n".join(rows(two_cloths(blocks(size, 24, 24), patterns.plain()))))
         cloth = WeaveSource(draft=file, warp_spacing="1 mm", weft_spacing="1 mm").cloth
         assert cloth.warp.diameter == pytest.approx(filling * 1e-3)
         cloth.check()

@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
+from weaves import plain
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric import draft, drawdown, patterns
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
+from spacemap_vtk.fabric.drawdown import tile
 
 matrices = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=9))
 
@@ -23,27 +25,27 @@ def test_examples() -> None:
 
 
 def test_plain() -> None:
-    weave = draft.plain(7, 5)
+    weave = plain(7, 5)
     assert weave.shape == (5, 7)
     assert weave.dtype == bool
     assert weave[0, 0]
-    assert draft.rows(weave)[:2] == ["1010101", "0101010"]
-    assert draft.floats(weave) == (1, 1)
-    assert draft.mean_floats(weave) == (1, 1)
-    assert draft.mean_floats([[1, 0]]) == (None, 1)  # no end changes side
-    assert draft.repeat(weave) == (2, 2)
+    assert drawdown.rows(weave)[:2] == ["1010101", "0101010"]
+    assert drawdown.floats(weave) == (1, 1)
+    assert drawdown.mean_floats(weave) == (1, 1)
+    assert drawdown.mean_floats([[1, 0]]) == (None, 1)  # no end changes side
+    assert drawdown.repeat(weave) == (2, 2)
 
 
 @pytest.mark.parametrize(("over", "under"), [(2, 1), (1, 2), (2, 2), (3, 1), (1, 4)])
 @pytest.mark.parametrize("direction", ["right", "left"])
 def test_twill(over: int, under: int, direction: str) -> None:
     size = over + under
-    weave = draft.twill(over, under, 3 * size, 2 * size, direction)
+    weave = tile(patterns.twill(over, under, direction=direction), 3 * size, 2 * size)
     assert weave[0, 0]
     assert (weave[:size].sum(axis=0) == over).all()
-    assert draft.floats(weave) == (max(over, under),) * 2
-    assert draft.mean_floats(weave) == (size / 2, size / 2)
-    assert draft.repeat(weave) == (size, size)
+    assert drawdown.floats(weave) == (max(over, under),) * 2
+    assert drawdown.mean_floats(weave) == (size / 2, size / 2)
+    assert drawdown.repeat(weave) == (size, size)
     # a pick later the pattern stands one end further to the side it rises to
     step = 1 if direction == "right" else -1
     np.testing.assert_array_equal(weave[1], np.roll(weave[0], step))
@@ -53,18 +55,18 @@ def test_twill(over: int, under: int, direction: str) -> None:
 
 @pytest.mark.parametrize(("shafts", "step"), [(5, 2), (5, 3), (7, 2), (8, 3), (8, 5), (16, 7)])
 def test_satin(shafts: int, step: int) -> None:
-    weave = draft.satin(shafts, step, 2 * shafts, 2 * shafts)
-    assert draft.floats(weave) == (shafts - 1, shafts - 1)
-    assert draft.mean_floats(weave) == (shafts / 2, shafts / 2)
-    assert draft.repeat(weave) == (shafts, shafts)
-    unit = ~draft.satin(shafts, step)
+    weave = tile(patterns.satin(shafts, step), 2 * shafts, 2 * shafts)
+    assert drawdown.floats(weave) == (shafts - 1, shafts - 1)
+    assert drawdown.mean_floats(weave) == (shafts / 2, shafts / 2)
+    assert drawdown.repeat(weave) == (shafts, shafts)
+    unit = ~patterns.satin(shafts, step)
     assert (unit.sum(axis=0) == 1).all()
     assert (unit.sum(axis=1) == 1).all()
     assert unit[0, 0]
     # no binding point touches another, corners included
     for shift in (1, -1):
         assert not (unit & np.roll(unit, (1, shift), axis=(0, 1))).any()
-    np.testing.assert_array_equal(draft.satin(shafts, step, face="weft"), unit)
+    np.testing.assert_array_equal(patterns.satin(shafts, step, face="weft"), unit)
 
 
 @pytest.mark.parametrize(
@@ -72,40 +74,36 @@ def test_satin(shafts: int, step: int) -> None:
 )
 def test_invalid_satins_are_refused(shafts: int, step: int) -> None:
     with pytest.raises(InputError) as caught:
-        draft.satin(shafts, step)
+        patterns.satin(shafts, step)
     assert caught.value.key == "step"
     steps = [str(k) for k in range(2, shafts - 1) if gcd(k, shafts) == 1]
     assert caught.value.allowed == (", ".join(steps) or "none: use 5 shafts, or 7 and more")
 
 
 def test_basket() -> None:
-    weave = draft.basket(3, 12, 6)
+    weave = tile(patterns.basket(3), 12, 6)
     assert weave.shape == (6, 12)
-    assert draft.floats(weave) == (3, 3)
-    assert draft.repeat(weave) == (6, 6)
-    np.testing.assert_array_equal(draft.basket(1, 4, 5), draft.plain(4, 5))
+    assert drawdown.floats(weave) == (3, 3)
+    assert drawdown.repeat(weave) == (6, 6)
+    np.testing.assert_array_equal(patterns.basket(1), plain(2, 2))
 
 
-def test_sizes_and_names_are_checked() -> None:
+def test_sizes_are_checked() -> None:
     for size in (0, -1, 2.5, True, "7"):
         with pytest.raises(InputError, match="ends"):
-            draft.plain(size, 7)  # type: ignore[arg-type]
+            plain(size, 7)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="over"):
-        draft.twill(0, 2)
+        patterns.twill(0, 2)
     with pytest.raises(InputError, match="n = 0"):
-        draft.basket(0)
-    with pytest.raises(InputError, match="right or left"):
-        draft.twill(2, 2, direction="up")
-    with pytest.raises(InputError, match="warp or weft"):
-        draft.satin(face="both")
+        patterns.basket(0)
 
 
 @given(matrices)
 def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
-    text = draft.rows(matrix)
-    np.testing.assert_array_equal(draft.from_matrix(text), matrix)
-    np.testing.assert_array_equal(draft.from_matrix(matrix.astype(int).tolist()), matrix)
-    np.testing.assert_array_equal(draft.from_matrix(matrix), matrix)
+    text = drawdown.rows(matrix)
+    np.testing.assert_array_equal(drawdown.from_matrix(text), matrix)
+    np.testing.assert_array_equal(drawdown.from_matrix(matrix.astype(int).tolist()), matrix)
+    np.testing.assert_array_equal(drawdown.from_matrix(matrix), matrix)
 
 
 @pytest.mark.parametrize(
@@ -125,12 +123,12 @@ def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
 )
 def test_from_matrix_names_the_row(matrix: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        draft.from_matrix(matrix)  # type: ignore[arg-type]
+        drawdown.from_matrix(matrix)  # type: ignore[arg-type]
 
 
 @given(matrices, st.integers(1, 20), st.integers(1, 20))
 def test_tile(matrix: np.ndarray, ends: int, picks: int) -> None:
-    cloth = draft.tile(matrix, ends, picks)
+    cloth = tile(matrix, ends, picks)
     assert cloth.shape == (picks, ends)
     whole = np.tile(matrix, (20, 20))
     np.testing.assert_array_equal(cloth, whole[:picks, :ends])
@@ -139,11 +137,11 @@ def test_tile(matrix: np.ndarray, ends: int, picks: int) -> None:
 @given(matrices)
 def test_repeat_is_the_smallest(matrix: np.ndarray) -> None:
     picks, ends = matrix.shape
-    width, height = draft.repeat(matrix)
-    np.testing.assert_array_equal(draft.tile(matrix[:height, :width], ends, picks), matrix)
+    width, height = drawdown.repeat(matrix)
+    np.testing.assert_array_equal(tile(matrix[:height, :width], ends, picks), matrix)
     smaller = [(w, height) for w in range(1, width)] + [(width, h) for h in range(1, height)]
     for w, h in smaller:
-        assert not np.array_equal(draft.tile(matrix[:h, :w], ends, picks), matrix)
+        assert not np.array_equal(tile(matrix[:h, :w], ends, picks), matrix)
 
 
 @given(matrices)
@@ -151,8 +149,11 @@ def test_floats_by_counting(matrix: np.ndarray) -> None:
     def longest(line: str) -> int:
         return max(len(run) for run in line.replace("01", "0 1").replace("10", "1 0").split())
 
-    expected = (max(map(longest, draft.rows(matrix.T))), max(map(longest, draft.rows(matrix))))
-    assert draft.floats(matrix) == expected
+    expected = (
+        max(map(longest, drawdown.rows(matrix.T))),
+        max(map(longest, drawdown.rows(matrix))),
+    )
+    assert drawdown.floats(matrix) == expected
 
 
 def test_draft_checks_its_arrays() -> None:
@@ -167,7 +168,7 @@ def test_draft_checks_its_arrays() -> None:
     with pytest.raises(AttributeError):
         made.title = "x"  # type: ignore[misc]
     with pytest.raises(InputError, match="warp_colors"):
-        Draft(draft.plain(3, 2), warp=DraftThreads(colors=np.zeros((2, 3), np.uint8)))
+        Draft(plain(3, 2), warp=DraftThreads(colors=np.zeros((2, 3), np.uint8)))
     for bad in ([1, 0], np.zeros((0, 3)), 1):
         with pytest.raises(InputError, match="drawdown"):
             Draft(bad)  # type: ignore[arg-type]

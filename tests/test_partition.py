@@ -12,9 +12,10 @@ import pytest
 
 from spacemap_vtk.fabric.axes import Share, axes
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.draft import twill
+from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, telling_parts
+from spacemap_vtk.fabric.patterns import twill
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn_clearance import clearance_of_large, least_clearance
@@ -103,7 +104,7 @@ def test_each_local_weave_is_in_a_part():
 )
 def test_the_clearance_of_crops_is_that_of_the_cloth(section):
     threads = replace(THREADS, section=section, aspect=1.0 if section == "circular" else 1.2)
-    cloth = Cloth(drawdown=twill(3, 1, 14, 13), warp=threads, weft=threads)
+    cloth = Cloth(drawdown=tile(twill(3, 1), 14, 13), warp=threads, weft=threads)
     whole, told = least_clearance(cloth), clearance_of_large(cloth, 20_000)
     assert told.distance == pytest.approx(whole.distance, abs=1e-15)
     # they are where the two yarns cross

@@ -15,7 +15,8 @@ from PIL import Image
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
-from spacemap_vtk.fabric import draft, drawdown, pattern_names, patterns
+from spacemap_vtk.fabric import drawdown, pattern_names, patterns
+from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.pattern_names import canonical, named
 from spacemap_vtk.io import draft_file
 from spacemap_vtk.io.draft_file import parse_rows, read_draft
@@ -49,11 +50,11 @@ BY_HAND = {
 
 @pytest.mark.parametrize("name", BY_HAND)
 def test_drawdowns_by_hand(name: str) -> None:
-    assert draft.rows(named(name)) == BY_HAND[name].split()
+    assert drawdown.rows(named(name)) == BY_HAND[name].split()
     assert canonical(name) == name
     source = WeaveSource(pattern=name, ends=20, picks=20)
-    repeat = draft.from_matrix(BY_HAND[name].split())
-    np.testing.assert_array_equal(source.cloth.drawdown, draft.tile(repeat, 20, 20))
+    repeat = drawdown.from_matrix(BY_HAND[name].split())
+    np.testing.assert_array_equal(source.cloth.drawdown, tile(repeat, 20, 20))
 
 
 @pytest.mark.parametrize(
@@ -116,12 +117,10 @@ def test_any_text_is_a_weave_or_refused(text: str) -> None:
 @pytest.mark.parametrize(("over", "under"), [(2, 1), (1, 3), (4, 2)])
 @pytest.mark.parametrize("family", ["warp", "weft"])
 def test_rib(over: int, under: int, family: str) -> None:
-    weave = patterns.rib(over, under, 12, 12, family)
+    weave = patterns.rib(over, under, family)
     longest = max(over, under)
-    assert draft.floats(weave) == ((longest, 1) if family == "warp" else (1, longest))
-    assert draft.repeat(weave) == ((2, over + under) if family == "warp" else (over + under, 2))
-    with pytest.raises(InputError, match="warp or weft"):
-        patterns.rib(2, family="both")
+    assert drawdown.floats(weave) == ((longest, 1) if family == "warp" else (1, longest))
+    assert drawdown.repeat(weave) == ((2, over + under) if family == "warp" else (over + under, 2))
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -134,9 +133,9 @@ def test_rib(over: int, under: int, family: str) -> None:
 def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
     file = tmp_path / "weave.txt"
     file.write_text(text, encoding="utf-8", newline="")
-    assert draft.rows(read_draft(file).drawdown) == ["110", "011"]
+    assert drawdown.rows(read_draft(file).drawdown) == ["110", "011"]
     source = WeaveSource(draft=file)
-    assert draft.rows(source.cloth.drawdown) == ["110", "011"]
+    assert drawdown.rows(source.cloth.drawdown) == ["110", "011"]
     source.update()
 
 
@@ -164,7 +163,7 @@ def test_a_picture(mode: str, ending: str, tmp_path: Path) -> None:
     file = tmp_path / f"weave{ending}"
     Image.fromarray(seen).convert(mode).save(file)
     found = read_draft(file)
-    assert draft.rows(found.drawdown) == ["100", "011"]
+    assert drawdown.rows(found.drawdown) == ["100", "011"]
     assert found.warnings == ()
     assert found.title == "weave"
 
@@ -173,10 +172,10 @@ def test_a_gray_or_transparent_picture(tmp_path: Path) -> None:
     file = tmp_path / "gray.png"
     Image.fromarray(np.array([[100, 255], [0, 200]], dtype=np.uint8)).save(file)
     found = read_draft(file)
-    assert draft.rows(found.drawdown) == ["10", "10"]
+    assert drawdown.rows(found.drawdown) == ["10", "10"]
     assert "2 of 4 pixels are neither black nor white" in found.warnings[0]
     Image.fromarray(np.array([[[0, 0, 0, 0], [0, 0, 0, 255]]], dtype=np.uint8)).save(file)
-    assert draft.rows(read_draft(file).drawdown) == ["01"]
+    assert drawdown.rows(read_draft(file).drawdown) == ["01"]
 
 
 def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,7 +219,7 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
     found = read_draft(file)
     assert found.loom is not None
     assert found.loom.liftplan == ((1, 3), (2, 4), (), (3,))
-    assert draft.rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
+    assert drawdown.rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
     assert found.warnings[0].endswith("one straight draw over its 4 shafts is woven")
     assert found.title == "dobby"
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from test_caps import OVER, ROUND, lengths, volumes
-from weaves import PLACES, changed
+from weaves import PLACES, changed, plain
 
-from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.axes import axes, axis_points
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.weave import build
@@ -53,7 +52,7 @@ def test_tangents_are_continuous_and_curvatures_of_splines(axis: str) -> None:
 
 
 def test_arcs_keep_their_distance_and_splines_do_not() -> None:
-    over = draft.plain(7, 7)
+    over = plain(7, 7)
     d = ROUND.diameter_sum
     assert abs(least_clearance(changed(ROUND, drawdown=over)).distance) < 1e-15
     found = least_clearance(changed(SPLINE, drawdown=over))
@@ -76,7 +75,7 @@ def test_arcs_keep_their_distance_and_splines_do_not() -> None:
 def test_loose_splines_come_near_arcs() -> None:
     """With spacings much wider than the yarns both are nearly straight."""
     wide = changed(SPLINE, warp_spacing=5.5, weft_spacing=6.0)
-    found = least_clearance(changed(wide, drawdown=draft.plain(4, 4))).distance / wide.diameter_sum
+    found = least_clearance(changed(wide, drawdown=plain(4, 4))).distance / wide.diameter_sum
     assert -1e-2 < found < 1e-12
 
 

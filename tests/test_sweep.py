@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from weaves import surface
 
-from spacemap_vtk.fabric.bezier import arc_handle, rational_arc
+from spacemap_vtk.fabric.bezier import arc_handle, rational_handles
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.sweep import CentreLines, Swept, sweep
 
@@ -21,7 +21,7 @@ AROUND = 1.0
 def tori(parts: int, turn: float, tilt: np.ndarray, exact: bool) -> tuple[CentreLines, np.ndarray]:
     """Quarters of circles about one axis, a thin tube and a thick one, their frames turned."""
     angle = 0.5 * pi / parts
-    handle, weight = rational_arc(angle) if exact else (arc_handle(angle), 1.0)
+    handle, weight = rational_handles(angle) if exact else (arc_handle(angle), 1.0)
     at = np.tile(angle * np.arange(parts + 1), 2)
     zero = np.zeros_like(at)
     outwards = np.stack([np.cos(at), np.sin(at), zero]).T @ tilt

@@ -23,7 +23,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
-from weaves import PLACES, bernstein, changed, measured, scaled, surface, woven
+from weaves import PLACES, bernstein, changed, measured, plain, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import (
@@ -31,8 +31,8 @@ from spacemap_vtk.fabric import (
     axes,
     axis,
     cloth,
-    draft,
     figures,
+    patterns,
     section,
     sweep,
     threads,
@@ -40,6 +40,7 @@ from spacemap_vtk.fabric import (
 )
 from spacemap_vtk.fabric.axes import axis_points
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.peirce import feasible_height
 from spacemap_vtk.fabric.weave import Weave, build
 
@@ -80,10 +81,10 @@ JAMMED = measured(
 )
 CLOTHS = {"square": SQUARE, "unequal": UNEQUAL, "steep": STEEP, "jammed": JAMMED}
 DRAWDOWNS = {
-    "plain": draft.plain(5, 4),
-    "twill": draft.twill(2, 1, 5, 6),
-    "satin": draft.satin(5, 2, 6, 7),
-    "basket": draft.basket(2, 5, 5),
+    "plain": plain(5, 4),
+    "twill": tile(patterns.twill(2, 1), 5, 6),
+    "satin": tile(patterns.satin(5, 2), 6, 7),
+    "basket": tile(patterns.basket(2), 5, 5),
     "all up": np.ones((3, 4), dtype=bool),
     "one": np.ones((1, 1), dtype=bool),
 }
@@ -114,7 +115,7 @@ def test_examples(module: ModuleType) -> None:
 @pytest.mark.parametrize(("size", "parts"), [(7, 280), (100, 59_800)])
 def test_counts_of_plain_weave(size: int, parts: int) -> None:
     start = process_time()
-    made = build(changed(SQUARE, drawdown=draft.plain(size, size)))
+    made = build(changed(SQUARE, drawdown=plain(size, size)))
     assert process_time() - start < 2
     assert made.patches.shape == (4 * parts, 16)
     assert made.points.shape == (12 * (3 * parts + 2 * size), 3)
@@ -274,10 +275,10 @@ def test_sides_and_directions() -> None:
 @pytest.mark.parametrize("overhang", [0.0, 0.1, 2.0])
 def test_overhang(overhang: float) -> None:
     cloth = changed(SQUARE, overhang=overhang * MM)
-    made = build(changed(cloth, drawdown=draft.plain(4, 4)))
+    made = build(changed(cloth, drawdown=plain(4, 4)))
     assert len(made.patches) == 4 * 8 * (9 + 2 * (overhang > 0))
     assert made.points[:, 0].max() == pytest.approx((0.9 + max(overhang, 0.125)) * MM)
-    points, _ = axis_points(changed(cloth, drawdown=draft.plain(4, 4)))
+    points, _ = axis_points(changed(cloth, drawdown=plain(4, 4)))
     assert points[:, 1].max() == pytest.approx((0.9 + overhang) * MM)
     if overhang == 0:
         with pytest.raises(InputError, match="overhang"):
@@ -296,11 +297,11 @@ def test_shape_does_not_depend_on_the_unit(cloth: str) -> None:
 
 def test_long_arcs_are_split() -> None:
     assert np.degrees(STEEP.families[0].crimp.theta) == pytest.approx(86.4, abs=0.1)
-    made = build(changed(STEEP, drawdown=draft.plain(3, 3)))
+    made = build(changed(STEEP, drawdown=plain(3, 3)))
     # in a gap of the warp 2 + 1 + 2 parts, of the (straight) weft 1; an overhang at either end
     assert (np.bincount(made.yarn) == 4 * np.array([12] * 3 + [4] * 3)).all()
     # 60 degrees up to rounding are not split, and there is no straight between the arcs
-    assert (np.bincount(build(changed(JAMMED, drawdown=draft.plain(3, 3))).yarn) == 4 * 6).all()
+    assert (np.bincount(build(changed(JAMMED, drawdown=plain(3, 3))).yarn) == 4 * 6).all()
 
 
 def test_arcs_of_different_radii() -> None:
@@ -327,7 +328,7 @@ def test_arcs_of_different_radii() -> None:
 
 def test_flat_families_are_straight() -> None:
     for height in (0.0, 1e-14, 1e-9):
-        made = build(changed(UNEQUAL, warp_crimp_height=height, drawdown=draft.plain(4, 4)))
+        made = build(changed(UNEQUAL, warp_crimp_height=height, drawdown=plain(4, 4)))
         assert (np.bincount(made.yarn)[:4] == 4 * 5).all()
         assert abs(made.points[made.patches[made.family == 0], 2]).max() < 0.126
 
@@ -395,7 +396,7 @@ def test_areas_by_quadrature(drawdown: str, cloth: str) -> None:
 
 @pytest.mark.parametrize("kind", ["plain", "steep", "float"])
 def test_memory_is_estimated_from_above(kind: str) -> None:
-    over = draft.plain(60, 40) if kind != "float" else np.ones((40, 60), dtype=bool)
+    over = plain(60, 40) if kind != "float" else np.ones((40, 60), dtype=bool)
     cloth = changed(STEEP if kind == "steep" else SQUARE, drawdown=over)
     tracemalloc.start()
     build(cloth)
@@ -424,9 +425,9 @@ def test_counts_are_those_of_what_is_built(cloth: Cloth) -> None:
 @pytest.mark.parametrize("change", [{}, {"axis": "spline"}, {"exact": True}, {"caps": True}])
 def test_counts_of_like_yarns_are_estimated_exactly(pattern: str, change: dict) -> None:
     over = {
-        "plain": draft.plain(31, 17),
-        "twill": draft.tile(draft.twill(3, 1), 31, 17),
-        "satin": draft.tile(draft.satin(8, 3), 31, 17),
+        "plain": plain(31, 17),
+        "twill": tile(patterns.twill(3, 1), 31, 17),
+        "satin": tile(patterns.satin(8, 3), 31, 17),
     }[pattern]
     for measures in (SQUARE, UNEQUAL, STEEP):
         whole = changed(measures, drawdown=over, **change)
@@ -436,7 +437,7 @@ def test_counts_of_like_yarns_are_estimated_exactly(pattern: str, change: dict) 
 
 
 def test_figures_of_plain_weave() -> None:
-    found = figures.fabric_figures(changed(UNEQUAL, drawdown=draft.plain(7, 5), density=1000.0))
+    found = figures.fabric_figures(changed(UNEQUAL, drawdown=plain(7, 5), density=1000.0))
     assert (found["ends"], found["picks"]) == (7, 5)
     warp, weft = found["warp"], found["weft"]
     assert warp["theta_deg"] == pytest.approx(22.097356, abs=5e-7)
@@ -448,7 +449,7 @@ def test_figures_of_plain_weave() -> None:
     assert found["thickness"] == pytest.approx(0.65)
     assert (warp["cover"], weft["cover"]) == pytest.approx((0.25 / 0.55, 0.5))
     assert found["cover"] == pytest.approx(1 - (1 - 0.25 / 0.55) * 0.5)
-    lengths = expected_lengths(draft.plain(7, 5), UNEQUAL)
+    lengths = expected_lengths(plain(7, 5), UNEQUAL)
     assert warp["yarn_length"] == pytest.approx(lengths[:7].sum())
     assert weft["yarn_length"] == pytest.approx(lengths[7:].sum())
     # one repeat, two by two: two lengths of each of two yarns
@@ -459,7 +460,7 @@ def test_figures_of_plain_weave() -> None:
 
 
 def test_figures_count_floats() -> None:
-    over = draft.twill(3, 1, 9, 9)
+    over = tile(patterns.twill(3, 1), 9, 9)
     found = figures.fabric_figures(changed(SQUARE, drawdown=over))
     assert found["areal_mass"] is None
     assert found["warp"]["mean_crimp"] == pytest.approx(found["warp"]["crimp"] / 2)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from scipy.optimize import brentq
-from weaves import changed, loosened, measured, scaled, surface, woven
+from weaves import changed, loosened, measured, plain, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import draft, yarn_clearance
+from spacemap_vtk.fabric import patterns, yarn_clearance
 from spacemap_vtk.fabric.axes import axis_points
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.weave import Weave, build, estimate_bytes
 from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
@@ -22,7 +23,7 @@ from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
 UNEQUAL = loosened(
     0.3,
     measured(
-        drawdown=draft.twill(2, 1, 5, 4),
+        drawdown=tile(patterns.twill(2, 1), 5, 4),
         warp_diameter=np.array([0.2, 0.5, 0.1, 0.1, 0.3]),
         weft_diameter=np.array([0.4, 0.1, 0.1, 0.6]),
         warp_spacing=np.array([0.9, 0.4, 0.5, 0.3]),
@@ -30,7 +31,7 @@ UNEQUAL = loosened(
     ),
 )
 KEMP = measured(
-    drawdown=draft.twill(2, 1, 5, 4),
+    drawdown=tile(patterns.twill(2, 1), 5, 4),
     warp_diameter=0.25,
     weft_diameter=0.30,
     warp_spacing=0.55,
@@ -128,10 +129,10 @@ def test_kemp_by_an_independent_solution() -> None:
     assert weft.width == pytest.approx(0.45)
     # the weft crosses round yarns: it is Peirce's own
     assert np.degrees(weft.crimp.theta) == pytest.approx(50.033787, abs=5e-7)
-    points, yarn = axis_points(changed(KEMP, drawdown=draft.plain(4, 6)), samples=200)
+    points, yarn = axis_points(changed(KEMP, drawdown=plain(4, 6)), samples=200)
     step = np.linalg.norm(np.diff(points[yarn == 1], axis=0), axis=1)
     assert step.sum() == pytest.approx(5 * length + 0.80, rel=1e-6)
-    figures = fabric_figures(changed(KEMP, drawdown=draft.plain(4, 6)))
+    figures = fabric_figures(changed(KEMP, drawdown=plain(4, 6)))
     assert figures["warp"]["yarn_length"] == pytest.approx(4 * (5 * length + 0.80))
     assert figures["weft"]["cover"] == pytest.approx(0.45 / 0.80)
     area = pi / 4 * 0.30**2 + 0.15 * 0.30
@@ -161,8 +162,8 @@ def test_figures_are_those_of_the_axes() -> None:
     made = build(UNEQUAL)
     tallest = 2 * abs(made.points[:, 2]).max()
     assert figures["thickness"] >= tallest * (1 - 1e-12)
-    plain = fabric_figures(changed(UNEQUAL, drawdown=draft.plain(5, 4)))
-    assert plain["warp"]["mean_crimp"] > figures["warp"]["mean_crimp"]
+    unit = fabric_figures(changed(UNEQUAL, drawdown=plain(5, 4)))
+    assert unit["warp"]["mean_crimp"] > figures["warp"]["mean_crimp"]
 
 
 def sheared(made: Weave) -> np.ndarray:
@@ -171,7 +172,7 @@ def sheared(made: Weave) -> np.ndarray:
 
 @pytest.mark.parametrize("cloth", [UNEQUAL, KEMP, changed(UNEQUAL, exact=True)])
 def test_clearance_after_deformation(cloth: Cloth) -> None:
-    made = build(changed(cloth, drawdown=draft.plain(5, 4)))
+    made = build(changed(cloth, drawdown=plain(5, 4)))
     # what is deformed as a whole cannot overlap: sections are sheared and flattened with the rest
     assert clearance_of(made, sheared(made)).distance == pytest.approx(0, abs=2e-3)
     # one yarn pushed down into those below it
@@ -237,7 +238,7 @@ def test_shape_does_not_depend_on_the_unit(kind: str) -> None:
 def test_memory_is_estimated_from_above() -> None:
     import tracemalloc
 
-    over = draft.plain(40, 30)
+    over = plain(40, 30)
     base = changed(
         KEMP, drawdown=over, warp_section="racetrack", warp_aspect=1.2, warp_spacing=0.65
     )

@@ -9,36 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.drawdown import (
-    as_drawdown,
-    floats,
-    from_matrix,
-    mean_floats,
-    repeat,
-    rows,
-    tile,
-)
+from spacemap_vtk.fabric.drawdown import as_drawdown
 from spacemap_vtk.fabric.loom import Loom, Rows
-from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
 from spacemap_vtk.fabric.threads import Lengths, along
 from spacemap_vtk.ndarrays import Bools
-
-# What a caller needs to make a draft, in one place.
-__all__ = [
-    "Draft",
-    "DraftThreads",
-    "basket",
-    "floats",
-    "from_matrix",
-    "mean_floats",
-    "plain",
-    "repeat",
-    "rib",
-    "rows",
-    "satin",
-    "tile",
-    "twill",
-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,8 +98,8 @@ class Draft:
 
     Examples
     --------
-    >>> Draft(plain(3, 2)).drawdown.shape
-    (2, 3)
+    >>> Draft([[True, False, True], [False, True, False]]).size
+    (3, 2)
     """
 
     drawdown: Bools

@@ -17,7 +17,23 @@ from spacemap_vtk.ndarrays import Bools
 
 
 def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
-    """Return the drawdown that a user wrote as rows of 0 and 1."""
+    """Return the drawdown that a user wrote as rows of 0 and 1.
+
+    Parameters
+    ----------
+    matrix : sequence of str, or of sequences of int
+        A row for each pick, the first pick and the first end first.
+
+    Returns
+    -------
+    (picks, ends) ndarray of bool
+        True: the end lies over the pick.
+
+    Raises
+    ------
+    InputError
+        If it has no row, or rows of anything else or of different lengths.
+    """
     # one string is a sequence of strings: it would be read as a cloth of one end
     if isinstance(matrix, str) or not isinstance(matrix, (Sequence, np.ndarray)) or not len(matrix):
         raise InputError(
@@ -45,19 +61,52 @@ def tile(matrix: ArrayLike, ends: int, picks: int) -> Bools:
 
 
 def repeat(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the size of the smallest repeat of a drawdown."""
+    """Return the size of the smallest repeat of a drawdown.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth.
+
+    Returns
+    -------
+    ends, picks : int
+        The cloth itself where nothing in it repeats.
+    """
     matrix = as_drawdown(drawdown)
     return _period(matrix.T), _period(matrix)
 
 
 def floats(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the longest floats of a cloth, on either side of it."""
+    """Return the longest floats of a cloth, on either side of it.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth.
+
+    Returns
+    -------
+    warp, weft : int
+        How many crossings a yarn passes on one side.
+    """
     matrix = as_drawdown(drawdown)
     return _longest_run(matrix.T), _longest_run(matrix)
 
 
 def mean_floats(drawdown: ArrayLike) -> tuple[float | None, float | None]:
-    """Return how many crossings ends and picks pass on average on one side, in endless repeats."""
+    """Return how many crossings ends and picks pass on average on one side, in endless repeats.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth.
+
+    Returns
+    -------
+    warp, weft : float or None
+        None of yarns that never change side.
+    """
     ends, picks = repeat(drawdown)
     unit = as_drawdown(drawdown)[:picks, :ends]
     changes = (np.count_nonzero(unit != np.roll(unit, 1, axis)) for axis in (0, 1))

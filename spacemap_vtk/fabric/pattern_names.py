@@ -36,7 +36,7 @@ class _Weave:
 
 def _satin(counts: _Counts, face: str) -> Bools:
     step = counts[1] if counts[1:] else patterns.satin_step(counts[0])
-    return patterns.satin(counts[0], step, face=face)
+    return patterns.satin(counts[0], step, face)
 
 
 _WEAVES = {
@@ -44,7 +44,7 @@ _WEAVES = {
     "twill": _Weave(
         tuple(range(2, 17, 2)),
         ("right", "left"),
-        lambda counts, word: patterns.compound_twill(counts, direction=word),
+        lambda counts, word: patterns.twill(*counts, direction=word),
         "twill 2/1 left",
     ),
     "satin": _Weave((1, 2), ("warp", "weft"), _satin, "satin 8/3"),
@@ -52,7 +52,7 @@ _WEAVES = {
     "rib": _Weave(
         (1, 2),
         ("warp", "weft"),
-        lambda counts, word: patterns.rib(counts[0], counts[-1], family=word),
+        lambda counts, word: patterns.rib(counts[0], counts[-1], word),
         "rib 2/1 weft",
     ),
 }

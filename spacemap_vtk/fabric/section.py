@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.fabric.bezier import arc_handle, quadrilateral_order, rational_arc
+from spacemap_vtk.fabric.bezier import arc_handle, quadrilateral_order, rational_handles
 from spacemap_vtk.ndarrays import Floats, Ints
 
 
@@ -39,7 +39,7 @@ class Section(NamedTuple):
 def section(kind: str, aspect: float, exact: bool) -> Section:
     """Return a section."""
     if exact:
-        handle, weight = rational_arc(0.5 * pi)
+        handle, weight = map(float, rational_handles(0.5 * pi))
     else:
         handle, weight = arc_handle(0.5 * pi), 1.0
     up = np.array([1, 1, handle, 0, -handle, -1, -1, -1, -handle, 0, handle, 1], dtype=np.float64)

@@ -7,7 +7,7 @@ from copy import copy
 from typing import Any, TypeVar
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, pattern_names
+from spacemap_vtk.fabric import drawdown, pattern_names
 from spacemap_vtk.fabric.cloth import AXES
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import SECTIONS
@@ -57,7 +57,7 @@ class Pattern(Parameter[Any]):
             return pattern_names.canonical(value)
         if not isinstance(value, Iterable):
             raise InputError("not a weave")
-        return tuple(draft.rows(draft.from_matrix(list(value))))
+        return tuple(drawdown.rows(drawdown.from_matrix(list(value))))
 
     def text(self, value: Any) -> str:
         """Return the name or the rows."""
@@ -108,7 +108,9 @@ class PerYarn(Series):
 
 def repeat_of(pattern: Any) -> Bools:
     """Return one repeat of a pattern."""
-    return pattern_names.named(pattern) if isinstance(pattern, str) else draft.from_matrix(pattern)
+    return (
+        pattern_names.named(pattern) if isinstance(pattern, str) else drawdown.from_matrix(pattern)
+    )
 
 
 class WeaveParameters(Stage):

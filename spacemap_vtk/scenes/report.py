@@ -11,7 +11,7 @@ import numpy as np
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, naming_section
-from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric import drawdown
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.threads import Threads
@@ -243,7 +243,7 @@ def cloth(scene: Scene) -> dict[str, Any]:
         figures["patches"], figures["control_points"] = counts.patches, counts.points
         figures["memory_bytes"] = counts.bytes(woven.exact)
     loom = weave.source.loom_for(over)
-    floats, means = draft.floats(over), draft.mean_floats(over)
+    floats, means = drawdown.floats(over), drawdown.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
@@ -254,8 +254,8 @@ def cloth(scene: Scene) -> dict[str, Any]:
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
         }
     figures |= {
-        "drawdown": draft.rows(over),
-        "repeat": list(draft.repeat(over)),
+        "drawdown": drawdown.rows(over),
+        "repeat": list(drawdown.repeat(over)),
         "shafts": loom.shafts,
         "treadles": loom.treadles,
         "threading": [list(shafts) for shafts in loom.threading],

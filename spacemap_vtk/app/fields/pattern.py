@@ -21,7 +21,7 @@ from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.number import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric import drawdown
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.filters.weave_parameters import repeat_of
 from spacemap_vtk.parameters import Parameter
@@ -104,7 +104,7 @@ class PatternEditor(Editor):
             self.edited.emit(value_of(self.line.text()), 0)
 
     def _painted(self, burst: int) -> None:
-        self.edited.emit(draft.rows(self.grid.repeat), burst)
+        self.edited.emit(drawdown.rows(self.grid.repeat), burst)
 
     def _resized(self) -> None:
         axis, more = self.sender().property("change")
@@ -114,7 +114,7 @@ class PatternEditor(Editor):
             repeat = np.concatenate([repeat, np.roll(repeat, 1, 1 - axis).take([-1], axis)], axis)
         elif repeat.shape[axis] > 1:
             repeat = repeat.take(range(repeat.shape[axis] - 1), axis)
-        self.edited.emit(draft.rows(repeat), 0)
+        self.edited.emit(drawdown.rows(repeat), 0)
 
 
 class PatternGrid(QWidget):
