@@ -44,10 +44,20 @@ def thread_count() -> int:
 
 def core_count() -> int:
     """Return how many cores this process may use."""
+    return len(cores())
+
+
+def cores() -> list[int]:
+    """Return the numbers of the cores that this process may use."""
     try:
-        return len(os.sched_getaffinity(0))
+        return sorted(os.sched_getaffinity(0))
     except AttributeError:  # Windows, macOS
-        return os.cpu_count() or 1
+        return list(range(os.cpu_count() or 1))
+
+
+def blocks(count: int, size: int) -> list[slice]:
+    """Cut what is counted into slices of a size; the last one may be shorter."""
+    return [slice(begin, min(begin + size, count)) for begin in range(0, count, size)]
 
 
 def for_each(

@@ -125,6 +125,11 @@ def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
     return [f"{number:.{decimals}f}" for number in numbers]
 
 
+def metres(value: float) -> str:
+    """Write a length."""
+    return format_quantity(value, "m")
+
+
 def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     """Write a rounded value in the unit that gives it one to three digits before the point."""
     value = float(f"{value:.{digits}g}")

@@ -18,7 +18,7 @@ from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.patterns import twill
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
-from spacemap_vtk.fabric.yarn_clearance import clearance_of_large, least_clearance
+from spacemap_vtk.fabric.yarn_clearance import least_clearance
 
 THREADS = Threads(diameter=0.25e-3, spacing=0.5e-3)
 
@@ -36,7 +36,7 @@ def test_yarns_of_one_course_are_measured_once(axis, varied):
     rng = np.random.default_rng(1)
     warp = replace(THREADS, diameter=rng.choice([0.2e-3, 0.25e-3], 40)) if varied else THREADS
     cloth = Cloth(drawdown=shafts(40, 30, 2), warp=warp, weft=THREADS, axis=axis)
-    first, which = cloth.courses(0)
+    first, which = cloth.courses[0]
     assert len(first) <= 12 < 40
     for yarn, course in enumerate(which):
         np.testing.assert_array_equal(cloth.upper(0)[yarn], cloth.upper(0)[first[course]])
@@ -96,7 +96,7 @@ def test_each_local_weave_is_in_a_part():
     thick = np.where(np.arange(300) == 150, 0.25e-3, 0.2e-3)
     varied = replace(plain, warp=replace(THREADS, diameter=thick))
     assert telling_parts(varied, 3000, edges=False)[1].max() + 1 == 2 * (1 + 3)
-    assert clearance_of_large(replace(cloth, axis="spline"), 20_000) is None
+    assert least_clearance(replace(cloth, axis="spline"), 20_000) is None
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_each_local_weave_is_in_a_part():
 def test_the_clearance_of_crops_is_that_of_the_cloth(section):
     threads = replace(THREADS, section=section, aspect=1.0 if section == "circular" else 1.2)
     cloth = Cloth(drawdown=tile(twill(3, 1), 14, 13), warp=threads, weft=threads)
-    whole, told = least_clearance(cloth), clearance_of_large(cloth, 20_000)
+    whole, told = least_clearance(cloth), least_clearance(cloth, 20_000)
     assert told.distance == pytest.approx(whole.distance, abs=1e-15)
     # they are where the two yarns cross
     end, pick = told.yarns[0], told.yarns[1] - 14

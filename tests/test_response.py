@@ -326,7 +326,7 @@ def test_effective_masses_sum_to_what_can_move() -> None:
     chain = Chain(modes=1000)
     chain.response.update(0.0)
     modes = chain.response.motion.modes
-    np.testing.assert_allclose(modes.effective_masses.sum(axis=0), modes.movable_mass)
+    np.testing.assert_allclose(modes.effective_masses.sum(axis=0), modes.model.movable_mass)
 
 
 def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:

@@ -9,7 +9,6 @@ drawing apart, which is ParaView's: there so many seconds a polygon are taken as
 from __future__ import annotations
 
 import atexit
-import os
 import socket
 import sys
 from collections.abc import Callable
@@ -19,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parallel import cores
 
 #: Seconds of a processor for ParaView 5.11 to prepare and draw a polygon, in software.
 DRAWN = 6e-6
@@ -37,7 +37,7 @@ class WorkShared:
     def __init__(self, rank: int, gather: Callable[[NDArray[Any]], NDArray[Any]]) -> None:
         self._gather = gather
         own = np.zeros(_PROCESSORS + _NAME, np.uint8)
-        own[_processors()] = 1
+        own[np.array(cores()) % _PROCESSORS] = 1
         name = socket.gethostname().encode()[:_NAME]
         own[_PROCESSORS : _PROCESSORS + len(name)] = list(name)
         told = gather(own).reshape(-1, len(own))
@@ -71,12 +71,3 @@ def verdict(seconds: Floats, cores: int, start: float) -> str | None:
             "anything"
         )
     return None
-
-
-def _processors() -> Ints:
-    """Return the numbers of the processors that this process may run on."""
-    try:
-        found = sorted(os.sched_getaffinity(0))
-    except AttributeError:  # Windows, macOS
-        found = list(range(os.cpu_count() or 1))
-    return np.array(found) % _PROCESSORS

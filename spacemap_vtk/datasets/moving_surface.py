@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
+from spacemap_vtk.parallel import blocks
 
 #: Materials there may be; of more colours than that each point has its own.
 _MATERIALS = 32
@@ -164,15 +165,14 @@ def shortened(
     # of the largest target have steps of less than a degree.
     unit = sizes.max() / 2
     factors = np.maximum(sizes / unit, turns)
-    places, facing = np.empty(targets.shape, np.int16), None
+    places = np.empty(targets.shape, np.int16)
     facing = None if normals is None else np.empty(normals.shape, np.int8)
     for k, factor in enumerate(factors):
         places[k] = np.rint(targets[k] * (32767 / (unit * factor)))
         if facing is not None and normals is not None:
             facing[k] = np.rint(normals[k] * (127 / factor))
     error, steps = 0.0, unit * factors / 32767
-    for begin in range(0, targets.shape[1], _TOGETHER):
-        part = slice(begin, begin + _TOGETHER)
+    for part in blocks(targets.shape[1], _TOGETHER):
         off = targets[:, part] - places[:, part] * steps[:, None, None]
         sums = np.tensordot(weights, off, 1)
         error = max(error, float(np.sqrt(np.einsum("tnk,tnk->tn", sums, sums).max())))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.embedding.interpolation import Points, Riding, Work, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.ndarrays import AnyInts, Floats
-from spacemap_vtk.parallel import WORTHWHILE, loops
+from spacemap_vtk.parallel import WORTHWHILE, blocks, loops
 
 # Points that are worked on together. NumPy's share of the tables of maps stays in the cache, and
 # calls are few; a compiled loop needs neither, and is only to be shared among threads.
@@ -85,7 +85,7 @@ class AffineInterpolation(Riding):
         self._threads = threads or (None if many else 1)  # which would cost more than they save
         self._loops: ModuleType | None = loops("spacemap_vtk.embedding.ride_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
-        self._blocks = [slice(begin, begin + width) for begin in range(0, len(points), width)]
+        self._blocks = blocks(len(points), width)
 
     def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
         if self._loops is None:

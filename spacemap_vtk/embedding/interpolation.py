@@ -22,7 +22,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
+from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each, loops
 from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
@@ -171,7 +171,7 @@ class Interpolation(Riding):
         count, corners = len(location.tetrahedron), np.asarray(tetrahedra).astype(np.int32)
         super().__init__(count, vertex_count)
         self._threads = threads
-        self._blocks = [slice(k, min(k + _BLOCK, count)) for k in range(0, count, _BLOCK)]
+        self._blocks = blocks(count, _BLOCK)
         self._writes: list[_Write] = []
         ride = loops("spacemap_vtk.embedding.ride_loops", count > WORTHWHILE)
         for rows in self._blocks:

@@ -19,7 +19,7 @@ from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
-from spacemap_vtk.parallel import for_each
+from spacemap_vtk.parallel import blocks, for_each
 
 _BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
 
@@ -130,13 +130,12 @@ def locate(
     left: NDArray[np.intp] | None = None  # who must be searched for; None: all
     if pattern is not None:
 
-        def calculate(begin: int) -> None:
-            block = slice(begin, begin + _BLOCK)
+        def calculate(block: slice) -> None:
             some = part(block)
             rows = weights[block] if weighted else np.empty((len(some), 4))
             pattern.find(some, epsilon, tetrahedron[block], rows)
 
-        for_each(range(0, len(places), _BLOCK), lambda: calculate, threads)
+        for_each(blocks(len(places), _BLOCK), lambda: calculate, threads)
         left = np.flatnonzero(tetrahedron < 0)
         if not len(left):
             return Location(tetrahedron, weights, np.zeros(len(places), dtype=np.bool_), 0, 0.0)
@@ -144,23 +143,21 @@ def locate(
     frames = Frames(nodes, cells, epsilon)
     grid = Grid(frames, threads)
 
-    def search(begin: int) -> None:
-        block: Any = slice(begin, begin + _BLOCK)
-        block = block if left is None else left[block]
+    def search(some: slice) -> None:
+        block = some if left is None else left[some]
         tetrahedron[block] = found = grid.find(part(block))
         if weighted:
             # those outside get weights of some tetrahedron, and the right ones below
             weights[block] = frames.weights(part(block), np.maximum(found, 0))
 
     count = len(places) if left is None else len(left)
-    for_each(range(0, count, _BLOCK), lambda: search, threads)
+    for_each(blocks(count, _BLOCK), lambda: search, threads)
     missed = np.flatnonzero(tetrahedron < 0)
     distance = np.empty(len(missed))
     if len(missed):
         nearest = NearestTetrahedron(nodes, cells, frames)
 
-        def measure(begin: int) -> None:
-            block = slice(begin, begin + _BLOCK)
+        def measure(block: slice) -> None:
             which = missed[block]
             owner, clamped, far = nearest.find(part(which))
             tetrahedron[which], distance[block] = owner, far
@@ -169,7 +166,7 @@ def locate(
                 clamp = (outside == "clamp") & (far > frames.distance)
                 weights[which] = np.where(clamp[:, None], clamped, extrapolated)
 
-        for_each(range(0, len(missed), _BLOCK), lambda: measure, threads)
+        for_each(blocks(len(missed), _BLOCK), lambda: measure, threads)
 
     # gaps between faces that rounding has opened are no outside
     far_out = distance > frames.distance

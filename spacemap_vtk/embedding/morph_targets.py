@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parallel import blocks
 
 #: Points times times that are decomposed, and points of which targets are made together.
 _POINTS, _PART = 2**20, 2**15
@@ -69,10 +70,10 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
         taken, error = taken + 1, _largest(left, parts)
     weights = times[:, :taken]
     shapes = np.empty((taken, points, parts))
-    for begin in range(0, points, _PART):  # all in double precision would not fit
-        part = displacements[:, begin : begin + _PART].reshape(count, -1)
+    for some in blocks(points, _PART):  # all in double precision would not fit
+        part = displacements[:, some].reshape(count, -1)
         made = weights.T @ part.astype(np.float64)
-        shapes[:, begin : begin + _PART] = made.reshape(taken, part.shape[1] // parts, parts)
+        shapes[:, some] = made.reshape(taken, part.shape[1] // parts, parts)
     peaks = np.abs(weights).max(axis=0, initial=0.0)
     # of what does not move at all there may be terms of nothing
     kept = (peaks > 0.0) & shapes.any(axis=(1, 2))

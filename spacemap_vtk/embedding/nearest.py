@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
 from spacemap_vtk.ndarrays import AnyInts, Floats
+from spacemap_vtk.parallel import blocks
 
 _TIE = 1e-12  # relative difference of distances that is rounding: the lowest tetrahedron wins
 _BLOCK = 2**13  # points that are worked on together
@@ -42,8 +43,7 @@ class NearestTetrahedron:
     def find(self, points: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
         """Return the nearest tetrahedron, the nearest point on it, and how far that is."""
         triangle = np.empty(len(points), dtype=np.intp)
-        for begin in range(0, len(points), _BLOCK):
-            block = slice(begin, begin + _BLOCK)
+        for block in blocks(len(points), _BLOCK):
             triangle[block] = self._search(np.ascontiguousarray(points[block].T))
         squared, on_face = nearest_on_triangles(points.T, *self._corners[:, :, triangle])
         weights = np.zeros((len(points), 4))

@@ -19,7 +19,7 @@ from spacemap_vtk.embedding.interpolation import Interpolation, Points, Riding, 
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
-from spacemap_vtk.parallel import for_each
+from spacemap_vtk.parallel import blocks, for_each
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -103,8 +103,8 @@ class SmoothInterpolation(Riding):
         some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
         result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
 
-        def fill(begin: int) -> None:
-            block = order[begin : begin + _BLOCK]
+        def fill(some: slice) -> None:
+            block = order[some]
             here, which = np.unique(tetrahedron[block], return_inverse=True)
             row = np.searchsorted(good, here)
             corners = vertices[cells[here]]
@@ -117,7 +117,7 @@ class SmoothInterpolation(Riding):
             products = np.matmul(slopes[:, :, :, None], edges)
             result[:, block, 4:] = products.reshape(len(found), -1, 12)
 
-        for_each(range(0, len(order), _BLOCK), lambda: fill)
+        for_each(blocks(len(order), _BLOCK), lambda: fill)
         return result
 
     def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
@@ -183,8 +183,8 @@ def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
     rows, columns, data = [], [], []
     for size in np.unique(sizes[sizes > 1]):
         of_size = np.flatnonzero(sizes == size)
-        for begin in range(0, len(of_size), _FITS):
-            which = of_size[begin : begin + _FITS]
+        for some in blocks(len(of_size), _FITS):
+            which = of_size[some]
             others = around.indices[around.indptr[which][:, None] + np.arange(size)]
             others = others[others != which[:, None]].reshape(len(which), -1)
             factors = _fit(vertices[others] - vertices[which][:, None])  # (n, 3, m)

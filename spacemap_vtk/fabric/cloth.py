@@ -39,6 +39,7 @@ from spacemap_vtk.fabric.peirce import (
 )
 from spacemap_vtk.fabric.threads import Some, Threads, Yarns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.parallel import blocks
 
 #: Shapes of a yarn's axis, the commonest first.
 AXES = ("arcs", "spline")
@@ -46,9 +47,11 @@ AXES = ("arcs", "spline")
 FAMILIES = ("warp", "weft")
 #: A crimp may pass the end of its interval by this share of the largest, by rounding.
 _GRACE = 1e-9
+#: Crossings that are looked at in one go: some ten megabytes.
+_CROSSINGS = 20_000
 #: Room between the two cloths of a double weave where nobody says, over D.
 _LAYER_GAP = 0.1
-#: A yarn of each course, and the course of each yarn.
+#: A yarn of each course, ascending, and the course of each yarn.
 Courses = tuple[Ints, Ints]
 
 
@@ -258,6 +261,10 @@ class Cloth:
         """Ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
+    def in_blocks(self, number: int, count: int) -> list[slice]:
+        # Of so many ends (0) or picks (1), those whose crossings are looked at in one go.
+        return blocks(count, max(1, _CROSSINGS // self.size[1 - number]))
+
     @cached_property
     def strands(self) -> tuple[Floats, Floats, Floats]:
         """Turns per metre, plies and round diameters of all yarns, see `Threads.strands`."""
@@ -297,12 +304,9 @@ class Cloth:
         arc = np.where(same, arc, (1.0 + APART) * arc)
         return Passing(arc, height, self.layers.kept(number)[which])
 
-    def courses(self, number: int) -> Courses:
-        # Yarns of one course have equal axes: a yarn of each, ascending, and the course of all.
-        return self._courses[number]
-
     @cached_property
-    def _courses(self) -> tuple[Courses, Courses]:
+    def courses(self) -> tuple[Courses, Courses]:
+        """Of warp and weft, whose yarns of one course have equal axes."""
         return self._courses_of(0), self._courses_of(1)
 
     def _courses_of(self, number: int) -> Courses:

@@ -12,9 +12,6 @@ from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.ndarrays import Floats
 
-#: Crossings that are looked at in one go: some ten megabytes.
-_CROSSINGS = 20_000
-
 
 def fabric_figures(cloth: Cloth) -> dict[str, Any]:
     """Return the figures by which a cloth is judged.
@@ -81,16 +78,15 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
 def _excess_lengths(cloth: Cloth, number: int) -> Floats:
     """Return by how much each yarn of a family is longer than straight, in m."""
-    chosen, which = cloth.courses(number)
+    chosen, which = cloth.courses[number]
     if cloth.axis == "spline":
         path = axes_of(cloth, number, chosen)
         straight = path.along[path.last] - path.along[0]
         return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
     excess = np.empty(len(chosen))
-    step = max(1, _CROSSINGS // cloth.size[1 - number])
-    for first in range(0, len(excess), step):
-        gaps = woven_gaps(cloth, number, chosen[first : first + step])
+    for some in cloth.in_blocks(number, len(excess)):
+        gaps = woven_gaps(cloth, number, chosen[some])
         rise = np.abs(np.diff(gaps.height, axis=1))
         crimp = solve(gaps.spacing, rise, gaps.arc[:, 1:] + gaps.arc[:, :-1]).crimp
-        excess[first : first + step] = (crimp * gaps.spacing).sum(axis=1)
+        excess[some] = (crimp * gaps.spacing).sum(axis=1)
     return excess[which]

@@ -19,8 +19,6 @@ from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: Crossings that are looked at in one go: some ten megabytes.
-_CROSSINGS = 20_000
 #: Crossings along both sides of the weave round a crossing: where a yarn bends is told by it and
 #: the crossings beside it.
 _LOCAL = 3
@@ -156,11 +154,10 @@ def whole_bounds(cloth: Cloth) -> Floats:
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     nothing = np.empty(0, dtype=np.int64)
-    for number, across in enumerate(cloth.size[::-1]):
+    for number in (0, 1):
         chosen = _telling(cloth, number)
-        step = max(_CROSSINGS // across, 1)
-        for first in range(0, len(chosen), step):
-            some = chosen[first : first + step]
+        for block in cloth.in_blocks(number, len(chosen)):
+            some = chosen[block]
             share = Share(nothing, some) if number else Share(some, nothing)
             points = build(cloth, share).points
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
@@ -243,12 +240,10 @@ def _telling(cloth: Cloth, number: int) -> Ints:
     wide = own.aspect * radius
     telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
     if cloth.axis == "spline":
-        telling |= set(cloth.courses(number)[0].tolist())
+        telling |= set(cloth.courses[number][0].tolist())
         return np.array(sorted(telling))
     top, bottom = np.empty(len(upper)), np.empty(len(upper))
-    step = max(_CROSSINGS // upper.shape[1], 1)
-    for first in range(0, len(upper), step):
-        some = slice(first, first + step)
+    for some in cloth.in_blocks(number, len(upper)):
         height = cloth.passing(number, some).height
         top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
     telling |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}

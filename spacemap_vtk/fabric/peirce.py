@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import metres
 
 #: Rounding allowed in the square of the straight length, over D**2. Clamping inside it moves the
 #: yarn by about as much, times D.
@@ -107,10 +107,10 @@ def check_height(
     if _jammed(p1, p2, middle, d):
         raise GeometryError(
             f"the cloth is jammed at every warp_crimp_height: the weft needs at least "
-            f"{_metres(low)}, the warp at most {_metres(high)}",
+            f"{metres(low)}, the warp at most {metres(high)}",
             key="warp_diameter",
-            allowed=f"warp_diameter + weft_diameter up to {_metres(largest_diameter_sum(p1, p2))}"
-            f" at these spacings, not {_metres(d)}",
+            allowed=f"warp_diameter + weft_diameter up to {metres(largest_diameter_sum(p1, p2))}"
+            f" at these spacings, not {metres(d)}",
             cure="Make the yarns thinner or a spacing larger",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
@@ -118,13 +118,13 @@ def check_height(
         side = "warp" if height > middle else "weft"
         # printed a little inside, so that a bound copied from the message is accepted
         margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
-        shown_low = _metres(low + margin) if low > 0.0 else "0 mm"
+        shown_low = metres(low + margin) if low > 0.0 else "0 mm"
         raise GeometryError(
-            f"the cloth is jammed: no room for the {side} to bend at a height of {_metres(height)}",
+            f"the cloth is jammed: no room for the {side} to bend at a height of {metres(height)}",
             key="warp_crimp_height",
             value=height,
-            allowed=f"{shown_low} to {_metres(high - margin if high < d else high)}",
-            cure=f"Leave it out for the middle of these, {_metres(middle)}; thinner yarns or wider "
+            allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",
+            cure=f"Leave it out for the middle of these, {metres(middle)}; thinner yarns or wider "
             "spacings allow more",
         )
 
@@ -158,16 +158,12 @@ def _minus_arctan(t: NDArray) -> Floats:
 def _refuse(p: float, h: float, d: float) -> None:
     allowed = "finite lengths"
     if isfinite(p + h + d) and d >= 0.0:
-        allowed = f"a height of 0 m to {_metres(d - _least_height(p, d))}"
+        allowed = f"a height of 0 m to {metres(d - _least_height(p, d))}"
     raise GeometryError(
-        f"a yarn over a spacing of {_metres(p)} cannot bend by this height where the sum of "
-        f"diameters is {_metres(d)}",
+        f"a yarn over a spacing of {metres(p)} cannot bend by this height where the sum of "
+        f"diameters is {metres(d)}",
         key="height",
         value=h,
         allowed=allowed,
         cure="Less height, a wider spacing or thinner yarns",
     )
-
-
-def _metres(value: float) -> str:
-    return format_quantity(value, "m")

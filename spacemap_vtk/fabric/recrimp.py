@@ -65,9 +65,6 @@ class Recrimp:
             self._families.append(family)
             count = len(family.radius)
             rings, points = rings + count, points + count * family.shape.size
-        self._caps: list[Cap | None] = [
-            cap(f.shape.size) if cloth.caps and len(f.tubes.parts) else None for f in self._families
-        ]
         #: (rings, 3) Where the rings stand [m], the warp's first.
         self.feet: Floats = np.zeros((rings, 3))
         for number, family in enumerate(self._families):
@@ -77,11 +74,7 @@ class Recrimp:
         #: (patches,) Number of the crossing nearest to each, of (2, picks, ends), the warp's first.
         self.crossing: Ints = np.concatenate(
             [np.repeat(f.crossing, f.shape.size // 3) for f in self._families]
-            + [
-                np.repeat(f.ends, len(c.table))
-                for f, c in zip(self._families, self._caps, strict=True)
-                if c is not None
-            ]
+            + [np.repeat(f.ends, len(f.cap.table)) for f in self._families if f.cap]
         )
 
     @property
@@ -147,12 +140,9 @@ class Recrimp:
         ndarray, shape (N, 3)
             [m]
         """
-        spans = [
-            0 if c is None else len(f.ends) * c.new_points
-            for f, c in zip(self._families, self._caps, strict=True)
-        ]
-        tubes = sum(len(f.radius) * f.shape.size for f in self._families)
-        result = self._recycler.empty((tubes + sum(spans), 3), precision)
+        new = sum(len(f.radius) * f.shape.size for f in self._families)
+        size = new + sum(f.cap_points for f in self._families)
+        result = self._recycler.empty((size, 3), precision)
         thinner = height.sum(axis=0) / self._distance
         pressed = bool((abs(thinner - 1.0) > 1e-12).any())
         for number, family in enumerate(self._families):
@@ -160,11 +150,11 @@ class Recrimp:
             rings = _rings(path, of_part)
             flat = family.at_rings(_rows(thinner, number, self.share)) if pressed else None
             _spread(family, rings, (along[family.rings], normal[family.rings]), flat, result)
-        new = tubes
-        for family, closing, count in zip(self._families, self._caps, spans, strict=True):
-            if closing is not None:
-                span_caps(family.tubes, closing, result, result[new : new + count])
-            new += count
+        for family in self._families:
+            if family.cap:
+                here = result[new : new + family.cap_points]
+                span_caps(family.tubes, family.cap, result, here)
+                new += len(here)
         return result
 
     def spread(self, of_rings: Floats) -> Floats:
@@ -181,10 +171,10 @@ class Recrimp:
             The same.
         """
         parts = [np.repeat(of_rings[f.rings], f.shape.size, axis=0) for f in self._families]
-        for family, closing in zip(self._families, self._caps, strict=True):
-            if closing is not None:
+        for family in self._families:
+            if family.cap:
                 ends = of_rings[family.rings][family.tubes.ends]
-                parts.append(np.repeat(ends, closing.new_points, axis=0))
+                parts.append(np.repeat(ends, family.cap.new_points, axis=0))
         return np.concatenate(parts)
 
     def weights(self, height: Floats, stretch: Floats) -> Floats | None:
@@ -214,12 +204,11 @@ class Recrimp:
             here = weights[begin : begin + len(family.radius) * family.shape.size]
             here.reshape(-1, family.shape.size)[:] *= family.shape.weight
             begin += len(here)
-        for family, closing in zip(self._families, self._caps, strict=True):
-            if closing is not None:
-                count = len(family.ends) * closing.new_points
-                here = weights[begin : begin + count].reshape(len(family.ends), 2, -1)
-                here[:] = family.shape.weight[closing.lower]
-                begin += count
+        for family in self._families:
+            if family.cap:
+                here = weights[begin : begin + family.cap_points]
+                here.reshape(len(family.ends), 2, -1)[:] = family.shape.weight[family.cap.lower]
+                begin += len(here)
         return weights
 
     @property
@@ -270,6 +259,7 @@ class Recrimp:
             rest=_rings(path, np.ones(len(path.length))),
             tubes=Tubes(point, shape.size, path.parts, shape.aspect),
             shape=shape,
+            cap=cap(shape.size) if cloth.caps and len(path.parts) else None,
             spread=np.kron(basis, np.eye(3)).astype(np.float64),
             first=first,
             gap=np.repeat(np.arange(count.size), count),
@@ -303,6 +293,8 @@ class _Family(NamedTuple):
     rest: _Rings
     tubes: Tubes
     shape: Section
+    cap: Cap | None
+    """How both ends of its yarns are closed."""
     spread: Floats
     """(9, 3 points) From a ring's middle, its top and its side to its control points."""
     first: int
@@ -315,6 +307,10 @@ class _Family(NamedTuple):
     """(2 yarns,) First and last crossing of each yarn."""
     place: Floats
     """(crossings,) Along the yarns."""
+
+    @property
+    def cap_points(self) -> int:
+        return len(self.ends) * self.cap.new_points if self.cap else 0
 
     @property
     def rings(self) -> slice:

@@ -30,9 +30,6 @@ from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.mechanics.plates import Plate, stiff_across
 
-#: Gaps between crossings that are looked at in one go: some ten megabytes.
-_GAPS = 50_000
-
 
 def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     """Return what a cloth resists, by its yarns alone.
@@ -119,9 +116,7 @@ def _rods(cloth: Cloth, number: int) -> tuple[float, float]:
     flats = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
     bending = sheared = 0.0
     count = cloth.size[number]
-    step = max(1, _GAPS // cloth.size[1 - number])
-    for first in range(0, count, step):
-        some = slice(first, first + step)
+    for some in cloth.in_blocks(number, count):
         upper = cloth.upper(number, some)
         arc, height, _ = cloth.passing(number, some)
         rise = np.abs(np.diff(height, axis=1))

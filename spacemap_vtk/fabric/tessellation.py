@@ -307,7 +307,8 @@ class Tessellation:
             within = result[chunk.first : chunk.first + chunk.patch_count]
             np.multiply(corners.ravel(), chunk.patch_count, out=within)
             within += (chunk.first * place.size + np.arange(chunk.patch_count))[:, None]
-        return _frozen(result.reshape(-1, 4))
+        result.flags.writeable = False  # it is shared by every caller
+        return result.reshape(-1, 4)
 
     @property
     def has_earned_loops(self) -> bool:
@@ -412,8 +413,3 @@ def _magnitude(nets: NDArray[Any]) -> float:
     sizes = (nets.max(axis=1) - nets.min(axis=1)).max(axis=1).astype(np.float64)
     finite = [size for size in sizes.tolist() if 0 < size < np.inf]
     return 2.0 ** round(log2(max(finite, default=1.0)))
-
-
-def _frozen(array: AnyInts) -> AnyInts:
-    array.flags.writeable = False  # it is shared by every caller
-    return array

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.yarn import section_factor, usual_twist
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import metres
 
 #: Sections of a yarn, the commonest first.
 SECTIONS = ("circular", "racetrack", "elliptic")
@@ -230,11 +230,11 @@ class Threads:
             thick, apart = float(width.flat[worst]), float(room.flat[worst])
             flat = self.aspect != 1.0
             raise GeometryError(
-                f"neighbouring {family} yarns{which} overlap: they are {_metres(thick)} "
-                f"{'wide' if flat else 'thick'} and {_metres(apart)} apart",
+                f"neighbouring {family} yarns{which} overlap: they are {metres(thick)} "
+                f"{'wide' if flat else 'thick'} and {metres(apart)} apart",
                 key=f"{family}_diameter",
                 value=thick / self.aspect,
-                allowed=f"up to {_metres(apart / self.aspect)} ({family}_spacing"
+                allowed=f"up to {metres(apart / self.aspect)} ({family}_spacing"
                 f"{f' over {family}_aspect' if flat else ''})",
                 cure=f"Make {family}_diameter smaller or {family}_spacing larger",
             )
@@ -274,7 +274,3 @@ def _places(spacing: Floats) -> Floats:
         return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
     place = np.concatenate([[0.0], np.cumsum(spacing)])
     return place - 0.5 * place[-1]
-
-
-def _metres(value: float) -> str:
-    return format_quantity(value, "m")

@@ -29,8 +29,6 @@ from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
 
 #: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
 _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
-#: Crossings whose parts are counted in one go: some ten megabytes.
-_CROSSINGS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,13 +250,11 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
     """
     parts, worst = [0, 0], 0.0
     for number, shape in enumerate(_sections(cloth)):
-        chosen, which = cloth.courses(number)
+        chosen, which = cloth.courses[number]
         yarns = np.bincount(which)
-        step = max(1, _CROSSINGS // cloth.size[1 - number])
-        for first in range(0, len(chosen), step):
-            some = chosen[first : first + step]
-            path = axes_of(cloth, number, some)
-            parts[number] += int(path.parts @ yarns[first : first + step])
+        for some in cloth.in_blocks(number, len(chosen)):
+            path = axes_of(cloth, number, chosen[some])
+            parts[number] += int(path.parts @ yarns[some])
             worst = max(worst, _radial_error(path, shape.error, cloth.exact))
     return _counts(cloth, parts), worst
 

@@ -23,6 +23,7 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.weave import Weave
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.parallel import blocks
 
 _Found = TypeVar("_Found")
 
@@ -65,13 +66,8 @@ class _Tubes(NamedTuple):
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
 
 
-def least_clearance(cloth: Cloth) -> Clearance:
-    """Return the least clearance between the yarns of a cloth as woven, by its exact axes."""
-    return _finished(_of_axes(cloth))
-
-
-def clearance_of_large(cloth: Cloth, most: int) -> Clearance | None:
-    """Return that of a cloth from crops in which each of its local weaves occurs."""
+def least_clearance(cloth: Cloth, most: int | None = None) -> Clearance | None:
+    """Return what `clearance_in_steps` finds, without a stop."""
     return _finished(clearance_in_steps(cloth, most))
 
 
@@ -113,7 +109,7 @@ def clearance_in_steps(
     >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
     (True, True)
     >>> over = np.indices((2000, 2000)).sum(axis=0) % 2
-    >>> found = clearance_of_large(Cloth(drawdown=over, warp=threads, weft=threads), 1000)
+    >>> found = least_clearance(Cloth(drawdown=over, warp=threads, weft=threads), 1000)
     >>> abs(found.distance) < 1e-12
     True
     """
@@ -302,8 +298,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
         return point + side[:, None] * half, normal, lateral
 
     located = np.empty((3, len(place), 3))
-    for start in range(0, len(place), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in blocks(len(place), _BLOCK):
         yield
         located[:, block] = beside(at(place[block], yarn[block]), side[block])
     turns = 0 if tubes.perpendicular else _TURNS
@@ -312,7 +307,8 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
     for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
         yield
-        gap, _, facing = _section_gap(*_sides(located, pairs), None, turns)
+        one, other = (tuple(x[mine] for x in located) for mine in pairs)
+        gap, _, facing = _section_gap(one, other, None, turns)
         found = _local_minima(pairs, gap, facing, yarn)
         worst = np.argsort(np.concatenate([kept[1], found[1]]), kind="stable")[:most]
         kept = (
@@ -371,10 +367,6 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     return Clearance(float(best[least]), (first, second), middle[least])
 
 
-def _sides(located: Floats, pairs: Ints) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    return tuple(x[pairs[0]] for x in located), tuple(x[pairs[1]] for x in located)
-
-
 def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
     """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them."""
     # Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
@@ -388,9 +380,9 @@ def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
         one = (yarn >> digit) & 1 == 1
         ones, zeros = np.flatnonzero(one), np.flatnonzero(~one)
         tree = cKDTree(lifted[zeros])
-        for start in range(0, len(ones), _BLOCK):
-            block = ones[start : start + _BLOCK]
-            yield np.stack([block, zeros[tree.query(level[block])[1]]])
+        for block in blocks(len(ones), _BLOCK):
+            few = ones[block]
+            yield np.stack([few, zeros[tree.query(level[few])[1]]])
 
 
 def _local_minima(

@@ -40,7 +40,7 @@ from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
-from spacemap_vtk.parallel import WORTHWHILE, for_each
+from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
 
@@ -313,12 +313,11 @@ def _stand(
     """Add how points lie from their feet, and say how far that is from where they were."""
     points = points_of(rest)
 
-    def add(begin: int) -> None:  # in blocks, which stay in the cache
-        rows = slice(begin, begin + _BLOCK)
+    def add(rows: slice) -> None:  # in blocks, which stay in the cache
         moved[rows] += offset[rows]
         np.subtract(moved[rows], points[rows], out=displacement[rows], casting="same_kind")
 
-    for_each(range(0, len(moved), _BLOCK), lambda: add)
+    for_each(blocks(len(moved), _BLOCK), lambda: add)
 
 
 def _renew_cell_normals(output: vtkPointSet) -> None:

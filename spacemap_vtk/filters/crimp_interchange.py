@@ -25,6 +25,7 @@ from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parallel import blocks
 
 #: Strain of yarns that are meant to keep their length, from which on it is told.
 _STRAIN = 0.01
@@ -315,8 +316,7 @@ class _Crossed:
         places[:, 0], places[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
         vertices, elements = points_of(cage).astype(np.float64), elements_of(cage)
         self._slopes = [
-            PlaneSlopes(places[begin : begin + _BLOCK], vertices, elements)
-            for begin in range(0, len(places), _BLOCK)
+            PlaneSlopes(places[some], vertices, elements) for some in blocks(len(places), _BLOCK)
         ]
         self._last: tuple[NDArray[Any], _Now] | None = None
 

@@ -138,11 +138,6 @@ class CageModes:
         """Of each mode along x, y and z [kg], (n, 3)."""
         return participation(self.shapes, self.nodal_mass) ** 2
 
-    @cached_property
-    def movable_mass(self) -> Floats:
-        """What the effective masses of all modes sum to, (3,) in kg."""
-        return self.model.movable_mass
-
     @property
     def frequencies(self) -> Floats:
         """Frequencies without damping in Hz, (n,); 0 of what no stiffness brings back."""
@@ -151,7 +146,7 @@ class CageModes:
     @property
     def mass_shares(self) -> Floats:
         """Effective masses as shares of what can move along x, y and z, (n, 3)."""
-        masses, movable = self.effective_masses, self.movable_mass
+        masses, movable = self.effective_masses, self.model.movable_mass
         # A cage held along an axis everywhere has nothing to move along it.
         return np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
 

@@ -74,7 +74,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     # outside of that space have.
     if count < 1:
         raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
-    report: Progress = progress or _ignore
+    report: Progress = progress or (lambda _: None)
     report(0.0)
     with blas_threads.one():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
@@ -125,10 +125,6 @@ def estimate_bytes(dof: int, count: int, layers: float | None = None, sheet: boo
 
 def _is_dense(dof: int, count: int) -> bool:
     return dof <= DENSE or 4 * count >= dof
-
-
-def _ignore(_: float) -> None:
-    pass
 
 
 def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats, Floats, Floats]:

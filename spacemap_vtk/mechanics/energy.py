@@ -19,6 +19,7 @@ from spacemap_vtk.mechanics.motion import ModalMotion, State
 from spacemap_vtk.mechanics.oscillator import kernels
 from spacemap_vtk.mechanics.timefunctions import Pieces
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parallel import blocks
 
 #: Below this share of λ + Ω² the factor of H has lost too many digits, and H is integrated.
 RESONANT = 1e-4
@@ -105,8 +106,8 @@ class Account:
             if following - start > 1e-15 * start and start - last > 1e-15 * start
         ]
         size = max(1, CHUNK // len(motion.stiffness))
-        for first in range(0, len(starts), size):
-            ends = np.array(starts[first : first + size])
+        for some in blocks(len(starts), size):
+            ends = np.array(starts[some])
             after = np.stack([motion.state(float(end)) for end in ends])
             before = after
             if any(drive.moves_base for drive in motion.drives):

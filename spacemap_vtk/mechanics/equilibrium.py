@@ -95,7 +95,7 @@ def equilibrium(
     # `progress` is called with the share of the work done; it may raise, to cancel. InputError: of
     # a body that nothing holds against the load. SolverError: where the steps do not suffice.
     with blas_threads.one():
-        body = Body(strains, basis, start, load, progress or _ignore)
+        body = Body(strains, basis, start, load, progress or (lambda _: None))
         if body.free_share() > FREE:
             raise InputError(
                 "nothing holds the cage, or a part of it, against the load",
@@ -117,10 +117,6 @@ def equilibrium(
     if progress is not None:
         progress(1.0)
     return Equilibrium(z, body.steps, residual, critical)
-
-
-def _ignore(_: float) -> None:
-    pass
 
 
 def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements import EDGES, shape_slopes
 from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.parallel import blocks
 
 #: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
 LARGE_ROTATION = np.radians(20.0)
@@ -82,8 +83,7 @@ def strain_products(
     linear = cells.shape[1] == 4
     slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
     total = np.zeros((len(fields), len(fields)))
-    for start in range(0, len(cells), _CHUNK):
-        part = slice(start, start + _CHUNK)
+    for part in blocks(len(cells), _CHUNK):
         moved = fields[:, cells[part]]
         moved = (moved - moved[:, :, :1]).swapaxes(2, 3)
         for slope in slopes:

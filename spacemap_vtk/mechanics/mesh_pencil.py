@@ -200,10 +200,8 @@ class MeshPencil(Pencil):
 
     def gathered(self, forces: Floats) -> Floats:
         """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
-        if self.surface is None and self.plain:
-            return forces[self.free]
-        nodal = forces if self.surface is None else 2 * self._nodal(forces)
-        return self.basis.T @ nodal
+        found = self.coordinates(forces)
+        return found if self.surface is None else 2 * found
 
     def coordinates(self, moved: Floats) -> Floats:
         """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""

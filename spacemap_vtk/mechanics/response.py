@@ -300,7 +300,7 @@ def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -
     """Say along which loaded axes the modes hold too little of the mass."""
     if modes.complete:
         return []
-    held = modes.effective_masses.sum(axis=0) / modes.movable_mass
+    held = modes.effective_masses.sum(axis=0) / modes.model.movable_mass
     return [
         f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
         "it is loaded; raise modal.modes to trust how fast it moves"

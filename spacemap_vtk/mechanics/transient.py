@@ -117,7 +117,7 @@ class Stepped(Motion):
         # All forces are divided by the model's modulus: the strains are those of a unit one.
         start, forces = pencil.nodes.positions, pencil.nodes.forces
         dead = np.zeros_like(start) if forces is None else forces
-        body = Body(pencil.strains, pencil.basis, start, dead, _ignore)
+        body = Body(pencil.strains, pencil.basis, start, dead, lambda _: None)
         mass = (model.density / model.modulus) * pencil.mass
         #: Where it hangs [m], zero where it does not.
         self.rest = np.zeros_like(self.points)
@@ -441,7 +441,3 @@ def _refuse(cage: CageModes, loads: Sequence[LoadVector]) -> None:
             key="rigid",
             cure="Fix the place, or leave out modal.rigid; or take [response].",
         )
-
-
-def _ignore(_: float) -> None:
-    pass

@@ -93,7 +93,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "dof": cage.model.pencil.size,
         **sheet_figures(sheet_in(grid)),
         "mass": float(cage.nodal_mass.sum()),
-        "movable_mass": cage.movable_mass.tolist(),
+        "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
         "hung": _hung(scene.modal, cage.model),
