@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -139,6 +139,11 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
             cure=suggestion(name, names),
         )
     return vtk_to_numpy(array)
+
+
+def masks_of(grid: vtkUnstructuredGrid) -> Callable[[str], NDArray[Any]]:
+    """Return what finds the point array that a place names."""
+    return lambda name: array_of(grid.GetPointData(), name, f"the place mask({name})")
 
 
 def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:

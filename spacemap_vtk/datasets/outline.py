@@ -30,17 +30,11 @@ def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
     cutter.SetInputData(surface)
     cutter.Update()
     flat = cutter.GetOutput()
-    rows = [_cells(flat.GetPolys(), 3)]
-    segments = _cells(flat.GetLines(), 2)
-    rows.append(segments[:, [0, 1, 1]])
-    points = (
-        vtk_to_numpy(flat.GetPoints().GetData()).astype(np.float64)
-        if flat.GetNumberOfPoints()
-        else np.empty((0, 3))
-    )
-    triangles = np.concatenate(rows)
-    own = _own_points(data)
-    points, triangles = np.concatenate((own, points)), triangles + len(own)
+    segments = _cells(flat.GetLines(), 2)[:, [0, 1, 1]]
+    triangles = np.concatenate([_cells(flat.GetPolys(), 3), segments])
+    is_grid = data.IsA("vtkPointSet") and not isinstance(data, vtkPolyData)
+    own = _points(data) if is_grid else np.empty((0, 3))  # else they are those of the polygons
+    points, triangles = np.concatenate((own, _points(flat))), triangles + len(own)
     if not np.isfinite(points).all():
         bad = int(np.argmin(np.isfinite(points).all(axis=1)))
         raise GeometryError(f"point {bad} of the object is not finite", cure="Repair the object.")
@@ -73,7 +67,7 @@ def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outlin
     maker.ComputeNormalsOff()
     maker.Update()
     made = maker.GetOutput()
-    return vtk_to_numpy(made.GetPoints().GetData()).astype(np.float64), _cells(made.GetPolys(), 3)
+    return _points(made), _cells(made.GetPolys(), 3)
 
 
 def edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
@@ -86,9 +80,9 @@ def edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
     return int((counts == 1).sum()), int((counts > 2).sum())
 
 
-def _own_points(data: Any) -> Floats:
-    if isinstance(data, vtkPolyData) or not data.IsA("vtkPointSet"):
-        return np.empty((0, 3))  # they are those of the polygons
+def _points(data: Any) -> Floats:
+    if not data.GetNumberOfPoints():
+        return np.empty((0, 3))
     return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from numbers import Real
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
@@ -297,6 +299,16 @@ class Stage(Algorithm):
         yield from reversed(seen)
 
 
+class CageStage(Stage):
+    """A stage that takes a cage and makes one; each process has all of it."""
+
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    whole_inputs = (0,)
+    replicated = True
+
+
 def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
     """Add a stage to those seen, after all above it."""
     if stage in below:
@@ -382,6 +394,22 @@ def _require_ports(stage: vtkAlgorithm, count: int) -> None:
             f"too many inputs for {type(stage).__name__}: {count}",
             allowed=str(stage.GetNumberOfInputPorts()),
         )
+
+
+def written(file: Path | None) -> int:
+    """Return when a file was last written.
+
+    Parameters
+    ----------
+    file : Path or None
+        Whether it is there or not.
+
+    Returns
+    -------
+    int
+        In ns; 0 where there is none.
+    """
+    return file.stat().st_mtime_ns if file is not None and os.path.isfile(file) else 0
 
 
 def _take(stages: Sequence[Stage]) -> list[Stage]:

@@ -14,7 +14,7 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import CageStage
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
@@ -62,7 +62,7 @@ _CONSTANTS = (
 )
 
 
-class CageMaterial(Stage):
+class CageMaterial(CageStage):
     """A stage that knows what a cage is made of."""
 
     elements = Choice(

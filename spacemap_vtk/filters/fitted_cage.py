@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.datasets.arrays import array_of, masks_of
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.cage_material import CageMaterial
@@ -56,11 +55,7 @@ class FittedCage(CageMaterial):
         self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
     ) -> tuple[Bools, Fittings]:
         """Return which components (V, 3) cannot move, and what else is fitted to the cage."""
-
-        def mask(name: str) -> NDArray[np.generic]:
-            return array_of(grid.GetPointData(), name, f"the place mask({name})")
-
-        fixed = self.fixed
+        fixed, mask = self.fixed, masks_of(grid)
         if fixed is None:
             axis = up_axis(grid)
             fixed = type(self).fixed.default if axis is None else (resting(vertices, axis),)

@@ -13,9 +13,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number, array_of, vectors_of
 from spacemap_vtk.datasets.extent import up_axis
-from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
+from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, ModesReader, gravity_in
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import CageStage, Provided
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
@@ -96,13 +96,10 @@ def _is_file(value: Any) -> bool:
     )
 
 
-class LoadedCage(Stage):
+class LoadedCage(CageStage):
     """The parameters of what moves a cage by loads from t = 0 on."""
 
     role = "mover"
-    inputs = ("vtkUnstructuredGrid",)
-    takes = ("cage",)
-    makes = "cage"
     provides: ClassVar = {
         "displacement": Provided("point", "m"),
         "velocity": Provided("point", "m/s"),
@@ -112,8 +109,6 @@ class LoadedCage(Stage):
         "von_mises": Provided("cell", "Pa", _STRESS),
         **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
     }
-    whole_inputs = (0,)
-    replicated = True
 
     alpha = Real(
         1.0,
@@ -186,6 +181,14 @@ class LoadedCage(Stage):
         maximum=100_000,
     )
 
+    _modes: ModesReader | None = None
+
+    def modes_of(self, grid: vtkUnstructuredGrid) -> CageModes:
+        """Return the modes in ModalSolver's output."""
+        if self._modes is None:
+            self._modes = ModesReader()
+        return self._modes.read(grid)
+
     def check(self) -> None:
         """Check how much is damped."""
         _ = self.damping
@@ -205,21 +208,18 @@ class LoadedCage(Stage):
                 cure=f"Leave out {ways[0]} or {ways[1]}"
                 + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
-        if (ratio := self.damping_ratio) is not None:
-            try:
-                if isinstance(ratio, Path):
-                    ratio = type(self).damping_ratio.convert(registry.read(ratio, "column"))
-                return Damping(ratio=ratio)
-            except InputError as error:
-                error.key, error.value = "damping_ratio", self.damping_ratio
-                raise
-        if self.damping_pairs is not None:
-            try:
+        if not ways:
+            return Damping(self.alpha, self.beta)
+        try:
+            if self.damping_pairs is not None:
                 return rayleigh(self.damping_pairs)
-            except InputError as error:
-                error.key, error.value = "damping_pairs", self.damping_pairs
-                raise
-        return Damping(self.alpha, self.beta)
+            ratio = self.damping_ratio
+            if isinstance(ratio, Path):
+                ratio = type(self).damping_ratio.convert(registry.read(ratio, "column"))
+            return Damping(ratio=ratio)
+        except InputError as error:
+            error.key, error.value = ways[0], getattr(self, ways[0])
+            raise
 
     def idle(self, name: str) -> str:
         """Return why a parameter counts for nothing; empty where `damping` refuses it instead."""

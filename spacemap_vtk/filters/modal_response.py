@@ -10,7 +10,6 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array
-from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
@@ -61,7 +60,6 @@ class ModalResponse(LoadedCage):
         True, "Add to the modes what they miss of the static response to each load."
     )
 
-    _modes: ModesReader | None = None
     _kept_motion: tuple[tuple[int, int], Response] | None = None
 
     @property
@@ -86,9 +84,7 @@ class ModalResponse(LoadedCage):
     ) -> None:
         """Evaluate the sum at `time`; before t = 0 the initial state holds, at rest."""
         grid = inputs[0]
-        if self._modes is None:
-            self._modes = ModesReader()
-        modes = self._modes.read(grid)
+        modes = self.modes_of(grid)
         # The motion does not depend on the time asked for.
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._kept_motion[0] != key:

@@ -95,9 +95,6 @@ class ModalSolver(FittedCage):
 
     section = "modal"
     role = "solver"
-    inputs = ("vtkUnstructuredGrid",)
-    takes = ("cage",)
-    makes = "cage"
     provides: ClassVar = {
         "fixed": Provided("point"),
         "fixed_components": Provided("point"),
@@ -112,8 +109,6 @@ class ModalSolver(FittedCage):
         "frequencies": Provided("field", "Hz"),
         "eigenvalue_rounding": Provided("field"),
     }
-    whole_inputs = (0,)
-    replicated = True
 
     mass = Choice(
         "consistent",

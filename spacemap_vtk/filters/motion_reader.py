@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from bisect import bisect_right
 from typing import Any, ClassVar
 
@@ -21,7 +20,7 @@ from spacemap_vtk.datasets.arrays import (
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.volume import Volume, tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.io.series import MeshSeries, kinds, open_series
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
@@ -113,11 +112,7 @@ class MotionReader(Stage):
     def _series(self) -> MeshSeries:
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=kinds())
-        state = (
-            (self.file, self.file.stat().st_mtime_ns)
-            if os.path.isfile(self.file)
-            else (self.file, 0)
-        )
+        state = self.file, written(self.file)
         if self._opened is None or self._opened[0] != state:
             self._first = None
             with naming("file"):

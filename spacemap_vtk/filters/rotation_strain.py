@@ -8,11 +8,11 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, masks_of, points_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.algorithm import Inputs
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import CageStage, Provided, Stage
 from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.rotation_coordinates import RotationCoordinates
@@ -23,7 +23,7 @@ from spacemap_vtk.ndarrays import Floats
 _RATES = ("velocity", "acceleration")
 
 
-class RotationStrain(Stage):
+class RotationStrain(CageStage):
     """Rebuild a cage's shape from the rotation and strain of each element of a linear motion.
 
     A linear motion stretches what it turns: a strip that swings by 45 degrees grows by 23 %. Here
@@ -50,15 +50,10 @@ class RotationStrain(Stage):
 
     section = "rotation"
     role = "rotation"
-    inputs = ("vtkUnstructuredGrid",)
-    takes = ("cage",)
-    makes = "cage"
     provides: ClassVar = {
         "displacement": Provided("point", "m"),
         "linear_displacement": Provided("point", "m"),
     }
-    whole_inputs = (0,)
-    replicated = True
 
     fixed = Supports(
         None,
@@ -166,9 +161,7 @@ class RotationStrain(Stage):
         else:
             points = points_of(grid).astype(np.float64)
             with naming("fixed"):
-                held = held_components(
-                    points, self.fixed or (), lambda name: array_of(data, name, "the cage")
-                )
+                held = held_components(points, self.fixed or (), masks_of(grid))
             kernel = RotationCoordinates.of_mesh(points, elements_of(grid), held)
         self._kept = key, kernel
         return kernel

@@ -259,9 +259,8 @@ class TetraCage(Stage):
                 cure='Give it an envelope, as in inflate = "1 mm", or use method = "carved".',
             )
         open_, crowded = edge_faults(triangles, points)
-        faults = [f"{n} {what} edges" for n, what in ((open_, "open"), (crowded, "branching"))]
-        faults = [text for text in faults if not text.startswith("0 ")]
-        if faults:
+        kinds = (open_, "open"), (crowded, "branching")
+        if faults := [f"{count} {kind} edges" for count, kind in kinds if count]:
             self.warn(
                 f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
                 "own judgement: compare the cage, or give it an envelope (cage.inflate)"

@@ -6,12 +6,10 @@ import time as clock
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import array_of
-from spacemap_vtk.datasets.modal_model import ModesReader
+from spacemap_vtk.datasets.arrays import masks_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.place_parameters import Supports
@@ -77,7 +75,6 @@ class TransientResponse(LoadedCage):
         "far longer steps then. The energy of that is told as dissipated.",
     )
 
-    _modes: ModesReader | None = None
     _kept_motion: tuple[str, Stepped] | None = None
     _known: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
@@ -120,9 +117,7 @@ class TransientResponse(LoadedCage):
         grid = inputs[0]
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._known != key:
-            if self._modes is None:
-                self._modes = ModesReader()
-            self._prepare(grid, self._modes.read(grid))
+            self._prepare(grid, self.modes_of(grid))
             self._known = key
         assert self._kept_motion is not None
         digest, motion = self._kept_motion
@@ -210,13 +205,9 @@ class TransientResponse(LoadedCage):
             if vector.moves_base is None:
                 load += vector.function.value(0.0) * modes.force(vector)
         if self.held:
-
-            def mask(name: str) -> NDArray[np.generic]:
-                return array_of(grid.GetPointData(), name, f"the place mask({name})")
-
             with naming("held"):
-                held = held_components(model.points, self.held, mask)
-                normals = held_directions(model.points, self.held, mask)
+                held = held_components(model.points, self.held, masks_of(grid))
+                normals = held_directions(model.points, self.held, masks_of(grid))
             fittings = model.fittings
             if normals is not None:
                 both = normals if fittings.normals is None else normals + fittings.normals

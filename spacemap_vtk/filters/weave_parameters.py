@@ -108,9 +108,8 @@ class PerYarn(Series):
 
 def repeat_of(pattern: Any) -> Bools:
     """Return one repeat of a pattern."""
-    return (
-        pattern_names.named(pattern) if isinstance(pattern, str) else drawdown.from_matrix(pattern)
-    )
+    read = pattern_names.named if isinstance(pattern, str) else drawdown.from_matrix
+    return read(pattern)
 
 
 class WeaveParameters(Stage):

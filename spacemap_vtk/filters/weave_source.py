@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import add_array, add_number, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
@@ -22,7 +22,7 @@ from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
-from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.base import Provided, written
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words
@@ -70,7 +70,7 @@ class WeaveSource(WeaveParameters):
     #: What is made of the cloth: where some of its yarns cross; None: all of it.
     _part: tuple[Share, Cloth] | None = None
     #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
-    _whole: tuple[Cloth, float | None, Floats | None] | None = None
+    _whole: tuple[Cloth, float, Floats | None] | None = None
 
     @property
     def cloth(self) -> Cloth:
@@ -233,8 +233,7 @@ class WeaveSource(WeaveParameters):
     @property
     def _stamp(self) -> tuple[Any, ...]:
         """The draft's file, when it was written, and whether it is trimmed."""
-        there = self.draft is not None and os.path.isfile(self.draft)
-        return self.draft, self.draft.stat().st_mtime_ns if there else 0, self.trim
+        return self.draft, written(self.draft), self.trim
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
@@ -261,20 +260,16 @@ class WeaveSource(WeaveParameters):
             ("warp", made.warp, cloth.height),
             ("weft", made.weft, cloth.diameter_sum - cloth.height),
         ):
-            for figure, value in (
-                ("theta", crimp.theta),
-                ("length", crimp.length),
-                ("crimp", crimp.crimp),
-                ("height", height),
-            ):
-                add_array(output.GetFieldData(), f"{name}_{figure}", np.array([float(value)]))
-        add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
+            for figure in ("theta", "length", "crimp"):
+                add_number(output.GetFieldData(), f"{name}_{figure}", getattr(crimp, figure))
+            add_number(output.GetFieldData(), f"{name}_height", height)
+        add_number(output.GetFieldData(), "radial_error", made.radial_error)
         if self._whole is None or (self._whole[0] is not cloth and self._part is None):
             # of all yarns, and the same for each piece
             bounds = whole_bounds(cloth) if self.piece.of > 1 else None
             self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
         _, mass, bounds = self._whole
-        add_array(output.GetFieldData(), "areal_mass", np.array([mass]))  # for one that is a sheet
+        add_number(output.GetFieldData(), "areal_mass", mass)  # for one that is a sheet
         add_cloth(output, cloth)
         made.places[:, 3] = numbers[made.places[:, 3].astype(np.int64)]
         add_array(output.GetFieldData(), PLACES, made.places)
