@@ -10,39 +10,23 @@ import importlib
 import sys
 from typing import TYPE_CHECKING
 
-from spacemap_vtk.errors import SpacemapWarning
+from spacemap_vtk.errors import SpacemapWarning as SpacemapWarning
 
 if TYPE_CHECKING:
-    from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-    from spacemap_vtk.filters.base import connect
-    from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-    from spacemap_vtk.filters.modal_response import ModalResponse
-    from spacemap_vtk.filters.modal_solver import ModalSolver
-    from spacemap_vtk.filters.motion_reader import MotionReader
-    from spacemap_vtk.filters.object_source import ObjectSource
-    from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-    from spacemap_vtk.filters.rotation_strain import RotationStrain
-    from spacemap_vtk.filters.tetra_cage import TetraCage
-    from spacemap_vtk.filters.transient_response import TransientResponse
-    from spacemap_vtk.filters.weave_source import WeaveSource
+    from spacemap_vtk.filters.barycentric_warp import BarycentricWarp as BarycentricWarp
+    from spacemap_vtk.filters.base import connect as connect
+    from spacemap_vtk.filters.crimp_interchange import CrimpInterchange as CrimpInterchange
+    from spacemap_vtk.filters.modal_response import ModalResponse as ModalResponse
+    from spacemap_vtk.filters.modal_solver import ModalSolver as ModalSolver
+    from spacemap_vtk.filters.motion_reader import MotionReader as MotionReader
+    from spacemap_vtk.filters.object_source import ObjectSource as ObjectSource
+    from spacemap_vtk.filters.patch_tessellator import PatchTessellator as PatchTessellator
+    from spacemap_vtk.filters.rotation_strain import RotationStrain as RotationStrain
+    from spacemap_vtk.filters.tetra_cage import TetraCage as TetraCage
+    from spacemap_vtk.filters.transient_response import TransientResponse as TransientResponse
+    from spacemap_vtk.filters.weave_source import WeaveSource as WeaveSource
 
 __version__ = "0.1.0"
-
-__all__ = [
-    "BarycentricWarp",
-    "CrimpInterchange",
-    "ModalResponse",
-    "ModalSolver",
-    "MotionReader",
-    "ObjectSource",
-    "PatchTessellator",
-    "RotationStrain",
-    "SpacemapWarning",
-    "TetraCage",
-    "TransientResponse",
-    "WeaveSource",
-    "connect",
-]
 
 #: The filters, and the modules they are in: all that the program knows of them. Scenes, the window,
 #: the command line and ParaView's plugin are made from this table, by what each class declares; of
@@ -60,6 +44,8 @@ FILTERS = {
     "BarycentricWarp": "spacemap_vtk.filters.barycentric_warp",
     "PatchTessellator": "spacemap_vtk.filters.patch_tessellator",
 }
+
+__all__ = ["SpacemapWarning", "connect", *FILTERS]
 
 
 def __dir__() -> list[str]:

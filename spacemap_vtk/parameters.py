@@ -14,25 +14,11 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError, shown
-from spacemap_vtk.parameterised import AUTOMATIC, Parameter, Parameterised, suggestion
+from spacemap_vtk.parameterised import AUTOMATIC as AUTOMATIC
+from spacemap_vtk.parameterised import Parameter as Parameter
+from spacemap_vtk.parameterised import Parameterised as Parameterised
+from spacemap_vtk.parameterised import suggestion as suggestion
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
-
-__all__ = [
-    "AUTOMATIC",
-    "Choice",
-    "Color",
-    "FilePath",
-    "Flag",
-    "Integer",
-    "Parameter",
-    "Parameterised",
-    "Real",
-    "Series",
-    "Text",
-    "Vector",
-    "suggestion",
-]
-
 
 #: Of a number in SI. What is drawn is in single precision, which knows none beyond 3e38; products
 #: of a few such do not leave double precision.

@@ -6,11 +6,7 @@ from math import ceil, log2
 from typing import Any
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import (
-    vtkPointSet,
-    vtkPolyData,
-    vtkUnstructuredGrid,
-)
+from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.datasets.arrays import cell_types, points_of, take_arrays, to_points

@@ -96,7 +96,8 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     flat_cells = int(np.isin(types, list(_NO_VOLUME)).sum())
     if flat_cells:
         notes.append(f"{what}: {flat_cells} cells without a volume were left out")
-    starts, numbers = _offsets(data), vtk_to_numpy(data.GetCells().GetConnectivityArray())
+    cells = data.GetCells()
+    starts, numbers = map(vtk_to_numpy, (cells.GetOffsetsArray(), cells.GetConnectivityArray()))
     solid = {kind for kind in set(types.tolist()) if kind in _KINDS}
     table: dict[int, Any] = _KINDS
     whole = []
@@ -104,7 +105,7 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
         table = _TRIQUADRATIC if solid == _TRIQUADRATIC.keys() else _QUADRATIC
     for kind in sorted(solid):
         corners, cut = table[kind]
-        rows = starts[:-1][types == kind]
+        rows = starts[:-1][types == kind].astype(np.int64)
         if kind in _TETRAHEDRA:
             whole.append(numbers[rows[:, None] + np.arange(4)].astype(np.int64))
         parts.append(cut(numbers[rows[:, None] + np.arange(corners)].astype(np.int64)))
@@ -140,7 +141,3 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     if len(kept) < len(vertices):
         add_array(grid.GetPointData(), "original_point", kept)
     return Volume(grid, kept, notes)
-
-
-def _offsets(grid: vtkUnstructuredGrid) -> Ints:
-    return vtk_to_numpy(grid.GetCells().GetOffsetsArray()).astype(np.int64)

@@ -81,12 +81,8 @@ class CrimpEnergy(NamedTuple):
         moment = 2.0 * self.hinge / distance * bent
         work = moment * bent
         fade = 0.5 * (work[0] + work[1]) / distance
-        return (
-            value + fade * distance,
-            push - fade,
-            self.contact + 2.0 * fade / distance,
-            moment,
-        )
+        contact = self.contact + 2.0 * fade / distance
+        return value + fade * distance, push - fade, contact, moment
 
 
 class Slopes(NamedTuple):

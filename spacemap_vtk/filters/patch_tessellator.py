@@ -20,13 +20,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
-from spacemap_vtk.datasets.arrays import (
-    cells_of,
-    points_of,
-    to_array,
-    to_cells,
-    to_points,
-)
+from spacemap_vtk.datasets.arrays import cells_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.surface_extract import Skin

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import checked_mesh, edges_and_volumes, element, volumes
 from spacemap_vtk.ndarrays import Floats, Ints
 
@@ -64,7 +63,6 @@ def nodal_mass(
     factors: Floats | None = None,
 ) -> Floats:
     """Return the share of the mass that belongs to each vertex."""
-    _check_density(density)
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     if factors is not None:
         volume = volume * factors
@@ -113,19 +111,9 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
     """Return the stiffness matrix of one material."""
     from scipy.sparse import bsr_matrix  # with all it brings: a tenth of a second
 
-    matrix = np.asarray(elasticity, dtype=np.float64)
-    square = matrix.shape == (6, 6) and bool(np.isfinite(matrix).all())
-    if not square or not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
-        raise InputError(
-            "this is not an elasticity matrix",
-            key="elasticity",
-            value=f"array of shape {matrix.shape}",
-            allowed="a finite, symmetric matrix of shape (6, 6)",
-            cure="Make one with isotropic(youngs_modulus, poissons_ratio)",
-        )
     # c_ikjl, its axes put in the order (k l, i j).
-    tensor = matrix[VOIGT[:, :, None, None], VOIGT].transpose(1, 3, 0, 2).reshape(9, 9)
-    blocks = (assembly.gradients @ tensor).reshape(-1, 3, 3)
+    tensor = np.asarray(elasticity)[VOIGT[:, :, None, None], VOIGT].transpose(1, 3, 0, 2)
+    blocks = (assembly.gradients @ tensor.reshape(9, 9)).reshape(-1, 3, 3)
     size = 3 * (len(assembly.indptr) - 1)
     return bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
 
@@ -134,7 +122,6 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
     """Return the mass matrix."""
     import scipy.sparse as sp  # with all it brings: a tenth of a second
 
-    _check_density(density)
     if lumped:
         return sp.diags(np.repeat(density * assembly.lumps, 3), format="csr")
     count = len(assembly.indptr) - 1
@@ -145,10 +132,3 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
 def _summed(places: Ints, values: Floats, count: int) -> Floats:
     """Return the sum of the values at each place."""
     return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)
-
-
-def _check_density(density: float) -> None:
-    if not (np.isfinite(density) and density > 0):
-        raise InputError(
-            "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
-        )

@@ -81,9 +81,6 @@ def _series(spring: Floats, h: Floats, p: complex, t: Floats) -> ComplexArray:
     total = term.copy()
     for k in range(2, TERMS + 2):
         load *= p * t / (k - 1)
-        previous, term = (
-            term,
-            (load - k * damping * term - stiff * previous) / (k * (k + 1)),
-        )
+        previous, term = term, (load - k * damping * term - stiff * previous) / (k * (k + 1))
         total += term
     return total

@@ -90,10 +90,6 @@ class Model:
         #: Multiplies the stiffness of the pencil: the largest elasticity [Pa], or of a sheet the
         #: largest resistance to stretching [N/m].
         self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
-        if not (np.isfinite(self.density) and self.density > 0):
-            raise InputError(
-                "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
-            )
         check_sizes("density", self.density, "kg/m³")
         self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
         self.fittings = fittings
@@ -455,11 +451,13 @@ def _parts(material: ArrayLike | Plate) -> list[Floats]:
         parts = material.membrane, material.bending, material.shear, material.thickness
         return [np.asarray(part, dtype=np.float64) for part in parts]
     matrix = np.array(material, dtype=np.float64)
-    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
+    square = matrix.shape == (6, 6) and bool(np.isfinite(matrix).all())
+    if not square or not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
         raise InputError(
             "this is not an elasticity matrix",
             key="elasticity",
             value=f"array of shape {matrix.shape}",
             allowed="a finite, symmetric matrix of shape (6, 6)",
+            cure="Make one with isotropic(youngs_modulus, poissons_ratio)",
         )
     return [matrix]

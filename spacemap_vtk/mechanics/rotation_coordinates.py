@@ -22,14 +22,7 @@ import numpy as np
 
 from spacemap_vtk.mechanics.pencil import selection
 from spacemap_vtk.mechanics.response import Motion
-from spacemap_vtk.mechanics.shell import (
-    THIN,
-    MidSurface,
-    free_pairs,
-    layer,
-    legs_of,
-    mid_surface,
-)
+from spacemap_vtk.mechanics.shell import THIN, MidSurface, free_pairs, layer, legs_of, mid_surface
 from spacemap_vtk.mechanics.strains import sampled_slopes
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
