@@ -14,18 +14,25 @@ those of the cells; warnings were told where it was made.
 from __future__ import annotations
 
 from math import inf, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
+    vtkDataObject,
+    vtkUnstructuredGrid,
+)
 
-from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, to_array, to_cells, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import AXES, FAMILIES, Cloth
 from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
+
+if TYPE_CHECKING:
+    from spacemap_vtk.fabric.weave import Weave
 
 #: What their names begin with.
 _PREFIX = "cloth_"
@@ -37,6 +44,14 @@ FOOT, OFFSET = "foot", "interchange"
 
 _DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
 _LAYERS, _GAP = _PREFIX + "layers", _PREFIX + "layer_gap"
+
+
+def set_patches(grid: vtkUnstructuredGrid, made: Weave) -> None:
+    """Make a grid that of the patches of yarns."""
+    grid.SetPoints(to_points(made.points))
+    grid.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
+    if made.weights is not None:
+        grid.GetPointData().SetRationalWeights(to_array(made.weights, "RationalWeights"))
 
 
 def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:

@@ -436,7 +436,6 @@ def _check_connected(stage: vtkAlgorithm) -> None:
         optional = stage.GetInputPortInformation(port).Get(vtkAlgorithm.INPUT_IS_OPTIONAL())
         if stage.GetNumberOfInputConnections(port) == 0 and not optional:
             raise InputError(
-                f"{stage.GetClassName() if not isinstance(stage, Stage) else type(stage).__name__}"
-                f" has nothing connected to input port {port}",
+                f"{type(stage).__name__} has nothing connected to input port {port}",
                 cure=f"Call SetInputConnection({port}, source.GetOutputPort()) first.",
             )

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 from vtkmodules.vtkCommonDataModel import (
-    VTK_BEZIER_QUADRILATERAL,
     VTK_QUADRATIC_TETRA,
     VTK_TETRA,
     vtkDataSet,
@@ -20,8 +19,8 @@ from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
 from spacemap_vtk.cage.split import bodies, mended, parts, volumes_of
 from spacemap_vtk.cage.tetwild import EPSILON, filled, kept
-from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
-from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth
+from spacemap_vtk.datasets.arrays import add_array, points_of, to_cells, to_points
+from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth, set_patches
 from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
@@ -382,15 +381,9 @@ def _touched_by_yarns(
                 if not some:
                     break
                 chosen = np.array(some)
-                made = build(
-                    cloth, Share(nothing, chosen) if number else Share(chosen, nothing), kind
-                )
+                share = Share(nothing, chosen) if number else Share(chosen, nothing)
                 patches = vtkUnstructuredGrid()
-                patches.SetPoints(to_points(made.points))
-                patches.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
-                if made.weights is not None:
-                    weights = to_array(made.weights, "RationalWeights")
-                    patches.GetPointData().SetRationalWeights(weights)
+                set_patches(patches, build(cloth, share, kind))
                 shape = outline(patches, polygons_of(patches))
                 kept |= touched(*shape, origin, spacing, divisions)
     return kept

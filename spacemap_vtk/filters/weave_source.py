@@ -7,10 +7,10 @@ from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, add_number, to_array, to_cells, to_points
-from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth
+from spacemap_vtk.datasets.arrays import add_array, add_number
+from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth, set_patches
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave
@@ -248,10 +248,7 @@ class WeaveSource(WeaveParameters):
             self.warn(text)
         share = share_of(cloth, self.piece.number, self.piece.of) if self.piece.of > 1 else ALL
         made = weave.build(cloth, share, np.float32 if self.single else np.float64)
-        output.SetPoints(to_points(made.points))
-        output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
-        if made.weights is not None:
-            output.GetPointData().SetRationalWeights(to_array(made.weights, "RationalWeights"))
+        set_patches(output, made)
         add_array(output.GetCellData(), "yarn", numbers[made.yarn])
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
         colors = np.concatenate([cloth.warp.colors, cloth.weft.colors])
