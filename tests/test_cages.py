@@ -282,6 +282,13 @@ def _child(process: int) -> str | None:
     return None
 
 
+def test_ftetwild_needs_no_pyvista() -> None:
+    pytest.importorskip("pytetwild")
+    code = tetwild._PROGRAM.partition("given")[0] + "print('pyvista' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
 def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pytetwild")
     monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")

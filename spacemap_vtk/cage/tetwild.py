@@ -38,8 +38,11 @@ EPSILON = 4e-3
 #: Seconds between looks: in between them the waiting thread can be stopped.
 _LOOK = 0.05
 
+#: Of pytetwild the part that adds to PyVista's meshes is left out: to import PyVista takes as long
+#: as to fill a small surface.
 _PROGRAM = """
-import sys
+import sys, types
+sys.modules["pytetwild._accessor"] = types.ModuleType("_accessor")
 import numpy as np, pytetwild
 given = np.load("surface.npz", allow_pickle=False)
 try:
