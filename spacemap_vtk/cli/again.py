@@ -6,7 +6,7 @@ import json
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -15,10 +15,8 @@ from spacemap_vtk.cli.options import Quiet, Set, flag, progress, tell_warnings, 
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError, printable
 from spacemap_vtk.io import provenance, registry
+from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.vanishing import vanishing_folder
-
-if TYPE_CHECKING:
-    from spacemap_vtk.io.provenance import Record
 
 #: The commands for what is ordered; all else is exported.
 _COMMANDS = {

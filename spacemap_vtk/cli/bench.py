@@ -13,6 +13,7 @@ from spacemap_vtk.cli.options import (
     numbers_table,
     opened,
     print_json,
+    print_plain,
     progress,
     tell_warnings,
 )
@@ -55,11 +56,8 @@ def bench(
     if json_:
         print_json({"scenes": found})
         return
-    from rich.console import Console
-
-    console = Console(markup=False)
     for figures in found:
-        console.print(_table(figures))
+        print_plain(_table(figures))
 
 
 def _table(figures: dict[str, Any]) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -362,12 +363,9 @@ def _check_subdivisions(order: Order, scene: Scene, subdivisions: int) -> None:
 def _tolerance(order: Order, text: str) -> float:
     if order.what != "moving":
         raise InputError(f"nothing is left out of {order.what}", key="--tolerance", value=text)
-    try:
-        tolerance = parse_quantity(text, "m")
-        if 0.0 < tolerance < math.inf:
+    with suppress(InputError):
+        if 0.0 < (tolerance := parse_quantity(text, "m")) < math.inf:
             return tolerance
-    except InputError:
-        pass
     raise InputError(
         "not a tolerance", key="--tolerance", value=text, allowed="a length above 0, as in 0.01mm"
     )

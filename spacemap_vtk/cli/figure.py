@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -106,9 +107,11 @@ def figure(
             key="--transparent",
             allowed=".png, .svg, .pdf",
         )
+    if not _DOTS[0] <= dpi <= _DOTS[1]:
+        raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
     asked = {
         **{"lists": lists, "paired": paired, "cage": cage, "columns": columns, "end": end},
-        **{"pick": pick, "width": 1e3 * _width(width), "dpi": _dots(dpi), "dark": dark},
+        **{"pick": pick, "width": 1e3 * _width(width), "dpi": dpi, "dark": dark},
         "transparent": transparent,
     }
     order = Order(
@@ -116,11 +119,8 @@ def figure(
         output,
         listed_times(times),
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],
-        page={
-            key: value
-            for key, value in asked.items()
-            if value not in (None, []) and value is not False
-        },
+        # A zero is refused, not left out.
+        page={k: v for k, v in asked.items() if v not in (None, []) and v is not False},
     )
     if color is None and not panels and chosen.moves and chosen.view.color == "own":
         chosen.take({"view": {"color": "displacement"}})
@@ -128,18 +128,9 @@ def figure(
 
 
 def _width(text: str) -> float:
-    try:
-        found = parse_quantity(text, "m")
-        if _WIDTHS[0] <= found <= _WIDTHS[1]:
+    with suppress(InputError):
+        if _WIDTHS[0] <= (found := parse_quantity(text, "m")) <= _WIDTHS[1]:
             return found
-    except InputError:
-        pass
     raise InputError(
         "no width of a page", key="--width", value=text, allowed="40mm to 1200mm, with its unit"
     )
-
-
-def _dots(dpi: float) -> float:
-    if not _DOTS[0] <= dpi <= _DOTS[1]:
-        raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
-    return dpi

@@ -19,6 +19,7 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
+    print_plain,
     progress,
     tell_warnings,
     written_to,
@@ -62,8 +63,6 @@ def modes(
     if json_:
         print_json(figures)
         return
-    from rich.console import Console
-
     table = numbers_table(
         ("mode", "f [Hz]", "ratio", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
@@ -82,7 +81,7 @@ def modes(
             mode["regime"],
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
-    Console(markup=False).print(table)
+    print_plain(table)
     told = (*sheet_figures(figures), *hung_figures(figures["hung"]))
     print_labelled((figure.label, figure.told) for figure in told)
     tell_warnings(chosen, quiet)

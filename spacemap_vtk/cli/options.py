@@ -131,26 +131,23 @@ def opened(
     scene = Scene.read(name)
     for assignment in assignments:
         scene.set(assignment)
-    if time is not None:
-        if "," in time:
-            raise InputError("several times", key="--time", value=time, allowed="one", cure=SEVERAL)
-        with _naming("--time"):
-            scene.view.time = time
-    for option, key, value in (
-        ("--from", "start", start),
-        ("--to", "stop", stop),
-        ("--fps", "frames_per_second", fps),
+    if time is not None and "," in time:
+        raise InputError("several times", key="--time", value=time, allowed="one", cure=SEVERAL)
+    for option, section, key, value in (
+        ("--time", "view", "time", time),
+        ("--from", "animation", "start", start),
+        ("--to", "animation", "stop", stop),
+        ("--fps", "animation", "frames_per_second", fps),
+        ("--color", "view", "color", color),
+        ("--style", "view", "style", style),
     ):
         if value is not None:
-            with _naming(option):
-                setattr(scene.animation, key, value)
+            try:
+                scene.take({section: {key: value}})
+            except InputError as error:
+                error.key = option  # which the user wrote
+                raise
     scene.view.configure(**{key: True for key, given in (signs or {}).items() if given})
-    if color is not None:
-        with _naming("--color"):
-            scene.take({"view": {"color": color}})
-    if style is not None:
-        with _naming("--style"):
-            scene.view.style = style
     if size is not None:
         try:
             scene.view.size = size.lower().split("x")
@@ -222,13 +219,19 @@ def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table
 
 def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
     """Print figures below each other, their labels before them."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table.grid(padding=(0, 2))
     for row in rows:
         table.add_row(*row)
-    Console(markup=False).print(table)
+    print_plain(table)
+
+
+def print_plain(what: Any) -> None:
+    """Print a table or a title, in which brackets are brackets."""
+    from rich.console import Console
+
+    Console(markup=False).print(what, highlight=False)
 
 
 def print_json(figures: Any) -> None:
@@ -242,16 +245,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextmanager
-def _naming(option: str) -> Iterator[None]:
-    """Name the option, which the user wrote, in place of the parameter."""
-    try:
-        yield
-    except InputError as error:
-        error.key = option
-        raise
 
 
 #: Seconds before a bar appears.

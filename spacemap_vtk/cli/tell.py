@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import textwrap
 import tomllib
+from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,7 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
+    print_plain,
     progress,
     tell_warnings,
 )
@@ -76,7 +78,6 @@ def info(
     if json_:
         print_json(figures)
         return
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=chosen.title, show_header=True)
@@ -84,15 +85,13 @@ def info(
         table.add_column(heading, justify="right" if heading else "left")
     for warp, weft in figure_list.yarn_figures(figures):
         table.add_row(warp.label, warp.told, weft.told)
-    Console(markup=False).print(table)
+    print_plain(table)
     print_labelled((figure.label, figure.told) for figure in figure_list.cloth_figures(figures))
     tell_warnings(chosen, quiet)
 
 
 def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
     """Print an object's figures, and its cage's."""
-    from rich.console import Console
-
     from spacemap_vtk.scenes.anatomy import body
 
     with progress(scene, "Measuring", quiet):
@@ -100,7 +99,7 @@ def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
     if json:
         print_json(figures)
         return
-    Console(markup=False).print(scene.title, highlight=False)
+    print_plain(scene.title)
     print_labelled(_rows(figures))
     tell_warnings(scene, quiet)
 
@@ -194,16 +193,7 @@ def scenes(
 ) -> None:
     """List the scenes that come with the program."""
     if name is not None:
-        if name not in library.names():
-            from spacemap_vtk.parameters import suggestion
-
-            raise InputError(
-                "no such scene",
-                key="scenes",
-                value=name,
-                allowed=", ".join(library.names()),
-                cure=suggestion(name, library.names()),
-            )
+        _require(name, library.names(), "scene")
         print(library.find(name).read_text(encoding="utf-8"), end="")
         return
     titles = {name: thumbnails.title_of(name) for name in library.names()}
@@ -212,6 +202,19 @@ def scenes(
         return
     for scene, title in titles.items():
         print(f"{scene:<24}{title}")
+
+
+def _require(word: str, known: Collection[str], what: str) -> None:
+    if word not in known:
+        from spacemap_vtk.parameters import suggestion
+
+        raise InputError(
+            f"no such {what}",
+            key="scenes" if what == "scene" else "keys",
+            value=word,
+            allowed=", ".join(known),
+            cure=suggestion(word, known),
+        )
 
 
 def materials(*, json_: Json = False) -> None:
@@ -223,7 +226,7 @@ def materials(*, json_: Json = False) -> None:
     from spacemap_vtk.mechanics.measured_fabrics import ASSUMED, FABRICS, SOURCE
     from spacemap_vtk.mechanics.plates import bending_length
 
-    rows = {
+    rows: dict[str, dict[str, Any]] = {
         name: {
             "use": fabric.use,
             "sample": fabric.sample,
@@ -239,8 +242,6 @@ def materials(*, json_: Json = False) -> None:
     if json_:
         print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
         return
-    from rich.console import Console
-
     table = numbers_table(
         [
             *("\nmaterial", "\ng/m²", "\nC11", "\nC12", "\nC22", "\nC33"),
@@ -249,41 +250,37 @@ def materials(*, json_: Json = False) -> None:
         words=1,
     )
     for name, fabric in FABRICS.items():
-        lengths = [bending_length(fabric.bending[k], fabric.areal_mass) for k in (0, 2)]
         table.add_row(
             name,
             f"{1e3 * fabric.areal_mass:g}",
             *(_short(value) for value in fabric.stiffness),
             *(_short(1e6 * value) for value in fabric.bending),
-            *(f"{1e3 * length:.0f}" for length in lengths),
+            *(f"{1e3 * rows[name][f'bending_length_{way}']:.0f}" for way in ("weft", "warp")),
             f"{1e3 * fabric.plate:.2f}",
         )
-    Console(markup=False).print(table)
+    print_plain(table)
     for name, fabric in FABRICS.items():
         print(f"{name}: {fabric.use} ({fabric.sample})")
-    print(
-        "\n"
-        + textwrap.fill(
-            "C in N/m: C11 along the weft, C22 along the warp, C33 shear. B, bending, in µN.m; c, "
-            'Peirce\'s bending length, and "plate" in mm. A sheet stretches, bends and weighs as '
-            "measured. A cage of tetrahedra stretches and weighs so; where it is as thick as "
-            '"plate" it bends so, too.',
-            78,
-        )
+    _print_paragraph(
+        "C in N/m: C11 along the weft, C22 along the warp, C33 shear. B, bending, in µN.m; c, "
+        'Peirce\'s bending length, and "plate" in mm. A sheet stretches, bends and weighs as '
+        "measured. A cage of tetrahedra stretches and weighs so; where it is as thick as "
+        '"plate" it bends so, too.'
     )
-    print("\n" + textwrap.fill(f"Source: {SOURCE}.", 78) + "\n\nTaken without measurement:")
+    _print_paragraph(f"Source: {SOURCE}.")
+    _print_paragraph("Taken without measurement:")
     for text in ASSUMED:
         print(textwrap.fill(f"{text}.", 78, initial_indent="- ", subsequent_indent="  "))
-    print(
-        "\n"
-        + textwrap.fill(
-            "In [modal], tensile_rigidity, shear_rigidity, bending_rigidity, areal_mass and their "
-            "like replace what was measured of a sheet, each on its own; youngs_moduli, "
-            "shear_moduli, poissons_ratios and density that of tetrahedra: "
-            '--set modal.material=denim --set modal.bending_rigidity="50 uN.m".',
-            78,
-        )
+    _print_paragraph(
+        "In [modal], tensile_rigidity, shear_rigidity, bending_rigidity, areal_mass and their "
+        "like replace what was measured of a sheet, each on its own; youngs_moduli, "
+        "shear_moduli, poissons_ratios and density that of tetrahedra: "
+        '--set modal.material=denim --set modal.bending_rigidity="50 uN.m".'
     )
+
+
+def _print_paragraph(text: str) -> None:
+    print("\n" + textwrap.fill(text, 78))
 
 
 def _short(value: float) -> str:
@@ -297,20 +294,13 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
     Each key with its default, when it counts, and what is allowed. In a file it stands below its
     [section]; on the command line it is --set section.key=value.
     """
-    from spacemap_vtk.parameters import suggestion
     from spacemap_vtk.scenes.chain import sections
 
     known = sections()
-    if section is not None and section not in known:
-        raise InputError(
-            "no such section",
-            key="keys",
-            value=section,
-            allowed=", ".join(known),
-            cure=suggestion(section, known),
-        )
     if section is None:
         print('title = "..."\n    Name of the scene; stands above all sections.\n')
+    else:
+        _require(section, known, "section")
     for name in known if section is None else [section]:
         summary = (known[name].__doc__ or "").strip().splitlines()[0]
         print(f"[{name}]  {summary}\n")
