@@ -328,9 +328,8 @@ class Document(QObject):
         if self._waiting is None:
             return
         waiting, self._waiting = self._waiting, None
-        section, written, burst, name = waiting
         try:
-            self._make(section, written, burst, name)
+            self._make(*waiting)
         except InputError as error:  # it had been checked, but a file can go
             self.failed.emit(error)
 
@@ -404,11 +403,13 @@ class Document(QObject):
                 del there[key]
         elif isinstance(there.get(key), AoT) and len(there[key]) == len(written):
             # Key by key, so that the comments between them stay.
+            declared: Any = self._scene.parts[section].parameters[key]
             for table, wanted in zip(there[key], written, strict=True):
                 for name in [name for name in table if name not in wanted]:
                     del table[name]
                 for name, value in wanted.items():
-                    if name not in table or not self._same(table[name], value, key, name):
+                    parameter = declared.record.parameters.get(name)
+                    if name not in table or not self._same(table[name], value, parameter):
                         table[name] = value
         elif section in self._toml:
             self._toml[section][key] = written
@@ -419,20 +420,8 @@ class Document(QObject):
             if isinstance(long, Array):
                 long.multiline(True)
 
-    def _same(self, here: Any, wanted: Any, key: str, name: str) -> bool:
+    def _same(self, here: Any, wanted: Any, parameter: Any) -> bool:
         """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
-        record = next(
-            (
-                p.record
-                for part in self._scene.parts.values()
-                for k, p in part.parameters.items()
-                if k == key and hasattr(p, "record")
-            ),
-            None,
-        )
-        if record is None:
-            return bool(here == wanted)
-        parameter = record.parameters[name]
         # A path, too, is the same file where an editor gives the whole of it.
         one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
         try:

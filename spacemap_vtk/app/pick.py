@@ -115,10 +115,11 @@ def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None 
         yarns, families = (vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "family"))
         yarn, family = int(yarns[cell]), int(families[cell])
         # Ends stand side by side along x, picks along y.
-        firsts = [0 if cloth is None else k * cloth.size[0] for k in (0, 1)]
-        others = np.flatnonzero(families != family)
         if cloth is None:
             firsts = [int(yarns[families == k].min(initial=len(yarns))) for k in (0, 1)]
+        else:
+            firsts = [0, cloth.size[0]]
+        others = np.flatnonzero(families != family)
         number = yarn - firsts[family] + 1
         if len(others):
             starts = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())

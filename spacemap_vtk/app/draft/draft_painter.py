@@ -104,10 +104,8 @@ class Painting:
 
     def _strip(self, painter: QPainter, panel: str, colors: NDArray[np.uint8]) -> None:
         x, y = self._layout.panels[panel]
-        if x.cells:
-            self._image(painter, panel, colors[_numbered(x)][None])
-        else:
-            self._image(painter, panel, colors[_numbered(y)][:, None])
+        cells = colors[_numbered(x)][None] if x.cells else colors[_numbered(y)][:, None]
+        self._image(painter, panel, cells)
         self._lines(painter, panel, faint=True)
 
     def _image(self, painter: QPainter, panel: str, cells: NDArray[np.uint8]) -> None:
@@ -167,20 +165,13 @@ class Painting:
             above = picks.begin - GAP
         if not self._layout.x.frozen:
             left = ends.begin + ends.cells * ends.size
+        middle = Qt.AlignmentFlag.AlignCenter
         for span in (ends, treadles):
             for number, at in _labelled(span, 24):
-                painter.drawText(
-                    QRect(at - 20, above, 40 + span.size, GAP),
-                    Qt.AlignmentFlag.AlignCenter,
-                    str(number),
-                )
+                painter.drawText(QRect(at - 20, above, 40 + span.size, GAP), middle, str(number))
         for span in (shafts, picks):
             for number, at in _labelled(span, 14):
-                painter.drawText(
-                    QRect(left, at - 10, GAP, 20 + span.size),
-                    Qt.AlignmentFlag.AlignCenter,
-                    str(number),
-                )
+                painter.drawText(QRect(left, at - 10, GAP, 20 + span.size), middle, str(number))
 
 
 def _labelled(span: PanelSpan, room: int) -> list[tuple[int, int]]:

@@ -63,7 +63,7 @@ class Axis(NamedTuple):
         """Between which pixels the drawdown is seen."""
         if not self.frozen:
             return 0, self.room
-        return self.before, max(self.before, min(self.before + self.length, self._end))
+        return self.before, max(self.before, self.last)
 
     @property
     def first(self) -> int:
@@ -75,11 +75,7 @@ class Axis(NamedTuple):
         """Where what comes after begins."""
         if not self.frozen:
             return self.main + self.length
-        return min(self.before + self.length, self._end)
-
-    @property
-    def _end(self) -> int:
-        return self.room - self.after
+        return min(self.before + self.length, self.room - self.after)
 
 
 class PanelSpan(NamedTuple):
@@ -110,9 +106,8 @@ class PanelSpan(NamedTuple):
 
     def pixel(self, number: int) -> int:
         """Return where a cell begins."""
-        return self.begin + self.size * (
-            self.cells - number if self.reversed else max(number - 1, 0)
-        )
+        index = self.cells - number if self.reversed else max(number - 1, 0)
+        return self.begin + self.size * index
 
     @property
     def visible(self) -> range:
@@ -157,10 +152,10 @@ class Layout:
         # Shaft 1 is next to the cloth, at the bottom.
         top = y.first + head
         heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
-        strip = PanelSpan(
-            y.first + MARGIN, 0, STRIP, y.first + MARGIN, y.first + MARGIN + STRIP, False
+        strip, side = (
+            PanelSpan(begin, 0, STRIP, begin, begin + STRIP, False)
+            for begin in (y.first + MARGIN, far + NEAR)
         )
-        side = PanelSpan(far + NEAR, 0, STRIP, far + NEAR, far + NEAR + STRIP, False)
         self.panels: dict[str, tuple[PanelSpan, PanelSpan]] = {
             "threading": (along_ends, heddles),
             "treadling": (treadles, along_picks),
@@ -183,10 +178,7 @@ class Layout:
     def center(self, place: Place) -> tuple[int, int]:
         """Return the middle of a cell, in sight or not."""
         across, down = self.panels[place.panel]
-        return (
-            across.pixel(place.x) + across.size // 2,
-            down.pixel(place.y) + down.size // 2,
-        )
+        return across.pixel(place.x) + across.size // 2, down.pixel(place.y) + down.size // 2
 
 
 def fitting(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:

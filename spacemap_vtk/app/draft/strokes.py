@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.layout import Place
+from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.scenes.shown import Shown
 
 #: What people call the edits, for the undo menu.
@@ -31,52 +34,33 @@ class Stroke:
         self.panel = place.panel
         self.name = NAMES[place.panel]
         self._color = color.red(), color.green(), color.blue()
-        marked = self._marked(shown, place)
         # A second mark beside another: the other one goes with the first stroke.
-        self._wanted = not marked
-        self._several = several or shown.loom.liftplan is not None
-
-    @staticmethod
-    def _marked(shown: Shown, place: Place) -> bool:
-        loom = shown.loom
-        if place.panel == "threading":
-            return place.y in loom.threading[place.x - 1]
-        if place.panel == "treadling":
-            return place.x in shown.lifted[place.y - 1]
-        if place.panel == "tieup":
-            return place.x <= len(loom.tieup) and place.y in loom.tieup[place.x - 1]
         if place.panel == "drawdown":
-            return bool(shown.drawdown[place.y - 1, place.x - 1])
-        return False
+            self._wanted = not shown.drawdown[place.y - 1, place.x - 1]
+        elif place.panel not in ("warp", "weft"):
+            row, number, _ = _row(shown, place)
+            self._wanted = number not in row
+        several = several or place.panel == "tieup" or shown.loom.liftplan is not None
+        self._several = several
 
     def applied(self, shown: Shown, place: Place) -> Shown:
         """Return the draft after a cell has been passed."""
         if self.panel in ("warp", "weft"):
             return self._painted(shown, place)
-        if self._marked(shown, place) == self._wanted:
-            alone = self._several or not self._wanted or self.panel in ("tieup", "drawdown")
-            if alone or len(self._row(shown, place)) == 1:
-                return shown
         if self.panel == "drawdown":
+            here = place.y - 1, place.x - 1
+            if shown.drawdown[here] == self._wanted:
+                return shown
             drawdown = shown.drawdown.copy()
-            drawdown[place.y - 1, place.x - 1] = self._wanted
+            drawdown[here] = self._wanted
             return replace(shown, drawdown=drawdown)
-        loom = shown.loom
-        if self.panel == "tieup":
-            row = loom.tieup[place.x - 1] if place.x <= len(loom.tieup) else ()
-            return shown.with_loom(loom.tied(place.x, loom.toggled(row, place.y)))
-        number = place.y if self.panel == "threading" else place.x
-        row = self._row(shown, place)
-        alone = self._wanted and not self._several
-        row = (number,) if alone else loom.toggled(row, number)
-        if self.panel == "threading":
-            return shown.with_loom(loom.threaded(place.x, row))
-        return shown.with_loom(loom.treadled(place.y, row))
-
-    def _row(self, shown: Shown, place: Place) -> tuple[int, ...]:
-        if self.panel == "threading":
-            return shown.loom.threading[place.x - 1]
-        return shown.lifted[place.y - 1] if self.panel == "treadling" else ()
+        row, number, changed = _row(shown, place)
+        marks = row
+        if self._wanted and not self._several:
+            marks = (number,)
+        elif (number in row) != self._wanted:
+            marks = shown.loom.toggled(row, number)
+        return shown if marks == row else shown.with_loom(changed(marks))
 
     def _painted(self, shown: Shown, place: Place) -> Shown:
         colors = shown.strip(self.panel)
@@ -86,3 +70,16 @@ class Stroke:
         colors = colors.copy()
         colors[index] = np.array(self._color, dtype=np.uint8)
         return shown.painted(self.panel, colors)
+
+
+def _row(
+    shown: Shown, place: Place
+) -> tuple[tuple[int, ...], int, Callable[[tuple[int, ...]], Loom]]:
+    """Return the marks of an end, a pick or a treadle, a cell's number, and what sets the marks."""
+    loom = shown.loom
+    if place.panel == "threading":
+        return loom.threading[place.x - 1], place.y, partial(loom.threaded, place.x)
+    if place.panel == "treadling":
+        return shown.lifted[place.y - 1], place.x, partial(loom.treadled, place.y)
+    tied = loom.tieup[place.x - 1] if place.x <= len(loom.tieup) else ()
+    return tied, place.y, partial(loom.tied, place.x)

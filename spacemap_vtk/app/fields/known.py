@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,19 +18,16 @@ from spacemap_vtk.units import format_quantity
 
 def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
     """Return the interval in which each parameter may lie, all the others as they are."""
-    try:
-        if hasattr(type(part), "feasible"):
-            return dict(part.feasible)  # type: ignore[attr-defined]
-    except SpacemapError:
-        pass
+    with suppress(SpacemapError):
+        return dict(getattr(part, "feasible", {}))
     return {}
 
 
 def resolved_of(part: Parameterised) -> dict[str, Any]:
     """Return what automatic parameters are resolved to."""
+    if not isinstance(part, WeaveSource):
+        return {}
     try:
-        if not isinstance(part, WeaveSource):
-            return {}
         colors = {n: t.colors for n, t in zip(FAMILIES, part.cloth.threads, strict=True)}
         alike = {n: c[0].tolist() for n, c in colors.items() if (c == c[0]).all()}
         return {**part.found, **{f"{n}_color": tuple(c) for n, c in alike.items()}}
@@ -76,11 +74,8 @@ class SliderSpan:
 
     def number(self, step: int) -> float:
         """Return the number at a step."""
-        share = step / STEPS
-        if self.scaled:
-            number = self.low * (self.high / self.low) ** share
-        else:
-            number = self.low + share * (self.high - self.low)
+        share, low, high = step / STEPS, self.low, self.high
+        number = low * (high / low) ** share if self.scaled else low + share * (high - low)
         return min(max(float(f"{number:.4g}"), self.low), self.high)
 
     def written(self, real: Real, step: int) -> Any:
@@ -96,7 +91,7 @@ class SliderSpan:
         if self.high <= self.low:
             return 0
         if self.scaled:
-            share = math.log(number / self.low) / math.log(self.high / self.low)
+            share = math.log(number / self.low, self.high / self.low)
         else:
             share = (number - self.low) / (self.high - self.low)
         return round(share * STEPS)
