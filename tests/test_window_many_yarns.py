@@ -129,7 +129,7 @@ def test_yarns_in_sight_move_as_all_together_do(
     def drawn(few: int) -> Frame:
         monkeypatch.setattr(pipeline, "_FEW_PATCHES", few)
         nothing: Any = lambda *_: None  # noqa: E731
-        return pipeline.Pipeline(nothing, nothing, nothing).run(job)
+        return pipeline.Pipeline(nothing, nothing).run(job)
 
     whole, frame = drawn(10**6), drawn(100)
     assert whole.cloth is None

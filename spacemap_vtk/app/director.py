@@ -60,7 +60,6 @@ class Director(QObject):
         document.replaced.connect(self._replaced)
         times.moved.connect(self._moved)
         engine.ready.connect(self._ready)
-        engine.stage_started.connect(self._stage_started)
         engine.stage_ran.connect(self._stage_ran)
         engine.progressed.connect(self._progressed)
         engine.failed.connect(self._failed)
@@ -197,9 +196,6 @@ class Director(QObject):
         if before is None or before.generation != frame.generation:
             self._look(moving=False)  # at once: its camera is known now
         self.drawn.emit(frame)
-
-    def _stage_started(self, section: str) -> None:
-        self._running, self._share, self._step = section, 0.0, ""
 
     def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
         self._stages.show_run(section, seconds, executions)

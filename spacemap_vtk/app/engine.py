@@ -25,10 +25,9 @@ class Engine(QThread):
 
     #: A frame is there: `take` it.
     ready = Signal()
-    stage_started = Signal(str)
     #: Section, seconds, executions.
     stage_ran = Signal(str, float, int)
-    #: Section, share done, and the step of it that is being done, if it has some.
+    #: Section, share done, and the step of it that is being done, if it has some; at first 0, "".
     progressed = Signal(str, float, str)
     #: The exception, whose `section` names the stage, and the job.
     failed = Signal(object, object)
@@ -50,7 +49,6 @@ class Engine(QThread):
         # The pipeline must not keep the thread object alive that owns it.
         me = weakref.proxy(self)
         self.pipeline = Pipeline(
-            lambda section: me.stage_started.emit(section),
             lambda section, seconds, runs: me.stage_ran.emit(section, seconds, runs),
             lambda section, share, step: me.progressed.emit(section, share, step),
         )

@@ -51,13 +51,13 @@ class Pipeline:
 
     def __init__(
         self,
-        started: Callable[[str], None],
         ran: Callable[[str, float, int], None],
         progressed: Callable[[str, float, str], None],
     ) -> None:
-        self._started, self._ran, self._progressed = started, ran, progressed
+        self._ran, self._progressed = ran, progressed
         self._generation = -1
-        self._scene: Scene | None = None
+        #: As the last job wanted it.
+        self.scene: Scene | None = None
         self._settings: dict[str, dict[str, Any]] = {}
         # Place of the first stage that is yet to be brought up to date, whatever the time.
         self._first = 0
@@ -78,11 +78,6 @@ class Pipeline:
         #: Whether the present job is given up; whoever takes the next one sets it back.
         self.stopped = False
         self._interrupt = Interrupt()
-
-    @property
-    def scene(self) -> Scene | None:
-        """The scene as the last job wanted it; belongs to the engine's thread."""
-        return self._scene
 
     def run(self, job: Job) -> Frame:
         """Return what a job asks for."""
@@ -204,10 +199,10 @@ class Pipeline:
 
     def prepared(self, job: Job) -> Scene:
         """Return the scene with a job's values set; only what differs is touched."""
-        here = self._scene
+        here = self.scene
         if here is None or job.generation != self._generation:
             here, self._first = Scene(job.values, job.base), 0
-            self._scene, self._generation = here, job.generation
+            self.scene, self._generation = here, job.generation
         else:
             # An equal value changes nothing: only what lies downstream of a change runs.
             changed = {k: v for k, v in job.settings.items() if v != self._settings[k]}
@@ -249,7 +244,7 @@ class Pipeline:
             with suppress(Interrupted):
                 progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
-        self._started(section)
+        progressed(section, 0.0, "")
         stage.SetAbortExecute(0)
         self._running = stage
         # Only while it runs: an observer that stays would keep the window alive with the stage.

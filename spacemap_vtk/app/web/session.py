@@ -24,7 +24,7 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS
-from spacemap_vtk.units import format_quantity, parse_quantity
+from spacemap_vtk.units import format_quantity
 
 #: Seconds after which a run is shown as one, and after which a camera is at rest.
 _NOTICE, _REST = 0.15, 0.25
@@ -51,7 +51,7 @@ class Session:
         self._elsewhere = list(elsewhere(scene))
         self.scene = Scene(self._values, self.base)
         self.state, self.screen, self.rows = state, Screen(), ParameterRows()
-        self.pipeline = Pipeline(self._started, lambda *_: None, self._progressed)
+        self.pipeline = Pipeline(lambda *_: None, self._progressed)
         self._thread = ThreadPoolExecutor(1, "pipeline")
         self._running: tuple[str, float, str] = "", 0.0, ""
         self._job: Job | None = None
@@ -101,11 +101,8 @@ class Session:
     def go(self, text: str) -> None:
         """Show another time, as it was typed."""
         try:
-            at = parse_quantity(text, "s")
-            if not 0.0 <= at < float("inf"):
-                raise InputError("not a time to show", allowed="at least 0 s")
+            at = self.scene.view.parameter("time").check(text)
         except InputError as error:
-            error.key, error.value = "time", text
             self.state.failure = str(error)
         else:
             self._go(at, False)
@@ -315,9 +312,6 @@ class Session:
         self.state.step = round(min(max(share, 0.0), 1.0) * TIME_STEPS)
         self.state.time = _seconds(self._time)
         self.state.stop = _seconds(span.stop)
-
-    def _started(self, section: str) -> None:
-        self._running = section, 0.0, ""
 
     def _progressed(self, section: str, share: float, step: str) -> None:
         self._running = section, share, step
