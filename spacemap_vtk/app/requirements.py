@@ -7,6 +7,7 @@ import functools
 import importlib.util
 import os
 import sys
+from collections.abc import Iterable
 
 from spacemap_vtk.draw.graphics import can_load
 from spacemap_vtk.errors import MissingLibraryError
@@ -39,14 +40,19 @@ _CURE = (
 )
 
 
-def require_window() -> None:
-    """Check packages, system libraries and display."""
-    missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+def require_packages(what: str, packages: Iterable[str], extra: str) -> None:
+    """Check that an extra's packages are here."""
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingLibraryError(
-            f"the window needs {', '.join(missing)}",
-            cure="Run: pip install 'spacemap_vtk[qt]'",
+            f"{what} needs {', '.join(missing)}",
+            cure=f"Run: pip install 'spacemap_vtk[{extra}]'",
         )
+
+
+def require_window() -> None:
+    """Check packages, system libraries and display."""
+    require_packages("the window", PACKAGES, "qt")
     if not sys.platform.startswith("linux"):
         return
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # of what it warns an error tells

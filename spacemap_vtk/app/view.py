@@ -21,6 +21,7 @@ from spacemap_vtk.draw.camera import (
     Viewpoint,
     aim,
     half_height,
+    nearer,
     seen_from,
     stand_upright,
     upward,
@@ -116,8 +117,7 @@ class View3D(QWidget):
         """Draw a frame."""
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame, self._left = frame, False
-        self._given, self._view = view, view.within(self._dark)
-        self._fit(self._view)
+        self._take(view)
         if first:
             self.last_cut = None
             self.forget_picks()
@@ -230,16 +230,18 @@ class View3D(QWidget):
         if self._given is None:
             self._fit(view.within(self._dark))  # behind what may never come
         elif view.settings != self._given.settings:
-            self._given, self._view = view, view.within(self._dark)
-            self._fit(self._view)
+            self._take(view)
             self.refresh()
 
     def darken(self, dark: bool) -> None:
         """Have a dark or light background where neither the scene nor its style has one."""
         self._dark = dark
-        self._view = (self._given or View()).within(dark)
-        self._fit(self._view)
+        self._take(self._given)
         self.refresh()
+
+    def _take(self, view: View | None) -> None:
+        self._given, self._view = view, (view or View()).within(self._dark)
+        self._fit(self._view)
 
     def refresh(self, render: bool = True) -> None:
         """Show the present frame as `look` and the scene say."""
@@ -332,11 +334,7 @@ class View3D(QWidget):
 
     def zoom(self, factor: float) -> None:
         """Look from nearer."""
-        camera = self.plotter.camera
-        if camera.GetParallelProjection():
-            camera.SetParallelScale(camera.GetParallelScale() / factor)
-        else:
-            camera.Dolly(factor)
+        nearer(self.plotter.camera, factor)
         self.render()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -379,18 +377,18 @@ class View3D(QWidget):
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it."""
-        self.picks = [pick] if alone else [*self.picks, pick][-MOST_LABELS:]
-        self._mark()
-        self.render()
-        self.picks_changed.emit(list(self.picks))
+        self._keep_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
 
     def forget_picks(self) -> None:
         """Forget the picked points."""
         if self.picks:
-            self.picks = []
-            self._mark()
-            self.render()
-            self.picks_changed.emit([])
+            self._keep_picks([])
+
+    def _keep_picks(self, picks: list[Pick]) -> None:
+        self.picks = picks
+        self._mark()
+        self.render()
+        self.picks_changed.emit(list(picks))
 
     def _mark(self) -> None:
         """Show picked points where they are now."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, half_height
+from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, half_height, nearer
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import cut_of
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -98,11 +98,7 @@ class Screen:
             camera.SetPosition(*(camera.GetPosition() + by).tolist())
             camera.SetFocalPoint(*(camera.GetFocalPoint() + by).tolist())
         else:
-            factor = min(max(x, 0.1), 10.0)
-            if camera.GetParallelProjection():
-                camera.SetParallelScale(camera.GetParallelScale() / factor)
-            else:
-                camera.Dolly(factor)
+            nearer(camera, min(max(x, 0.1), 10.0))
         self.hold(True)
         self.version += 1
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import importlib.util
 import ipaddress
 import os
 import secrets
@@ -25,8 +24,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from spacemap_vtk.app.requirements import require_packages
 from spacemap_vtk.app.web.session import TIME_STEPS, Session
-from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.vanishing import ENDING
 
 #: The packages of the extra ``[web]``, by the name they are imported under.
@@ -50,20 +50,14 @@ def serve(
     """Serve a scene until Ctrl-C; `told` is given the address, and one that opens it once."""
     require_local(host)
     require_free(host, port)
-    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
-    if missing:
-        raise MissingLibraryError(
-            f"a page in a browser needs {', '.join(missing)}",
-            cure="Run: pip install 'spacemap_vtk[web]'",
-        )
+    require_packages("a page in a browser", PACKAGES, "web")
     asyncio.run(_serve(name, assignments, host, port, told))
 
 
 def require_local(host: str) -> None:
     """Refuse an address that others than this machine could reach."""
-    with contextlib.suppress(ValueError):
-        if host == "localhost" or ipaddress.ip_address(host).is_loopback:
-            return
+    if _is_local(host):
+        return
     raise InputError(
         "others could reach it, and read along",
         key="--host",
@@ -89,9 +83,8 @@ async def _serve(
         server.controller.on_server_bind.add(lambda web: _guard(web.app, session, token, tickets))
         work = asyncio.create_task(session.run())
         served = asyncio.create_task(_started(server, host, port, token))
-        ready = asyncio.create_task(_ready(server))
         ended = _ending()
-        await asyncio.wait([served, ready], return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait([served, server.ready], return_when=asyncio.FIRST_COMPLETED)
         if served.done():
             served.result()  # raises what it has ended with
         at = f"[{host}]" if ":" in host else host
@@ -151,7 +144,8 @@ def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
         ticket = first == "open" and any(
             secrets.compare_digest(given, each.encode()) for each in tickets
         )
-        if not (own and (known or ticket) and _is_local(request.host)):
+        name = urlsplit(f"//{request.host}").hostname or ""
+        if not (own and (known or ticket) and _is_local(name)):
             raise web.HTTPForbidden(text=_REFUSED, headers=_HEADERS)
         if ticket:
             tickets.clear()  # good for once
@@ -180,8 +174,7 @@ def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
     app.router.add_get(f"/{token}/picture.jpg", picture)
 
 
-def _is_local(host: str) -> bool:
-    name = urlsplit(f"//{host}").hostname or ""
+def _is_local(name: str) -> bool:
     with contextlib.suppress(ValueError):
         return name == "localhost" or ipaddress.ip_address(name).is_loopback
     return False
@@ -207,10 +200,6 @@ async def _started(server: Any, host: str, port: int, token: str) -> None:
     finally:
         sys.argv = words
     await running
-
-
-async def _ready(server: Any) -> None:
-    await server.ready
 
 
 def require_free(host: str, port: int) -> None:
