@@ -243,6 +243,6 @@ def test_no_other_key_changes_the_view(view_of: Any) -> None:
 
 def test_the_help_tells_every_key_of_the_view(open_scene: Any) -> None:
     window = open_scene()
-    lines = {line.split()[0]: line for line in window.menus.keys.splitlines()}
+    lines = {line.split()[0]: line for line in "\n".join(window.menus.keys).splitlines()}
     for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P", "V", "Ctrl+2", "T"):
         assert key in lines

@@ -13,6 +13,8 @@ from vtkmodules.vtkRenderingCore import vtkRenderWindowInteractor
 
 from spacemap_vtk.draw.glyphs import Cut
 
+_PLANE = (0.30, 0.61, 0.78)
+
 
 class ClipHandle:
     """The plane as one sees it: its border, and an arrow along its normal."""
@@ -26,12 +28,13 @@ class ClipHandle:
         self.shape.OutlineTranslationOff()
         self.shape.ScaleEnabledOff()
         self.shape.SetDrawPlane(True)
-        self.shape.GetPlaneProperty().SetOpacity(0.10)
-        self.shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
+        plane, held = self.shape.GetPlaneProperty(), self.shape.GetSelectedPlaneProperty()
+        plane.SetOpacity(0.10)
+        plane.SetColor(*_PLANE)
         # VTK's own is a green that would tint the cloth while the mouse holds the plane.
-        self.shape.GetSelectedPlaneProperty().SetOpacity(0.16)
-        self.shape.GetSelectedPlaneProperty().SetColor(0.30, 0.61, 0.78)
-        self.shape.SetEdgeColor(0.30, 0.61, 0.78)
+        held.SetOpacity(0.16)
+        held.SetColor(*_PLANE)
+        self.shape.SetEdgeColor(*_PLANE)
         self.shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self.shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
         self.widget = vtkImplicitPlaneWidget2()

@@ -24,14 +24,11 @@ class ErrorBar(QWidget):
     reported = Signal(str, object)
 
     def __init__(self) -> None:
-        super().__init__()
-        self.setObjectName("error")
+        super().__init__(objectName="error")
         # Without this a style sheet does not colour a widget of one's own.
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self.label = QLabel()
-        self.label.setWordWrap(True)
         # What a file says is quoted here: of <img src=…> Qt would read the picture.
-        self.label.setTextFormat(Qt.TextFormat.PlainText)
+        self.label = QLabel(wordWrap=True, textFormat=Qt.TextFormat.PlainText)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         #: Goes on with a run that was cancelled.
         self.run = QPushButton("Run")

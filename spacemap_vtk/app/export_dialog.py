@@ -60,8 +60,7 @@ class ExportDialog(QDialog):
         animation: Animation | None = None,
         drawn: Drawn | None = None,
     ) -> None:
-        super().__init__(parent)
-        self.setWindowTitle(title)
+        super().__init__(parent, windowTitle=title)
         self._drawn = drawn
         self._chosen = ""
         #: The times that are chosen, in s; empty: there are none.
@@ -71,12 +70,11 @@ class ExportDialog(QDialog):
         form.setContentsMargins(16, 16, 16, 12)
         self.told = note("", "note")
         self.told.setMinimumSize(400, 3 * self.told.fontMetrics().lineSpacing())
-        buttons = QDialogButtonBox(
-            QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Cancel
-        )
+        box = QDialogButtonBox.StandardButton
+        buttons = QDialogButtonBox(box.Save | box.Cancel)
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
-        self.save = buttons.button(QDialogButtonBox.StandardButton.Save)
+        self.save = buttons.button(box.Save)
         if drawn is not None:
             self._ask_drawn(form, drawn)
         #: What is typed of a film's times; None: it is not asked for.
@@ -119,17 +117,17 @@ class ExportDialog(QDialog):
         super().accept()
 
     def _ask_drawn(self, form: QFormLayout, drawn: Drawn) -> None:
-        self.line = QLineEdit(str(drawn.proposal))
-        self.line.setMinimumWidth(340)
+        self.line = QLineEdit(str(drawn.proposal), minimumWidth=340)
+        self.line.textChanged.connect(self._change)
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
-        self.width_box, self.height_box, self.preset = QSpinBox(), QSpinBox(), QComboBox()
-        self.preset.addItems([*drawn.sizes, _OTHER])
-        for box, tip in ((self.width_box, "Width"), (self.height_box, "Height")):
-            box.setRange(16, 8192)
-            box.setSuffix(" px")
-            box.setToolTip(tip)
+        self.width_box, self.height_box = (
+            QSpinBox(minimum=16, maximum=8192, suffix=" px", toolTip=tip)
+            for tip in ("Width", "Height")
+        )
+        self.preset = QComboBox()
         self.preset.textActivated.connect(self._choose_size)
+        self.preset.addItems([*drawn.sizes, _OTHER])
         kept = str(QSettings().value(_KEPT, "Scene"))
         width, _, height = kept.partition(" x ")
         own = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
@@ -137,14 +135,12 @@ class ExportDialog(QDialog):
         self.preset.setCurrentText(_OTHER if own else kept)
         self.camera = QComboBox()
         self.camera.addItems(["As in the window", "As the scene says"])
-        self.transparent = QCheckBox("None: transparent")
-        self.transparent.setChecked(drawn.transparent)
+        self.transparent = QCheckBox("None: transparent", checked=drawn.transparent)
         form.addRow("File", row(None, (self.line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
         form.addRow("Size", row(None, self.preset, *sizes, None))
         form.addRow("Seen", self.camera)
         form.addRow("Background", self.transparent)
-        self.line.textChanged.connect(self._change)
         for box in (self.width_box, self.height_box):
             box.valueChanged.connect(self._change)
 
@@ -152,13 +148,14 @@ class ExportDialog(QDialog):
         labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
         for name, label in labels.items():
             parameter = animation.parameter(name)
-            self.lines[name] = line = QLineEdit(parameter.show(getattr(animation, name)))
-            line.setToolTip(parameter.help)
+            shown = parameter.show(getattr(animation, name))
+            line = QLineEdit(shown, toolTip=parameter.help)
             line.textChanged.connect(self._change)
             form.addRow(label, line)
+            self.lines[name] = line
         if self._drawn is not None:
-            self.lines["duration"] = line = QLineEdit()
-            line.setToolTip("How long the film lasts: as the motion does, or slower or faster")
+            tip = "How long the film lasts: as the motion does, or slower or faster"
+            self.lines["duration"] = line = QLineEdit(toolTip=tip)
             line.textEdited.connect(self._change)
             form.insertRow(form.rowCount() - 1, "Duration", line)
 

@@ -58,10 +58,10 @@ class Exports(QObject):
         self._window, self._document, self._times, self._view = window, document, times, view
         self._process: QProcess | None = None
         #: How far it is, and what ends it; hidden while nothing is written.
-        self.progress = QWidget()
-        self.bar, self.stopping, self._words = QProgressBar(), QPushButton("Cancel"), QLabel()
+        self.progress, self.bar, self._words = QWidget(), QProgressBar(), QLabel()
         self.bar.setFixedWidth(90)
-        self.stopping.setToolTip("Stop writing; nothing of it stays")
+        tip = "Stop writing; nothing of it stays"
+        self.stopping = QPushButton("Cancel", toolTip=tip)
         self.stopping.clicked.connect(self.cancel)
         row(self.progress, self._words, self.bar, self.stopping, spacing=6)
         self.progress.hide()

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.widgets import column, later, note, table
+from spacemap_vtk.app.widgets import RIGHT, column, is_dark, later, note, table
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.page import Paper, page
 from spacemap_vtk.draw.section_drawing import Colors, section_tile
@@ -32,7 +32,6 @@ from spacemap_vtk.scenes.figure_list import Figure, cloth_figures, with_unit, ya
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import UNITS
 
-_SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 #: Milliseconds without another change until they are computed.
 _REST = 250
 #: Dots an inch of a drawing, and the least pixels that its words and dimensions need.
@@ -93,9 +92,8 @@ class _Sections(QScrollArea):
     """Peirce's drawing of the cloth along an end and along a pick, as wide as there is room."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
-        self.setWidgetResizable(True)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
         self.picture = QLabel(alignment=Qt.AlignmentFlag.AlignTop)
         self.setWidget(self.picture)
@@ -125,7 +123,7 @@ class _Sections(QScrollArea):
         paper = Paper(
             width=max(self.viewport().width(), _NARROWEST) * 25.4 / _DPI,
             dpi=_DPI * ratio,
-            dark=self.palette().window().color().lightness() < 128,
+            dark=is_dark(self),
             transparent=True,
         )
         tiles = [replace(section_tile(c, self._colors), lettered=False) for c in self._cuts]
@@ -149,15 +147,14 @@ class FiguresTab(QWidget):
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
-        self.copied = QPushButton("Copy")
-        self.copied.setToolTip("The table, for a spreadsheet: numbers in columns, units beside")
+        tip = "The table, for a spreadsheet: numbers in columns, units beside"
+        self.copied = QPushButton("Copy", toolTip=tip)
         self.copied.clicked.connect(self._copy)
         self.sections = _Sections()
-        parts = QSplitter(Qt.Orientation.Vertical)
+        parts = QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False)
         parts.addWidget(self.table)
         parts.addWidget(self.sections)
         parts.setSizes([420, 350])
-        parts.setChildrenCollapsible(False)
         column(self, self.hint, (parts, 1), self.copied, margins=(6, 6, 6, 6))
         self._rows: list[tuple[Figure, ...]] = []
         #: Of which cloth: asked for, and whether that is all there.
@@ -233,7 +230,7 @@ class FiguresTab(QWidget):
                 item = QTableWidgetItem(text)
                 item.setToolTip(tip if len(text) < 30 else f"{text}\n{tip}")
                 if place:
-                    item.setTextAlignment(_SIDE)
+                    item.setTextAlignment(RIGHT)
                 self.table.setItem(number, place, item)
         self.table.resizeColumnToContents(0)
         self.table.resizeRowsToContents()

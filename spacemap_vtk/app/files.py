@@ -27,8 +27,8 @@ _RECENT = 8
 class Files(QObject):
     """What the menu "File" does."""
 
-    #: The files used lately are others.
-    remembered = Signal()
+    #: The files used lately are others: these.
+    remembered = Signal(list)
 
     def __init__(
         self, window: QWidget, document: Document, errors: ErrorBar, times: TimeBar
@@ -112,14 +112,14 @@ class Files(QObject):
         )
         if path is None:
             return
-        try:
+
+        def save() -> list[str]:
             check_output(path, endings)
             with whole_file(path) as file, recorded(self._record(path, view)):
                 writer(path, "picture").write(file, view.image())
-        except (SpacemapError, OSError) as error:
-            self._errors.say(error, "picture")
-        else:
-            self._errors.clear("picture")
+            return []
+
+        self._write(save, "picture")
 
     def _record(self, path: Path, view: View3D) -> Record | None:
         """Return how a picture of that size, seen so, is made again; of an edited draft nothing."""
@@ -156,21 +156,21 @@ class Files(QObject):
             self._remember(self._document.file)
         return saved and self._document.undo.isClean()
 
-    def _write(self, write: Callable[[], list[str]]) -> bool:
+    def _write(self, write: Callable[[], list[str]], about: str = "file") -> bool:
         try:
             lost = write()
         except (SpacemapError, OSError) as error:
-            self._errors.say(error, "file")
+            self._errors.say(error, about)
             return False
-        self._errors.clear("file")
+        self._errors.clear(about)
         if lost:
-            self._errors.warn(f"Written, but {'; '.join(lost)}.", "file")
+            self._errors.warn(f"Written, but {'; '.join(lost)}.", about)
         return True
 
     def _remember(self, path: Path) -> None:
         names = [str(path), *(name for name in self.recent if name != str(path))]
         QSettings().setValue("recent", names[:_RECENT])
-        self.remembered.emit()
+        self.remembered.emit(self.recent)
 
 
 def _drafts() -> list[str]:

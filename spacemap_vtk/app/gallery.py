@@ -30,18 +30,12 @@ class Gallery(QWidget):
 
     #: The name of a scene, or a file.
     chosen = Signal(str)
-    #: Another beginning is wanted.
-    new = Signal()
-    browse = Signal()
 
     def __init__(self) -> None:
         super().__init__()
-        heading = QLabel("Scenes")
-        heading.setObjectName("heading")
+        heading = QLabel("Scenes", objectName="heading")
         about = note("Click one to open it. Everything in it can then be changed.")
         self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
-        self.new_button.clicked.connect(self.new)
-        self.open_button.clicked.connect(self.browse)
         buttons = row(None, self.new_button, self.open_button)
         self.list = _Pictures()
         for name in library.names():
@@ -51,10 +45,9 @@ class Gallery(QWidget):
             self.list.addItem(item)
         self.list.chosen.connect(self.chosen)
         self._recent_label = QLabel("Used lately")
-        self.recent = QListWidget()
-        self.recent.setObjectName("recent")
+        self.recent = QListWidget(objectName="recent")
+        self.recent.itemClicked.connect(lambda item: self.chosen.emit(item.data(_NAME)))
         _see_through(self.recent)
-        self.recent.itemClicked.connect(self._recent_chosen)
         column(
             self,
             heading,
@@ -89,9 +82,6 @@ class Gallery(QWidget):
         height = self.recent.sizeHintForRow(0) if files else 0
         self.recent.setFixedHeight(height * self.recent.count() + 6)
 
-    def _recent_chosen(self, item: QListWidgetItem) -> None:
-        self.chosen.emit(item.data(_NAME))
-
 
 class _Pictures(QListWidget):
     """Pictures in as many columns as fit, as wide as there is room."""
@@ -99,13 +89,11 @@ class _Pictures(QListWidget):
     chosen = Signal(str)
 
     def __init__(self) -> None:
-        super().__init__()
-        self.setObjectName("gallery")
+        super().__init__(objectName="gallery", wordWrap=True)
         _see_through(self)
         self.setViewMode(QListView.ViewMode.IconMode)
         self.setResizeMode(QListView.ResizeMode.Adjust)
         self.setMovement(QListView.Movement.Static)
-        self.setWordWrap(True)
         self.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)

@@ -52,7 +52,7 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, end)
     timer = QTimer(window)
-    timer.timeout.connect(_let_python_run)
+    timer.timeout.connect(lambda: None)  # back in Python, it handles signals
     timer.start(200)
     app.exec()
     if ended:
@@ -72,12 +72,5 @@ def _require_drawing() -> None:
 
 def _prepare(_frame: object) -> None:
     """Bring what solves, which the first drag would wait for, once the first picture is there."""
-
-    def bring() -> None:
-        threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.eigen",)).start()
-
-    QTimer.singleShot(500, bring)
-
-
-def _let_python_run() -> None:
-    """Do nothing: returning to Python is enough for it to handle signals."""
+    bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.eigen",))
+    QTimer.singleShot(500, bring.start)

@@ -32,7 +32,6 @@ from spacemap_vtk.app.gallery import Gallery
 from spacemap_vtk.app.job import Pull
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
-from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.pull_tab import PullTab
@@ -83,20 +82,19 @@ class MainWindow(QMainWindow):
         self.errors.told = self.document.drafts.told
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab(self.document, self.engine)
-        self.tabs = QTabWidget()
-        self.tabs.setDocumentMode(True)
+        self.tabs = QTabWidget(documentMode=True)
         # Its line is white in the dark.
         self.tabs.tabBar().setDrawBase(False)
         self.draft = DraftTab(self.document)
         self.gallery = Gallery()
+        self.plots = PlotsTab(self.document, self.engine)
+        self.pull = PullTab(self.document)
+        self.figures = FiguresTab(self.document, self.engine)
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
-        self.plots = PlotsTab(self.document, self.engine)
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
-        self.pull = PullTab(self.document)
         self.tabs.addTab(self.pull, "Pull")
-        self.figures = FiguresTab(self.document, self.engine)
         self.tabs.addTab(self.figures, "Figures")
         self.files = Files(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
@@ -119,7 +117,7 @@ class MainWindow(QMainWindow):
 
     def start(self, scene: str | None) -> None:
         """Show the first scene."""
-        self._show_recent()
+        self.gallery.show_recent(self.files.recent)
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
 
@@ -202,15 +200,12 @@ class MainWindow(QMainWindow):
         left.setMinimumWidth(298)
         self.tools = ViewBar(self.view)
         column(middle, self.tools, self.errors, (self.view, 1), self.times, spacing=0)
-        self.splitter = QSplitter(Qt.Orientation.Horizontal)
-        self.splitter.addWidget(left)
-        self.splitter.addWidget(middle)
-        self.splitter.addWidget(self.tabs)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, childrenCollapsible=False)
         # Of another width the view takes most, but not all.
-        for place, share in enumerate((1, 3, 1)):
+        for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
+            self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
         self.splitter.setSizes([340, 740, 360])
-        self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
         # A narrower window leaves out the tabs, as if they were hidden.
         self.setMinimumWidth(_LEAST)
@@ -224,10 +219,10 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = OneLine()
         self.told.linkActivated.connect(self._switch_stage)
-        self.bar = QProgressBar()
+        self.bar, self.running = QProgressBar(), QLabel()
         self.bar.setFixedWidth(160)
         self.cancel = QPushButton("Cancel")
-        self.running = QLabel()
+        self.cancel.clicked.connect(self.director.cancel)
         status = self.statusBar()
         status.addWidget(self.told, 1)
         for widget in (self.running, self.bar, self.cancel, self.exports.progress):
@@ -247,7 +242,6 @@ class MainWindow(QMainWindow):
         # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
         self.director.failed.connect(self.modes.stop)
         self.director.failed.connect(self.pull.stop)
-        self.cancel.clicked.connect(self.director.cancel)
         self.director.given_up.connect(self._given_up)
         self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
@@ -257,10 +251,10 @@ class MainWindow(QMainWindow):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)
         self.modes.table.cellClicked.connect(self.pull.release)
-        self.view.picked.connect(self._picked)
+        self.view.picked.connect(lambda pick: self.told.tell(pick.text))
         self.plots.asked.connect(self._asked)
         self.view.picks_changed.connect(self.plots.show_points)
-        self.plots.cleared.connect(self.view.forget_picks)
+        self.plots.clear.clicked.connect(self.view.forget_picks)
         self.director.drawn.connect(self.plots.follow)
         self.director.drawn.connect(self.modes.response.follow)
         self.director.drawn.connect(self.figures.follow)
@@ -280,12 +274,13 @@ class MainWindow(QMainWindow):
         for told in (self.document.changed, self.document.replaced):
             told.connect(self._show_view)
         self.document.replaced.connect(self._begin)
-        self.files.remembered.connect(self._show_recent)
+        self.files.remembered.connect(self.gallery.show_recent)
         self.files.remembered.connect(self._name)
         self.gallery.chosen.connect(self.files.leave_for)
-        self.exports.written.connect(self._tell_written)
-        self.gallery.new.connect(self.files.new)
-        self.gallery.browse.connect(self.files.open)
+        # Not as the view's own words, which the next frame replaces.
+        self.exports.written.connect(lambda file: self._tell_done(f"Written: {file}"))
+        self.gallery.new_button.clicked.connect(self.files.new)
+        self.gallery.open_button.clicked.connect(self.files.open)
 
     def _connect_errors(self) -> None:
         """Let each thing that can go wrong be told, until it goes well."""
@@ -305,7 +300,7 @@ class MainWindow(QMainWindow):
             ("export", [self.exports.failed], [self.exports.written]),
         ):
             self.errors.watch(about, failing, righting)
-        self.exports.lost.connect(self._tell_lost)
+        self.exports.lost.connect(lambda what: self.errors.warn(f"Written, but {what}.", "export"))
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
         document.replaced.connect(self._tell_elsewhere)
@@ -378,18 +373,8 @@ class MainWindow(QMainWindow):
         self.tools.show_scene(self.document.scene)
         self.view.adopt(self.document.scene.view)
 
-    def _tell_written(self, file: str) -> None:
-        # Not as the view's own words, which the next frame replaces.
-        self._tell_done(f"Written: {file}")
-
     def _tell_done(self, what: str) -> None:
         self.statusBar().showMessage(what, _TOLD)
-
-    def _tell_lost(self, what: str) -> None:
-        self.errors.warn(f"Written, but {what}.", "export")
-
-    def _show_recent(self) -> None:
-        self.gallery.show_recent(self.files.recent)
 
     def _begin(self) -> None:
         self.modes.forget()
@@ -455,9 +440,6 @@ class MainWindow(QMainWindow):
         self.pull.stop()
         self.times.pause()
         self.times.go(at, going_on)
-
-    def _picked(self, pick: Pick) -> None:
-        self.told.tell(pick.text)
 
     def _show_progress(self, section: str, share: float, step: str) -> None:
         for widget in (self.bar, self.cancel, self.running):

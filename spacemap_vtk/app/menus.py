@@ -88,7 +88,7 @@ class Menus(QObject):
         self._add(menu, "Save", keys.Save, files.save)
         self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
         menu.addSeparator()
-        self._add(menu, "Save what is seen…", "Ctrl+P", self._save_picture)
+        self._add(menu, "Save what is seen…", "Ctrl+P", lambda: files.save_picture(view))
         self._add(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
         self._add(menu, "Export film…", "Ctrl+Shift+F", exports.film)
         self._add(menu, "Export data…", "Ctrl+E", exports.data)
@@ -105,11 +105,11 @@ class Menus(QObject):
         for told in (properties.refused, properties.accepted):
             told.connect(self._allow_undo)
         history.canRedoChanged.connect(redo.setEnabled)
-        history.undoTextChanged.connect(self._name_undo)
-        history.redoTextChanged.connect(self._name_redo)
+        history.undoTextChanged.connect(lambda what: undo.setText(f"Undo {what}".strip()))
+        history.redoTextChanged.connect(lambda what: redo.setText(f"Redo {what}".strip()))
         menu.addSeparator()
-        self._add(menu, "Copy as command line", None, self._copy_command)
-        self._add(menu, "Copy as Python script", None, self._copy_script)
+        self._add(menu, "Copy as command line", None, lambda: self._copy(as_command))
+        self._add(menu, "Copy as Python script", None, lambda: self._copy(as_script))
         self.time = menu = self._menu("&Time")
         self._add(menu, "Play or pause", "Space", times.play.click)
         self._add(menu, "To the start", "Home", times.to_start)
@@ -145,13 +145,8 @@ class Menus(QObject):
         _LineKeys(window, view.plotter)
 
     @property
-    def keys(self) -> str:
-        """Every action that has a key, a line each."""
-        return "\n".join(self._columns)
-
-    @property
-    def _columns(self) -> tuple[str, str]:
-        """The keys of the menus, and those of the view."""
+    def keys(self) -> tuple[str, str]:
+        """Every action of the menus that has a key, a line each; and of the view."""
         menus, view = (
             "\n".join(_told(action) for action in actions if action.shortcuts())
             for actions in (self.actions.values(), self._tools.choices)
@@ -181,12 +176,6 @@ class Menus(QObject):
         refused = any(row.about == "value" for row in self._properties.rows.values())
         self.actions["Undo"].setEnabled(refused or self._document.undo.canUndo())
 
-    def _name_undo(self, what: str) -> None:
-        self.actions["Undo"].setText(f"Undo {what}".strip())
-
-    def _name_redo(self, what: str) -> None:
-        self.actions["Redo"].setText(f"Redo {what}".strip())
-
     def _fill_recent(self) -> None:
         self.recent.clear()
         for name in self._files.recent:
@@ -197,15 +186,6 @@ class Menus(QObject):
 
     def _open_named(self) -> None:
         self._files.leave_for(self.sender().data())
-
-    def _save_picture(self) -> None:
-        self._files.save_picture(self._view)
-
-    def _copy_command(self) -> None:
-        self._copy(as_command)
-
-    def _copy_script(self) -> None:
-        self._copy(as_script)
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene, if it is made of files that will be there later."""
@@ -228,7 +208,7 @@ class Menus(QObject):
     def _tell_keys(self) -> None:
         box = QMessageBox(self.parent())
         box.setWindowTitle("Keys and mouse")
-        menus, view = self._columns
+        menus, view = self.keys
         # Side by side: one over the other they are higher than a small screen.
         box.setText(
             f"<table><tr><td><pre>{menus}</pre></td>"

@@ -26,7 +26,7 @@ from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.job import Swing
 from spacemap_vtk.app.plots.curves import Spectrum
 from spacemap_vtk.app.response_plot import ResponsePlot
-from spacemap_vtk.app.widgets import column, note, row, table
+from spacemap_vtk.app.widgets import RIGHT, column, note, row, table
 from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -36,7 +36,6 @@ from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
-_SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 _MASS = _HEADINGS.index("Mass")
 _TIPS = (
     "",
@@ -83,7 +82,7 @@ class ModesTab(QWidget):
         super().__init__()
         self.table = table("modes", _HEADINGS)
         for place, tip in enumerate(_TIPS):
-            self.table.horizontalHeaderItem(place).setTextAlignment(_SIDE)
+            self.table.horizontalHeaderItem(place).setTextAlignment(RIGHT)
             self.table.horizontalHeaderItem(place).setToolTip(tip)
         header = self.table.horizontalHeader()
         # Not ResizeToContents, which would measure all rows anew at every single cell.
@@ -93,13 +92,13 @@ class ModesTab(QWidget):
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.amplitude = QSlider(Qt.Orientation.Horizontal)
+        self.amplitude.valueChanged.connect(self._tell_amplitude)
         #: The amplitude in words, and how to go further.
         self.told = QLabel()
-        self.amplitude.valueChanged.connect(self._tell_amplitude)
         self._turns: bool | None = None
         self.show_turns(False)
-        self.back = QPushButton("Back to the motion")
-        self.back.setEnabled(False)
+        self.back = QPushButton("Back to the motion", enabled=False)
+        self.back.clicked.connect(self.stop)
         self.hint = note(_HINTS[0])
         #: What all modes do together, and what each moves.
         self.response = ResponsePlot(document, engine)
@@ -121,23 +120,17 @@ class ModesTab(QWidget):
         self._known: Any = None
         #: The modes and damping that the masses and the response shown are of.
         self._found_of: Any = None
-        self._mode: int | None = None
+        #: The mode that swings, if one does.
+        self.mode: int | None = None
         self._begun = 0.0
-        self._timer = QTimer(self)
-        self._timer.setInterval(_TICK)
+        self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
         self.table.cellClicked.connect(self._clicked)
         self.table.currentCellChanged.connect(self._moved)
-        self.back.clicked.connect(self.stop)
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
         self.response.seen()
-
-    @property
-    def mode(self) -> int | None:
-        """The mode that swings, if one does."""
-        return self._mode
 
     def forget(self) -> None:
         """Show no modes until a frame brings some: those that are shown are another scene's."""
@@ -183,12 +176,12 @@ class ModesTab(QWidget):
         for number, cells in enumerate(zip(*columns, strict=True)):
             for place, cell in enumerate(cells):
                 item = QTableWidgetItem(str(cell))
-                item.setTextAlignment(_SIDE)
+                item.setTextAlignment(RIGHT)
                 self.table.setItem(number, place, item)
         if spectrum is not None:
             self._show_masses(spectrum)
         self._fit()
-        if self._mode is not None and self._mode >= len(values):
+        if self.mode is not None and self.mode >= len(values):
             self.stop()
 
     def _fit(self) -> None:
@@ -234,7 +227,7 @@ class ModesTab(QWidget):
 
     def stop(self) -> None:
         """Show the motion again."""
-        if self._mode is not None:
+        if self.mode is not None:
             self.release()
             self.swung.emit(None)
 
@@ -246,7 +239,7 @@ class ModesTab(QWidget):
         self.back.setEnabled(False)
 
     def _choose(self, mode: int | None) -> None:
-        self._mode = self.response.mode = mode
+        self.mode = self.response.mode = mode
         self.response.update()
 
     def _chosen(self, mode: int) -> None:
@@ -262,15 +255,15 @@ class ModesTab(QWidget):
 
     def _moved(self, row: int, *_: int) -> None:
         """Let the arrow keys go from one swinging mode to the next."""
-        if self._mode is not None and row >= 0:
+        if self.mode is not None and row >= 0:
             self._choose(row)
 
     def _tick(self) -> None:
-        if self._mode is not None:
+        if self.mode is not None:
             phase = (time.perf_counter() - self._begun) / _PERIOD
             value = self.amplitude.value()
             angle = math.radians(value) if self._turns else None
-            self.swung.emit(Swing(self._mode, value / 100, phase, angle))
+            self.swung.emit(Swing(self.mode, value / 100, phase, angle))
 
     def _tell_amplitude(self) -> None:
         value = self.amplitude.value()

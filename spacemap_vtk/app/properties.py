@@ -46,10 +46,10 @@ class Properties(QScrollArea):
     added = Signal(str)
 
     def __init__(self, document: Document) -> None:
-        super().__init__()
+        super().__init__(widgetResizable=True)
         self._document = document
         self.section = ""
-        self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
+        self._shown: tuple[str, Mapping[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
         #: Rows that stand below a heading, and side by side.
         self.groups: dict[str, Group] = {}
@@ -65,7 +65,6 @@ class Properties(QScrollArea):
         #: The row that was edited last, if nothing has changed since.
         self._last = ""
         self._later = later(self, self._show_limits)
-        self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
@@ -82,12 +81,10 @@ class Properties(QScrollArea):
         page = QWidget()
         cls = sections()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
-        self.search = QLineEdit()
-        self.search.setPlaceholderText("Search what can be set")
-        self.search.setClearButtonEnabled(True)
+        self.search = QLineEdit(placeholderText="Search what can be set", clearButtonEnabled=True)
         self.search.textChanged.connect(self._seek)
         self.add = QPushButton("Switch it on")
-        self.add.clicked.connect(self._add)
+        self.add.clicked.connect(lambda: self.added.emit(section))
         parts: list[QWidget] = [about, self.add]
         if len(cls.parameters) > _MANY:
             parts.insert(1, self.search)
@@ -114,6 +111,19 @@ class Properties(QScrollArea):
         column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
         self.setWidget(page)
         self.refresh()
+
+    @property
+    def _part(self) -> Parameterised:
+        return self._document.scene.parts[self.section]
+
+    @property
+    def _written(self) -> Mapping[str, Any]:
+        """The values of the section that its file has."""
+        return self._document.values.get(self.section, {})
+
+    def _show_value(self, row: ParameterRow) -> None:
+        name = row.parameter.name
+        row.show_value(getattr(self._part, name), name not in self._written)
 
     def _row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
         # That of loads alone has rows of its own.
@@ -151,8 +161,7 @@ class Properties(QScrollArea):
         self._last = ""
         if not self.section:
             return
-        part = self._document.scene.parts[self.section]
-        written = self._document.values.get(self.section, {})
+        part, written = self._part, self._written
         # What needs no value set, as RotationStrain, would otherwise never come in.
         self.add.setVisible(isinstance(part, Stage) and part not in self._document.scene.stages)
         # A drag elsewhere changes nothing here.
@@ -161,18 +170,17 @@ class Properties(QScrollArea):
             return
         before, self._shown = self._shown, known_state
         for name, row in self.rows.items():
-            value, default = getattr(part, name), name not in written
-            known = before and (before[2][name], name not in before[1])
-            if known != (value, default) or row.property("bad"):
-                row.show_value(value, default)
+            known = before and (before[2][name], name in before[1])
+            if known != (getattr(part, name), name in written) or row.property("bad"):
+                self._show_value(row)
         self._show_what_counts()
 
     def _show_what_counts(self) -> None:
-        part = self._document.scene.parts[self.section]
-        written = self._document.values.get(self.section, {})
+        part, written = self._part, self._written
         for name, row in self.rows.items():
             if row.parameter.when:
-                row.show_idle(self._idle(part, name), written=name in written)
+                why = idle_of(part, name, self._found.get(self.section, {}))
+                row.show_idle(self._document.drafts.told(why), name in written)
         self._frame()
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
@@ -196,14 +204,8 @@ class Properties(QScrollArea):
         for row in self.rows.values():
             row.show_resolved(None)  # what came of another scene's automatic values
 
-    def _idle(self, part: Parameterised, name: str) -> str:
-        """Return why a parameter counts for nothing, as it is set or as it was found."""
-        why = idle_of(part, name, self._found.get(self.section, {}))
-        return self._document.drafts.told(why)
-
     def _show_limits(self) -> None:
-        begun = time.thread_time()
-        part = self._document.scene.parts[self.section]
+        begun, part = time.thread_time(), self._part
         feasible, found = feasible_of(part), self._found.get(self.section, {})
         known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
         if part is self._document.scene.view:
@@ -235,12 +237,9 @@ class Properties(QScrollArea):
     def take_back(self) -> bool:
         """Show the document's values in place of those that it has refused; return if it has."""
         refused = [row for row in self.rows.values() if row.about == "value"]
+        for row in refused:
+            self._show_value(row)
         if refused:
-            part = self._document.scene.parts[self.section]
-            written = self._document.values.get(self.section, {})
-            for row in refused:
-                name = row.parameter.name
-                row.show_value(getattr(part, name), name not in written)
             self.accepted.emit(0)
         return bool(refused)
 
@@ -263,9 +262,6 @@ class Properties(QScrollArea):
             self.rows[name].mark(None)
             self._last = name
             self.accepted.emit(burst)
-
-    def _add(self) -> None:
-        self.added.emit(self.section)
 
     def _restored(self) -> None:
         row = self.sender()

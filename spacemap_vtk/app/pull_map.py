@@ -21,6 +21,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from spacemap_vtk.app.widgets import is_dark, painter_on
 from spacemap_vtk.draw.coloring import round_between
 from spacemap_vtk.fabric.biaxial import StretchMap
 
@@ -87,7 +88,7 @@ class PullMap(QWidget):
 
     def frame(self) -> QRectF:
         left, right, top, bottom = _MARGINS
-        return QRectF(left, top, self.width() - left - right, self.height() - top - bottom)
+        return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Pull the cloth to where the mouse is."""
@@ -143,8 +144,7 @@ class PullMap(QWidget):
             return
         if self._picture is None:
             self._picture = self._painted(self.map)
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = painter_on(self)
         painter.drawPixmap(0, 0, self._picture)
         frame, at, ink = self.frame(), self.place(*self.at), self.palette().text().color()
         painter.setPen(QPen(ink, 0.8, Qt.PenStyle.DotLine))
@@ -177,8 +177,7 @@ class PullMap(QWidget):
         picture = QPixmap(self.size() * ratio)
         picture.setDevicePixelRatio(ratio)
         picture.fill(Qt.GlobalColor.transparent)
-        painter = QPainter(picture)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = painter_on(picture)
         small = painter.font()
         small.setPointSizeF(7.5)
         painter.setFont(small)
@@ -234,7 +233,6 @@ class PullMap(QWidget):
         from contourpy import contour_generator  # with matplotlib, and not before it is needed
 
         palette, reached = self.palette(), self._reached(found)
-        dark = palette.base().color().lightness() < 128
         forces = found.force.max() > 0.0
         fields = found.force if forces else found.strain
         most = float(np.where(reached, fields, 0.0).max())
@@ -246,7 +244,7 @@ class PullMap(QWidget):
         painter.setPen(QPen(palette.text().color(), 1.0 if forces else 2.2))
         painter.drawPolyline(QPolygonF([self.place(*point) for point in found.exchange.T]))
         styles = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
-        for values, color, style in zip(fields, _COLORS[dark], styles, strict=True):
+        for values, color, style in zip(fields, _COLORS[is_dark(self)], styles, strict=True):
             painter.setPen(QPen(QColor(color), 1.3, style))
             lines = contour_generator(found.warp, found.weft, values)
             for level in round_between(0.04 * most, most):

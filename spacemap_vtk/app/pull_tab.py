@@ -50,14 +50,13 @@ class PullTab(QWidget):
         super().__init__()
         self._document = document
         self.map = PullMap()
-        self.hint = note(_NONE[0])
-        self.told = note(name="told")
-        for line in (self.hint, self.told):  # all of it is the program's own words
-            line.setTextFormat(Qt.TextFormat.RichText)
-        self.told.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
+        rich = Qt.TextFormat.RichText  # all of it is the program's own words
+        self.hint = note(_NONE[0], textFormat=rich)
+        top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
+        self.told = note(name="told", textFormat=rich, alignment=top)
         self.told.setFixedHeight(_LINES * self.told.fontMetrics().lineSpacing() + 2)
-        self.back = QPushButton("Back to the motion")
-        self.back.setEnabled(False)
+        self.back = QPushButton("Back to the motion", enabled=False)
+        self.back.clicked.connect(self.stop)
         column(self, self.hint, (self.map, 1), self.told, self.back, margins=(6, 6, 6, 6))
         self._crossings: Interchange | None = None
         self._known: Any = None
@@ -66,7 +65,6 @@ class PullTab(QWidget):
         self.map.dragged.connect(self._pull)
         self.map.held.connect(self.held)
         self.map.left.connect(self.stop)
-        self.back.clicked.connect(self.stop)
         for told in (document.changed, document.replaced):
             told.connect(self.rest.start)
 

@@ -10,11 +10,6 @@ from __future__ import annotations
 import builtins
 from importlib import import_module
 
-
-def _import() -> None:
-    plain = builtins.__import__
-    import_module("PySide6.QtCore")
-    builtins.__import__ = plain
-
-
-_import()
+_plain = builtins.__import__
+import_module("PySide6.QtCore")
+builtins.__import__ = _plain

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent, QPalette, QPen, QPolygonF
+from PySide6.QtGui import QMouseEvent, QPaintEvent, QPalette, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.plots.curves import Spectrum, moving, spectrum_of
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import later, painter_on
 from spacemap_vtk.draw.coloring import round_between
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import handy
@@ -106,7 +106,7 @@ class ResponsePlot(QWidget):
 
     def frame(self) -> QRectF:
         left, right, top, bottom = _MARGINS
-        return QRectF(left, top, self.width() - left - right, self.height() - top - bottom)
+        return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
     def x_of(self, frequency: Any) -> Any:
         """Return where frequencies [Hz] are on the widget."""
@@ -132,8 +132,7 @@ class ResponsePlot(QWidget):
         unit, size = handy("m", float(response.max()))
         top = math.ceil(math.log10(response.max() / size) * 4) / 4
         high = frame.height() / _DECADES
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = painter_on(self)
         font = self.font()
         font.setPointSizeF(font.pointSizeF() * 0.8)
         painter.setFont(font)

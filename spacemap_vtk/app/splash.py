@@ -36,14 +36,10 @@ class Splash:
 
     def give_way_to(self, window: Any) -> None:
         """Go at the window's first picture, or when there will be none."""
-        window.director.drawn.connect(self._gone)
-        window.director.failed.connect(self._gone)
-        window.engine.cancelled.connect(self._gone)
+        for told in (window.director.drawn, window.director.failed, window.engine.cancelled):
+            told.connect(self.close)
 
-    def _gone(self, *_: Any) -> None:
-        self.close()
-
-    def close(self) -> None:
+    def close(self, *_: Any) -> None:
         if self.shown is not None:
             self.shown.close()
             self.shown = None

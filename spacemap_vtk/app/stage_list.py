@@ -18,7 +18,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import RIGHT, later, painter_on
 from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.scene import Scene
@@ -49,11 +49,8 @@ class StageList(QTreeWidget):
     switched = Signal(str, bool)
 
     def __init__(self) -> None:
-        super().__init__()
-        self.setObjectName("stages")
-        self.setColumnCount(5)
+        super().__init__(objectName="stages", rootIsDecorated=False, uniformRowHeights=True)
         self.setHeaderLabels(["Pipeline", "Time", "Runs", "", ""])
-        self.setRootIsDecorated(False)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         header = self.header()
@@ -72,7 +69,7 @@ class StageList(QTreeWidget):
         self._runs: dict[str, tuple[float, int]] = {}
         #: What the boxes say, of the stages that have one.
         self._boxes: dict[str, bool] = {}
-        self._dots: dict[str, QIcon] = {}
+        self._dots = {state: _dot(color, state == "off") for state, (color, _) in STATES.items()}
         #: What shows and hides what the stage of a section gives to be seen, of those that do.
         self._eyes: dict[str, QAction] = {}
         self._looks = {on: _eye(on) for on in (False, True)}
@@ -82,12 +79,9 @@ class StageList(QTreeWidget):
             item.setData(_NAME, _KEY, section)
             item.setToolTip(_NAME, (cls.__doc__ or "").strip().splitlines()[0])
             for column in (_TIME, _RUNS):
-                item.setTextAlignment(
-                    column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-                )
+                item.setTextAlignment(column, RIGHT)
             self.addTopLevelItem(item)
             self.items[section] = item
-        self.setUniformRowHeights(True)
         self.currentItemChanged.connect(self._chosen)
         self.itemChanged.connect(self._changed)
         self.itemClicked.connect(self._clicked)
@@ -145,10 +139,8 @@ class StageList(QTreeWidget):
         if section not in self.items or self.states.get(section) == state:
             return
         self.states[section] = state
-        color, words = STATES[state]
+        _, words = STATES[state]
         item = self.items[section]
-        if state not in self._dots:
-            self._dots[state] = _dot(color, hollow=state == "off")
         item.setIcon(_NAME, self._dots[state])
         item.setToolTip(_TIME, words)
         item.setToolTip(_RUNS, words)
@@ -163,15 +155,12 @@ class StageList(QTreeWidget):
     def flush(self) -> None:
         """Write what has been told since the last time."""
         for section, (seconds, executions) in self._runs.items():
-            self._write(section, seconds, executions)
+            took = f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
+            self.items[section].setText(_TIME, took)
+            self.items[section].setText(_RUNS, str(executions))
         self._runs.clear()
         # Of a column that gets narrower Qt leaves pixels of what was written before.
         self.viewport().update()
-
-    def _write(self, section: str, seconds: float, executions: int) -> None:
-        item = self.items[section]
-        item.setText(_TIME, f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s")
-        item.setText(_RUNS, str(executions))
 
     def choose(self, section: str) -> None:
         self.setCurrentItem(self.items[section])
@@ -188,7 +177,7 @@ class StageList(QTreeWidget):
             self.chosen.emit(item.data(_NAME, _KEY))
 
 
-def _dot(color: str, hollow: bool = False) -> QIcon:
+def _dot(color: str, hollow: bool) -> QIcon:
     icon = QIcon(_pixmap(_draw_dot, color, hollow, False))
     # Qt would tint it with the line's own colour, and the chosen stage's state would be lost.
     icon.addPixmap(_pixmap(_draw_dot, color, hollow, True), QIcon.Mode.Selected)
@@ -204,8 +193,7 @@ def _eye(opened: bool) -> QIcon:
 def _pixmap(draw: Callable[..., None], *how: Any) -> QPixmap:
     pixmap = QPixmap(96, 96)  # sharp on screens of many pixels, too
     pixmap.fill(Qt.GlobalColor.transparent)
-    painter = QPainter(pixmap)
-    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter = painter_on(pixmap)
     draw(painter, *how)
     painter.end()
     return pixmap

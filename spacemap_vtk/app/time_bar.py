@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSlider, QWidget
 
 from spacemap_vtk.app.widgets import mark, row, tool_button
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.settings import Animation
-from spacemap_vtk.units import format_quantity, parse_quantity
+from spacemap_vtk.scenes.settings import Animation, View
+from spacemap_vtk.units import format_quantity
 
 _STEPS = 2000
 #: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
@@ -43,36 +43,30 @@ class TimeBar(QWidget):
         self._clock = 0.0
         self._adopted: dict[str, Any] | None = None
         self.play = tool_button("▶", "Play (Space)", checkable=True)
+        self.play.toggled.connect(self._toggled)
         self.first = tool_button("|◀", "To the start (Home)")
+        self.first.clicked.connect(self.to_start)
         self.back = tool_button("◁", "A frame back (,)")
+        self.back.clicked.connect(self.step_back)
         self.forward = tool_button("▷", "A frame on (.)")
+        self.forward.clicked.connect(self.step_on)
         self.last = tool_button("▶|", "To the end (End)")
-        self.loop = tool_button("⟳", "Start again at the end", checkable=True)
-        self.loop.setChecked(True)
-        self.slider = QSlider(Qt.Orientation.Horizontal)
-        self.slider.setRange(0, _STEPS)
-        self.slider.setMinimumWidth(30)
-        self.line = QLineEdit()
+        self.last.clicked.connect(self.to_end)
+        self.loop = tool_button("⟳", "Start again at the end", checkable=True, checked=True)
+        self.slider = QSlider(Qt.Orientation.Horizontal, maximum=_STEPS, minimumWidth=30)
+        self.line = QLineEdit(toolTip="Go to a time, as in 0.4 or 40 ms")
         self.line.setFixedWidth(80)
-        self.line.setToolTip("Go to a time, as in 0.4 or 40 ms")
         self.end = QLabel()
-        self.speed = QComboBox()
+        self.speed = QComboBox(toolTip="Seconds of motion in a second")
         self.speed.addItems([f"{s} ×" for s in SPEEDS])
-        self.speed.setToolTip("Seconds of motion in a second")
         buttons = (self.first, self.back, self.play, self.forward, self.last, self.loop)
         others = ((self.slider, 1), self.line, self.end, self.speed)
         row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
         self.setMinimumWidth(_NARROW)
         #: What each says while there are times to choose.
         self._tips = {w: w.toolTip() for w in (self, *buttons, self.slider, self.line, self.speed)}
-        self._timer = QTimer(self)
-        self._timer.setInterval(_TICK)
+        self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
-        self.play.toggled.connect(self._toggled)
-        self.first.clicked.connect(self.to_start)
-        self.last.clicked.connect(self.to_end)
-        self.back.clicked.connect(self.step_back)
-        self.forward.clicked.connect(self.step_on)
         self.slider.valueChanged.connect(self._scrubbed)
         self.slider.sliderReleased.connect(self._settle)
         self.line.editingFinished.connect(self._typed)
@@ -143,9 +137,8 @@ class TimeBar(QWidget):
     def _show(self, at: float) -> None:
         self.time = at
         share = (at - self._start) / (self._stop - self._start)
-        self.slider.blockSignals(True)
-        self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
-        self.slider.blockSignals(False)
+        with QSignalBlocker(self.slider):
+            self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
         # What is being typed stays.
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(at, "s", 4) if at else "0 s")
@@ -179,10 +172,8 @@ class TimeBar(QWidget):
         self._move(at, going_on=True)
 
     def _scrubbed(self, step: int) -> None:
-        self.chosen.emit()
-        self.time = self._start + step / _STEPS * (self._stop - self._start)
-        self._show(self.time)
-        self.moved.emit(self.time, self.slider.isSliderDown())
+        at = self._start + step / _STEPS * (self._stop - self._start)
+        self.go(at, self.slider.isSliderDown())
 
     def _settle(self) -> None:
         self.moved.emit(self.time, False)
@@ -192,11 +183,8 @@ class TimeBar(QWidget):
             return  # left as it was: what it shows is rounded
         self.line.setModified(False)
         try:
-            at = parse_quantity(self.line.text(), "s")
-            if not 0.0 <= at < float("inf"):
-                raise InputError("not a time to show", allowed="at least 0 s")
+            at = View.parameter("time").check(self.line.text())
         except InputError as error:
-            error.key, error.value = "time", self.line.text()
             mark(self.line, bad=True)
             self.refused.emit(error)
         else:

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton, Q
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
-from spacemap_vtk.app.widgets import action, row
+from spacemap_vtk.app.widgets import action, narrow, row
 from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
@@ -57,9 +57,7 @@ class ViewBar(QToolBar):
     clipped = Signal(object, object)
 
     def __init__(self, view: View3D) -> None:
-        super().__init__("View")
-        self.setObjectName("view bar")
-        self.setIconSize(QSize(16, 16))
+        super().__init__("View", objectName="view bar", iconSize=QSize(16, 16))
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
         # Qt's own arrow is black, and not seen in the dark.
         more = self.findChild(QToolButton, "qt_toolbar_ext_button")
@@ -87,11 +85,7 @@ class ViewBar(QToolBar):
         self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
         self.addAction(self.hang)
         self.addSeparator()
-        self.coloring = QComboBox()
-        # Whatever a scene has to show.
-        self.coloring.setMinimumContentsLength(16)
-        by_length = QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        self.coloring.setSizeAdjustPolicy(by_length)
+        self.coloring = narrow(QComboBox(), 16)  # whatever a scene has to show
         #: The same for the menu: a narrow window has no room for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
@@ -105,7 +99,9 @@ class ViewBar(QToolBar):
                 self.coloring_choices.append(self.colorings[name])
             self.coloring_choices.append(QAction(self))
             self.coloring_choices[-1].setSeparator(True)
-        self.coloring.currentIndexChanged.connect(self._colored)
+        self.coloring.currentIndexChanged.connect(
+            lambda index: self.looked.emit("color", self.coloring.itemData(index))
+        )
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
         label = QLabel("Colour by")
@@ -141,18 +137,17 @@ class ViewBar(QToolBar):
             action(self, f"Clip across {axis}", self._clipped_across, data=tuple(normal.tolist()))
             for axis, normal in zip("xyz", -np.eye(3), strict=True)
         ]
-        self.styles: dict[str, QAction] = {}
-        styles, group = self._menu("Style", "What it looks like"), QActionGroup(self)
-        for name, style in STYLES.items():
-            self.styles[name] = action(
-                group, style.label, self._chosen, data=("style", name), checkable=True
-            )
-        styles.addActions([*self.styles.values()])
-        self.backgrounds: dict[str, QAction] = {}
-        backgrounds = self._menu("Background", "What lies behind")
-        for name, colors in BACKGROUNDS.items():
-            self.backgrounds[name] = action(self, name, self._backed, data=colors)
-        backgrounds.addActions([*self.backgrounds.values()])
+        group = QActionGroup(self)
+        self.styles = {
+            name: action(group, style.label, self._chosen, data=("style", name), checkable=True)
+            for name, style in STYLES.items()
+        }
+        self._menu("Style", "What it looks like").addActions([*self.styles.values()])
+        self.backgrounds = {
+            name: action(self, name, self._backed, data=colors)
+            for name, colors in BACKGROUNDS.items()
+        }
+        self._menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
 
     def show_scene(self, scene: Scene) -> None:
         """Show what a scene's colours mean, and what else they could."""
@@ -219,9 +214,6 @@ class ViewBar(QToolBar):
             self._view.refresh()
         if name not in _SIGNS or (name in self._asked and not on):
             self.looked.emit(name, on)
-
-    def _colored(self, index: int) -> None:
-        self.looked.emit("color", self.coloring.itemData(index))
 
     def _chosen(self) -> None:
         self.looked.emit(*self.sender().data())

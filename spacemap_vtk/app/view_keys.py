@@ -48,7 +48,7 @@ class ViewKeys(QObject):
             self.wireframe,
             self._action("Thicker lines and dots", "+", partial(self.thickened.emit, 1)),
             self._action("Thinner lines and dots", "-", partial(self.thickened.emit, -1)),
-            self._action("Read the point under the mouse", "P", self._pick),
+            self._action("Read the point under the mouse", "P", lambda: view.click(self._mouse)),
             self._action("Forget what was read", "Esc", view.forget_picks),
         ]
         # Elsewhere the key gives up other things.
@@ -71,9 +71,6 @@ class ViewKeys(QObject):
         camera.SetPosition(*moved.tolist())
         camera.SetFocalPoint(*point.tolist())
         self._view.zoom(_FLY)
-
-    def _pick(self) -> None:
-        self._view.click(self._mouse)
 
     @property
     def _mouse(self) -> QPointF:

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from PySide6.QtCore import QObject, QSize, Qt, QTimer
-from PySide6.QtGui import QAction, QKeySequence, QResizeEvent
+from PySide6.QtGui import QAction, QKeySequence, QPaintDevice, QPainter, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
+    QComboBox,
     QHBoxLayout,
     QLabel,
     QLayout,
@@ -19,6 +20,9 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
+
+#: Of numbers in a table, and of words beside a mark.
+RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
 #: What stands in a row or column: alone, with its share of the room, or None for room left empty.
 Item: TypeAlias = "QWidget | QLayout | tuple[QWidget | QLayout, int] | None"
@@ -54,14 +58,9 @@ def _filled(
     return layout
 
 
-def tool_button(text: str, tip: str = "", checkable: bool = False) -> QToolButton:
-    """Return a flat button."""
-    button = QToolButton()
-    button.setText(text)
-    button.setToolTip(tip)
-    button.setCheckable(checkable)
-    button.setAutoRaise(True)
-    return button
+def tool_button(text: str, tip: str = "", **more: Any) -> QToolButton:
+    """Return a flat button, with more of Qt's properties."""
+    return QToolButton(text=text, toolTip=tip, autoRaise=True, **more)
 
 
 def action(
@@ -74,11 +73,8 @@ def action(
     checkable: bool = False,
 ) -> QAction:
     """Return what menus, bars and keys do alike."""
-    made = QAction(name, owner)
-    made.setCheckable(checkable)
+    made = QAction(name, owner, checkable=checkable, shortcut=QKeySequence(key))
     made.setData(data)
-    if key:
-        made.setShortcut(QKeySequence(key))
     if tip:
         made.setToolTip(tip)
     if slot is not None:
@@ -86,34 +82,47 @@ def action(
     return made
 
 
-def note(text: str = "", name: str = "about") -> QLabel:
+def note(text: str = "", name: str = "about", **more: Any) -> QLabel:
     """Return a paragraph, whose name the style sheet knows."""
-    label = QLabel(text)
-    label.setObjectName(name)
-    label.setWordWrap(True)
-    label.setTextFormat(Qt.TextFormat.PlainText)
-    return label
+    look = {"wordWrap": True, "textFormat": Qt.TextFormat.PlainText, **more}
+    return QLabel(text, objectName=name, **look)
+
+
+def narrow(box: QComboBox, letters: int) -> QComboBox:
+    """Let a choice be as narrow as so many letters, and its words be cut."""
+    box.setMinimumContentsLength(letters)
+    box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    return box
 
 
 def table(name: str, headings: Sequence[str]) -> QTableWidget:
     """Return a table to read, without lines, whose name the style sheet knows."""
-    made = QTableWidget(0, len(headings))
-    made.setObjectName(name)
+    made = QTableWidget(0, len(headings), objectName=name, alternatingRowColors=True)
     made.setHorizontalHeaderLabels(headings)
     made.verticalHeader().hide()
     made.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     made.setShowGrid(False)
-    made.setAlternatingRowColors(True)
     return made
 
 
 def later(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
     """Return a timer that calls once when it is started."""
-    timer = QTimer(owner)
-    timer.setSingleShot(True)
-    timer.setInterval(milliseconds)
+    timer = QTimer(owner, singleShot=True, interval=milliseconds)
     timer.timeout.connect(slot)
     return timer
+
+
+def painter_on(device: QPaintDevice) -> QPainter:
+    """Return a painter whose edges are smooth."""
+    # Whoever paints with it ends it: one that waits for Python to free it can end Qt.
+    painter = QPainter(device)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    return painter
+
+
+def is_dark(widget: QWidget) -> bool:
+    """Return whether a widget is light on dark."""
+    return bool(widget.palette().window().color().lightness() < 128)
 
 
 class OneLine(QLabel):

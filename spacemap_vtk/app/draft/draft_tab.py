@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
@@ -63,19 +63,17 @@ class DraftTab(QWidget):
         self._later = later(self, self._commit)
         self.grid = DraftGrid()
         self.palette_row = Palette()
-        self.hint = note(_HINT)
+        self.hint = note(_HINT, alignment=Qt.AlignmentFlag.AlignTop)
         # Of one height, whatever it says: the grid would be another under the pointer.
         self.hint.setFixedHeight(2 * self.hint.fontMetrics().height() + 2)
-        self.hint.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.empty = note()
-        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty = note(alignment=Qt.AlignmentFlag.AlignCenter)
         self.empty.hide()
         self.tools = QWidget()
         files = self._make_tools()
         below = (self.palette_row, (self.empty, 1), (self.grid, 1), self.hint)
         column(self, files, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.grid.edited.connect(self._edited)
-        self.grid.hovered.connect(self._hovered)
+        self.grid.hovered.connect(lambda words: self.hint.setText(words or _HINT))
         self.grid.refused.connect(self.hint.setText)
         self.grid.took.connect(self.palette_row.choose)
         self.palette_row.chosen.connect(self._chose)
@@ -123,23 +121,26 @@ class DraftTab(QWidget):
 
     def _make_tools(self) -> QBoxLayout:
         """Fill the tools; return what stands over them, which is there without a draft, too."""
-        self.opened = tool_button(
-            "Open…", "Weave a draft from a file (.wif, .dtx, .wpo, rows, picture)"
-        )
+        tip = "Weave a draft from a file (.wif, .dtx, .wpo, rows, picture)"
+        self.opened = tool_button("Open…", tip)
+        self.opened.clicked.connect(self.open)
         self.saved = tool_button("Save…", "Write the draft as WIF, for weaving programs")
+        draft = self.grid
         self.smaller = tool_button("−", "Smaller (Ctrl+wheel)")
+        self.smaller.clicked.connect(lambda: draft.zoom(False))
         self.larger = tool_button("+", "Larger (Ctrl+wheel)")
+        self.larger.clicked.connect(lambda: draft.zoom(True))
         self.fit = tool_button("Fit", "Show the whole draft")
-        self.colors = tool_button(
-            "Colours", "The yarns' colours; else black where the end is up", True
-        )
-        self.colors.setChecked(True)
+        self.fit.clicked.connect(draft.fit)
+        tip = "The yarns' colours; else black where the end is up"
+        self.colors = tool_button("Colours", tip, checkable=True, checked=draft.colored)
         tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
-        self.cloth = tool_button("As cloth", tip, True)
-        self.cloth.setChecked(self.grid.as_cloth)
+        self.cloth = tool_button("As cloth", tip, checkable=True, checked=draft.as_cloth)
+        for button in (self.colors, self.cloth):
+            button.toggled.connect(self._view_chosen)
         self.counts: dict[str, QSpinBox] = {}
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(6)
+        grid = QGridLayout(self.tools, horizontalSpacing=6)
+        grid.setContentsMargins(0, 0, 0, 0)
         for number, (name, tip) in enumerate(
             (
                 ("ends", "Warp yarns; more repeat the draft"),
@@ -148,35 +149,24 @@ class DraftTab(QWidget):
                 ("treadles", "Of the loom; those in use cannot be taken away"),
             )
         ):
-            spin = QSpinBox()
-            spin.setRange(1, _MOST)
-            spin.setKeyboardTracking(False)
+            spin = QSpinBox(minimum=1, maximum=_MOST, keyboardTracking=False, toolTip=tip)
             spin.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
-            spin.setToolTip(tip)
             spin.valueChanged.connect(self._counted)
             spin.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             grid.addWidget(QLabel(name.capitalize()), number // 2, number % 2 * 2)
             grid.addWidget(spin, number // 2, number % 2 * 2 + 1)
             self.counts[name] = spin
-        self.kind = QComboBox()
-        self.kind.addItems(["Treadles", "Liftplan"])
-        self.kind.setToolTip("Tie-up and treadling, or the shafts of each pick (dobby, table loom)")
+        tip = "Tie-up and treadling, or the shafts of each pick (dobby, table loom)"
+        self.kind = QComboBox(toolTip=tip)
         self.kind.activated.connect(self._kind_chosen)
-        self.rising = QCheckBox("Rising shed")
-        self.rising.setToolTip("Marked shafts rise (jack loom); else they sink (counterbalance)")
+        self.kind.addItems(["Treadles", "Liftplan"])
+        tip = "Marked shafts rise (jack loom); else they sink (counterbalance)"
+        self.rising = QCheckBox("Rising shed", toolTip=tip)
         self.rising.clicked.connect(self._rising_chosen)
         grid.addWidget(self.kind, 2, 0, 1, 2)
         grid.addWidget(self.rising, 2, 2, 1, 2)
         grid.addWidget(self.colors, 3, 0, 1, 2)
         grid.addWidget(self.cloth, 3, 2, 1, 2)
-        grid.setContentsMargins(0, 0, 0, 0)
-        self.tools.setLayout(grid)
-        self.opened.clicked.connect(self.open)
-        self.smaller.clicked.connect(self._zoom_out)
-        self.larger.clicked.connect(self._zoom_in)
-        self.fit.clicked.connect(self.grid.fit)
-        self.colors.toggled.connect(self._view_chosen)
-        self.cloth.toggled.connect(self._view_chosen)
         sizes = (self.smaller, self.larger, self.fit)
         return row(None, self.opened, self.saved, None, *sizes, spacing=2)
 
@@ -204,10 +194,9 @@ class DraftTab(QWidget):
             ("treadles", loom.treadles, least[1]),
         ):
             spin = self.counts[name]
-            spin.blockSignals(True)
-            spin.setRange(min(max(low, 1), value), max(_MOST, value))
-            spin.setValue(value)
-            spin.blockSignals(False)
+            with QSignalBlocker(spin):
+                spin.setRange(min(max(low, 1), value), max(_MOST, value))
+                spin.setValue(value)
         self.counts["treadles"].setEnabled(not lifted)
         self.kind.setCurrentIndex(int(lifted))
         self.rising.setChecked(loom.rising)
@@ -310,15 +299,6 @@ class DraftTab(QWidget):
 
     def _chose(self, color: QColor) -> None:
         self.grid.color = color
-
-    def _hovered(self, words: str) -> None:
-        self.hint.setText(words or _HINT)
-
-    def _zoom_in(self) -> None:
-        self.grid.zoom(1)
-
-    def _zoom_out(self) -> None:
-        self.grid.zoom(-1)
 
     def _view_chosen(self) -> None:
         self.grid.set_view(self.cloth.isChecked(), self.colors.isChecked())

@@ -13,11 +13,12 @@ from PySide6.QtGui import (
     QResizeEvent,
     QWheelEvent,
 )
-from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QWidget
+from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QScrollBar
 
 from spacemap_vtk.app.draft.draft_painter import Inks, Painting
 from spacemap_vtk.app.draft.layout import GAP, STRIP, Layout, Place, fitting
 from spacemap_vtk.app.draft.strokes import Stroke
+from spacemap_vtk.app.widgets import is_dark
 from spacemap_vtk.scenes.shown import Shown
 
 #: Where arrows lead, across and down.
@@ -59,8 +60,8 @@ class DraftGrid(QAbstractScrollArea):
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.viewport().setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.horizontalScrollBar().valueChanged.connect(self.repaint_all)
-        self.verticalScrollBar().valueChanged.connect(self.repaint_all)
+        for bar in self._bars:
+            bar.valueChanged.connect(self.repaint_all)
 
     @property
     def stroking(self) -> bool:
@@ -71,7 +72,8 @@ class DraftGrid(QAbstractScrollArea):
         """Return where everything stands; None without a draft."""
         if self.shown is None:
             return None
-        return Layout(self.shown, self.cell, self._room(), self._offset(), self.as_cloth)
+        across, down = (bar.value() for bar in self._bars)
+        return Layout(self.shown, self.cell, self._room(), (across, down), self.as_cloth)
 
     def show_draft(self, shown: Shown | None) -> None:
         """Show a draft."""
@@ -94,32 +96,28 @@ class DraftGrid(QAbstractScrollArea):
             self._range()
             self.repaint_all()
 
-    def zoom(self, steps: int, about: QPointF | None = None) -> None:
+    def zoom(self, larger: bool, about: QPointF | None = None) -> None:
         """Make cells larger or smaller."""
         layout = self.layout_now()
         if layout is None:
             return
         self._fits = False
-        sizes = [size for size in SIZES if (size > self.cell if steps > 0 else size < self.cell)]
+        sizes = [size for size in SIZES if (size > self.cell if larger else size < self.cell)]
         if not sizes:
             return
-        sizes.sort(reverse=steps < 0)
         about = about or QPointF(self.viewport().rect().center())
-        before, self.cell = self.cell, sizes[min(abs(steps), len(sizes)) - 1]
+        before, self.cell = self.cell, min(sizes) if larger else max(sizes)
         self._range()
         now = self.layout_now()
         assert now is not None
-        for bar, old, new, at in (
-            (self.horizontalScrollBar(), layout.x, now.x, about.x()),
-            (self.verticalScrollBar(), layout.y, now.y, about.y()),
-        ):
+        axes = (layout.x, now.x, about.x()), (layout.y, now.y, about.y())
+        for bar, (old, new, at) in zip(self._bars, axes, strict=True):
             bar.setValue(round((at - old.main) * self.cell / before + new.before - at))
         self.repaint_all()
 
-    def set_view(self, as_cloth: bool | None = None, colored: bool | None = None) -> None:
+    def set_view(self, as_cloth: bool, colored: bool) -> None:
         """Choose how the draft is drawn."""
-        self.as_cloth = self.as_cloth if as_cloth is None else as_cloth
-        self.colored = self.colored if colored is None else colored
+        self.as_cloth, self.colored = as_cloth, colored
         self.repaint_all()
 
     def repaint_all(self) -> None:
@@ -154,10 +152,11 @@ class DraftGrid(QAbstractScrollArea):
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the kept picture, and what follows the mouse."""
         painter = QPainter(self.viewport())
-        inks = Inks.of(self.palette().window().color().lightness() < 128)
+        inks = Inks.of(is_dark(self))
         layout = self.layout_now()
         if layout is None or self.shown is None:
             painter.fillRect(self.viewport().rect(), inks.back)
+            painter.end()
             return
         painting = Painting(self.shown, layout, inks, self.colored)
         if self._picture is None:
@@ -173,6 +172,7 @@ class DraftGrid(QAbstractScrollArea):
         painter.drawImage(0, 0, self._picture)
         if self._hover is not None and not self.stroking:
             painting.hover(painter, self._hover)
+        painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a stroke."""
@@ -235,7 +235,7 @@ class DraftGrid(QAbstractScrollArea):
             self._end()
             self.hovered.emit(self.words(place))
         elif event.text() in ("+", "-"):
-            self.zoom(1 if event.text() == "+" else -1)
+            self.zoom(event.text() == "+")
         else:
             super().keyPressEvent(event)
 
@@ -265,9 +265,8 @@ class DraftGrid(QAbstractScrollArea):
         """Scroll until a cell is in sight."""
         layout = self.layout_now()
         assert layout is not None
-        bars = self.horizontalScrollBar(), self.verticalScrollBar()
         for bar, span, number, room in zip(
-            bars, layout.panels[place.panel], place[1:], self._room(), strict=True
+            self._bars, layout.panels[place.panel], place[1:], self._room(), strict=True
         ):
             begin = span.pixel(number)
             low, high = max(span.low, 0), min(span.high, room)
@@ -282,7 +281,7 @@ class DraftGrid(QAbstractScrollArea):
         """Zoom with Ctrl, else scroll."""
         if event.modifiers() & Qt.KeyboardModifier.ControlModifier:
             if event.angleDelta().y():
-                self.zoom(1 if event.angleDelta().y() > 0 else -1, event.position())
+                self.zoom(event.angleDelta().y() > 0, event.position())
             event.accept()
         else:
             super().wheelEvent(event)
@@ -328,14 +327,14 @@ class DraftGrid(QAbstractScrollArea):
     def _room(self) -> tuple[int, int]:
         return self.viewport().width(), self.viewport().height()
 
-    def _offset(self) -> tuple[int, int]:
-        return self.horizontalScrollBar().value(), self.verticalScrollBar().value()
+    @property
+    def _bars(self) -> tuple[QScrollBar, QScrollBar]:
+        return self.horizontalScrollBar(), self.verticalScrollBar()
 
     def _range(self) -> None:
         layout = self.layout_now()
         most = (0, 0) if layout is None else layout.most
-        bars: tuple[QWidget, ...] = self.horizontalScrollBar(), self.verticalScrollBar()
-        for bar, end, room in zip(bars, most, self._room(), strict=True):
+        for bar, end, room in zip(self._bars, most, self._room(), strict=True):
             bar.setRange(0, end)
             bar.setPageStep(room)
             bar.setSingleStep(4 * self.cell)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtCore import QPoint, QRect, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 
+from spacemap_vtk.app.widgets import painter_on
 from spacemap_vtk.scenes.shown import Shown
 
 _SIDE, _ROOM = 22, 5
@@ -68,10 +69,9 @@ class Palette(QWidget):
 
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the colours, and a ring round the chosen one."""
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = painter_on(self)
         line, ring = self.palette().mid().color(), self.palette().highlight().color()
-        for index, color in enumerate(self.colors):
+        for index, color in enumerate((*self.colors, Qt.BrushStyle.NoBrush)):
             rect = self.rect_of(index)
             painter.setBrush(color)
             painter.setPen(QPen(line, 1))
@@ -80,12 +80,9 @@ class Palette(QWidget):
                 painter.setBrush(Qt.BrushStyle.NoBrush)
                 painter.setPen(QPen(ring, 2.5))
                 painter.drawRoundedRect(rect.adjusted(-2, -2, 2, 2), 6, 6)
-        rect = self.rect_of(len(self.colors))
-        painter.setBrush(Qt.BrushStyle.NoBrush)
-        painter.setPen(QPen(line, 1))
-        painter.drawRoundedRect(rect, 4, 4)
         painter.setPen(self.palette().windowText().color())
         painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, "+")
+        painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Choose, or add."""
@@ -129,7 +126,5 @@ class Palette(QWidget):
         self.update()
 
     def _index(self, at: QPoint) -> int | None:
-        for index in range(len(self.colors) + 1):
-            if self.rect_of(index).contains(at):
-                return index
-        return None
+        places = range(len(self.colors) + 1)
+        return next((place for place in places if self.rect_of(place).contains(at)), None)

@@ -54,10 +54,9 @@ class LineEditor(Editor):
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
-        self.line = QLineEdit()
-        self.line.setPlaceholderText(parameter.automatic)
-        self.setFocusProxy(self.line)
+        self.line = QLineEdit(placeholderText=parameter.automatic)
         self.line.textEdited.connect(self.is_new)
+        self.setFocusProxy(self.line)
         self.line.editingFinished.connect(self._typed)
 
     def show_in_use(self, value: Any) -> None:

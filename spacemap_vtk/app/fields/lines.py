@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QColorDialog,
@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
-from spacemap_vtk.app.widgets import column, row
+from spacemap_vtk.app.widgets import column, narrow, painter_on, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.places import SIDES, parse
 from spacemap_vtk.parameters import Choice, Integer, Parameter
@@ -55,17 +55,13 @@ class ChoiceEditor(Editor):
 
     def __init__(self, parameter: Choice | Integer) -> None:
         super().__init__(parameter)
-        self.box = QComboBox()
+        self.box = narrow(QComboBox(), 4)
+        self.box.activated.connect(self._chosen)
         leave_wheel(self.box)
-        self.box.setMinimumContentsLength(4)
-        self.box.setSizeAdjustPolicy(
-            self.box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
         for choice in few(parameter) if isinstance(parameter, Integer) else parameter.choices:
             self.box.addItem(str(choice), choice)
         row(self, self.box)
         self.setFocusProxy(self.box)
-        self.box.activated.connect(self._chosen)
 
     def show_value(self, value: Any) -> None:
         self.box.setCurrentIndex(self.box.findData(value))
@@ -94,9 +90,9 @@ class FlagEditor(Editor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.box = QCheckBox("On")
+        self.box.clicked.connect(self._clicked)
         row(self, self.box)
         self.setFocusProxy(self.box)
-        self.box.clicked.connect(self._clicked)
 
     def show_value(self, value: Any) -> None:
         self.box.setChecked(bool(value))
@@ -112,11 +108,10 @@ class ColorEditor(LineEditor):
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
-        self.button = QPushButton()
-        self.button.setFixedWidth(40)
-        self.button.setToolTip("Choose a colour")
-        row(self, self.button, (self.line, 1))
+        self.button = QPushButton(toolTip="Choose a colour")
         self.button.clicked.connect(self._choose)
+        self.button.setFixedWidth(40)
+        row(self, self.button, (self.line, 1))
 
     def show_value(self, value: Any) -> None:
         self.show_text("" if value is None else self.parameter.show(value))
@@ -137,10 +132,10 @@ class FileEditor(LineEditor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.button = QPushButton("Browse…")
+        self.button.clicked.connect(self._browse)
         #: What to call a file.
         self.told: Callable[[Path], str] = str
         row(self, (self.line, 1), self.button)
-        self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:
         self.show_text("" if value is None else self.told(value))
@@ -177,13 +172,10 @@ class SupportsEditor(LineEditor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.sides: dict[str, QPushButton] = {}
-        grid = QGridLayout()
-        grid.setSpacing(4)
+        grid = QGridLayout(spacing=4)
         for number, (side, word) in enumerate(_WORDS.items()):
-            button = QPushButton()
-            button.setObjectName("side")
-            button.setCheckable(True)
-            button.setToolTip(f"Hold the {word} side of the cage's box, {side}")
+            tip = f"Hold the {word} side of the cage's box, {side}"
+            button = QPushButton(objectName="side", checkable=True, toolTip=tip)
             button.clicked.connect(self._clicked)
             grid.addWidget(button, number // 3, number % 3)
             self.sides[side] = button
@@ -265,11 +257,10 @@ class Swatches(QWidget):
     chosen = Signal(int)
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(toolTip="Click to choose another colour")
         self.colors: list[str] = []
         self.in_a_row = _IN_A_ROW
         self.setCursor(Qt.CursorShape.PointingHandCursor)
-        self.setToolTip("Click to choose another colour")
 
     def show_colors(self, colors: list[str]) -> None:
         self.colors = colors
@@ -284,8 +275,7 @@ class Swatches(QWidget):
         return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = painter_on(self)
         painter.setPen(QColor("#8a94a3"))
         for number, color in enumerate(self.colors or [""]):
             painter.setBrush(QColor(color) if color else Qt.BrushStyle.NoBrush)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +47,7 @@ class LoadsEditor(Editor):
         super().__init__(parameter)
         self.cards: list[_Card] = []
         self._tables: list[dict[str, Any]] = []
-        self.add = QToolButton()
-        self.add.setText("Add a load ▾")
+        self.add = QToolButton(text="Add a load ▾")
         self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.add)
         self._declared = parameter
@@ -94,11 +92,8 @@ class LoadsEditor(Editor):
         if changes is None:
             del tables[number]
         else:
-            for key, value in changes.items():
-                if value is None:
-                    tables[number].pop(key, None)
-                else:
-                    tables[number][key] = value
+            changed = tables[number] | changes
+            tables[number] = {key: value for key, value in changed.items() if value is not None}
         self.edited.emit(tables, burst)
 
 
@@ -112,24 +107,22 @@ class _Card(QFrame):
     restored = Signal()
 
     def __init__(self, number: int, load: Load, declared: Loads) -> None:
-        super().__init__()
-        self.setObjectName("card")
+        super().__init__(objectName="card")
         self.setFrameShape(QFrame.Shape.StyledPanel)
         self.number, self.keys = number, _keys(load, declared)
-        self._load = weakref.ref(load)
         self.action = QComboBox()
+        self.action.activated.connect(self._acted)
         leave_wheel(self.action)
         for action in declared.actions:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
-        self.action.activated.connect(self._acted)
         self.remove = tool_button("✕", "Remove this load")
-        self.remove.clicked.connect(self._removed)
+        self.remove.clicked.connect(lambda: self.edited.emit(number, None, 0))
         head = row(None, QLabel(f"{number + 1}."), (self.action, 1), self.remove)
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             parameter = Load.parameters[name]
             made = ParameterRow(parameter, editor_of(parameter))
-            made.resettable = name in _optional(load)
+            made.resettable = name in TIMES[load.time][1]
             made.edited.connect(self._row_edited)
             made.held.connect(self.held)
             made.restored.connect(self.restored)
@@ -150,9 +143,6 @@ class _Card(QFrame):
             gone = dict.fromkeys([self._now.action, "on", "at", "follower"])
             self.edited.emit(self.number, {**gone, **_BEGINNINGS[chosen]}, 0)
 
-    def _removed(self) -> None:
-        self.edited.emit(self.number, None, 0)
-
     def _row_edited(self, name: str, written: object, burst: int) -> None:
         changes: dict[str, Any] = {name: written}
         if name == "time":
@@ -170,10 +160,6 @@ def _keys(load: Load, declared: Loads) -> list[str]:
     times = ["time", *needed, *possible] if declared.timed else []
     follower = ["follower"] if load.action == "pressure" and declared.timed else []
     return [load.action, *([place] if place else []), *follower, *times]
-
-
-def _optional(load: Load) -> tuple[str, ...]:
-    return TIMES[load.time][1]
 
 
 def _plain(value: Any) -> Any:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-from PySide6.QtCore import QPointF, Qt
-from PySide6.QtGui import QPainter, QPaintEvent, QPalette, QPen
+from PySide6.QtCore import QPointF, QSignalBlocker, Qt
+from PySide6.QtGui import QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import (
     QBoxLayout,
     QGridLayout,
@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
 from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of
-from spacemap_vtk.app.widgets import row
+from spacemap_vtk.app.widgets import painter_on, row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 from spacemap_vtk.scenes.assignments import value_of
 from spacemap_vtk.units import pretty
@@ -40,10 +40,9 @@ class Slider(QSlider):
     """A slider whose groove is filled from zero to its handle."""
 
     def __init__(self) -> None:
-        super().__init__(Qt.Orientation.Horizontal)
+        super().__init__(Qt.Orientation.Horizontal, minimumWidth=20)
         #: The step that stands for zero, or for the end nearest to it.
         self.origin = 0
-        self.setMinimumWidth(20)
 
     def paintEvent(self, _: QPaintEvent) -> None:
         option, control = QStyleOptionSlider(), QStyle.ComplexControl.CC_Slider
@@ -56,16 +55,11 @@ class Slider(QSlider):
         share = self.origin / max(self.maximum(), 1)
         zero = groove.left() + half + share * (groove.width() - 2 * half)
         at, y = handle.center().x() + 0.5, groove.center().y() + 0.5
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        for ends, color in (
-            ((groove.left() + 2, groove.right() - 1), _Role.Mid),
-            ((zero, at), None),
-        ):
-            pen = QPen(paint if color is None else colors.color(color), 3.0)
-            pen.setCapStyle(Qt.PenCapStyle.RoundCap)
-            painter.setPen(pen)
-            painter.drawLine(QPointF(ends[0], y), QPointF(ends[1], y))
+        painter = painter_on(self)
+        whole = groove.left() + 2, groove.right() - 1
+        for ends, color in ((whole, colors.color(_Role.Mid)), ((zero, at), paint)):
+            painter.setPen(QPen(color, 3.0, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+            painter.drawLine(*(QPointF(x, y) for x in ends))
         if 0 < self.origin < self.maximum():
             painter.setPen(QPen(colors.color(_Role.PlaceholderText), 1.0))
             painter.drawLine(QPointF(zero, y - 5), QPointF(zero, y + 5))
@@ -156,11 +150,10 @@ class NumberEditor(LineEditor):
         )
         if not inside:
             self._span = span_of(self.real, value, self._feasible)
-        self.slider.blockSignals(True)
         assert self._span is not None
-        self.slider.origin = self._span.step(min(max(0.0, self._span.low), self._span.high))
-        self.slider.setValue(0 if value is None else self._span.step(value))
-        self.slider.blockSignals(False)
+        with QSignalBlocker(self.slider):
+            self.slider.origin = self._span.step(min(max(0.0, self._span.low), self._span.high))
+            self.slider.setValue(0 if value is None else self._span.step(value))
 
     def written(self, text: str) -> Any:
         """Return a number, or a text with a unit; None where a value can be left out."""
@@ -196,9 +189,8 @@ class VectorEditor(Editor):
         self.components: list[NumberEditor] = []
         self._value: tuple[Any, ...] | None = None
         self._in_use: tuple[Any, ...] | None = None
-        layout = QGridLayout(self)
+        layout = QGridLayout(self, horizontalSpacing=6)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.setHorizontalSpacing(6)
         for place, label in enumerate(parameter.labels):
             editor = NumberEditor(parameter.component, bare=True)
             editor.setObjectName(label)
@@ -209,8 +201,7 @@ class VectorEditor(Editor):
             editor.slider.setMinimumWidth(34)
             head = f"{label}  [{pretty(parameter.unit)}]" if parameter.unit else label
             editor.stack()
-            name = QLabel(head if place == 0 else label)
-            name.setObjectName("about")
+            name = QLabel(head if place == 0 else label, objectName="about")
             name.setBuddy(editor)
             layout.addWidget(name, 0, place)
             layout.addWidget(editor, 1, place)

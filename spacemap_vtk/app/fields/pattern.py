@@ -47,17 +47,13 @@ class PatternEditor(Editor):
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
-        self.box = QComboBox()
+        self.box = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
         leave_wheel(self.box)
-        self.box.setEditable(True)
         self.box.addItems(COMMON)
-        self.box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.line = self.box.lineEdit()
         self.grid = PatternGrid()
-        self.size = QLabel()
-        self.size.setObjectName("about")
-        beside = QGridLayout()
-        beside.setSpacing(3)
+        self.size = QLabel(objectName="about")
+        beside = QGridLayout(spacing=3)
         beside.addWidget(self.size, 0, 0, 1, 2)
         self.buttons: dict[str, QToolButton] = {}
         for text, tip, axis, more in (
@@ -66,11 +62,9 @@ class PatternEditor(Editor):
             ("+ pick", "One pick more in the repeat", 0, True),
             ("− pick", "One pick less", 0, False),
         ):
-            button = QToolButton()
-            button.setText(text)
-            button.setToolTip(tip)
-            button.setProperty("change", (axis, more))
+            button = QToolButton(text=text, toolTip=tip)
             button.clicked.connect(self._resized)
+            button.setProperty("change", (axis, more))
             button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             beside.addWidget(button, 2 - axis, int(more))
             self.buttons[text] = button

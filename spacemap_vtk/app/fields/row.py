@@ -69,8 +69,8 @@ class ParameterRow(QWidget):
         self.label.setBuddy(self.editor)
         self.automatic: QToolButton | None = None
         if parameter.automatic:
-            self.automatic = tool_button("auto", f"Automatic: {parameter.automatic}", True)
-            self.automatic.setObjectName("auto")
+            tip = f"Automatic: {parameter.automatic}"
+            self.automatic = tool_button("auto", tip, checkable=True, objectName="auto")
             self.automatic.clicked.connect(self._automatic_clicked)
         right = [self.automatic] if self.automatic is not None else []
         if beside or editor.wide:
@@ -96,7 +96,7 @@ class ParameterRow(QWidget):
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
         self.editor.restored.connect(self.restored)
-        self.reset.clicked.connect(self._reset)
+        self.reset.clicked.connect(lambda: self.edited.emit(parameter.name, None, 0))
 
     def show_value(self, value: Any, is_default: bool) -> None:
         self.editor.show_value(value)
@@ -153,13 +153,11 @@ class ParameterRow(QWidget):
         # What a run refuses, because it does not count, can be put right where it stands.
         for widget in filter(None, (self.label, self.editor, self.automatic)):
             widget.setEnabled(not self._idle or message is not None)
-        self._say(message or self._idle or self._in_force, bad=message is not None)
-
-    def _say(self, text: str, bad: bool) -> None:
+        text = message or self._idle or self._in_force
         self.note.setText(text)
         self.note.setVisible(bool(text))
         for widget in (self.note, self.editor, self):
-            mark(widget, bad)
+            mark(widget, message is not None)
 
     def _edited(self, written: object, burst: int) -> None:
         if self.parameter.is_automatic(written):
@@ -170,9 +168,6 @@ class ParameterRow(QWidget):
     def _automatically(self) -> str | None:
         """What is written of an automatic value: nothing where it is so by default."""
         return None if self.parameter.optional else AUTOMATIC
-
-    def _reset(self) -> None:
-        self.edited.emit(self.parameter.name, None, 0)
 
     def _automatic_clicked(self, checked: bool) -> None:
         if checked:
@@ -192,8 +187,7 @@ class Group(QWidget):
         super().__init__()
         self.title = title
         self.rows: list[QWidget] = []
-        self.head = tool_button(title, "Fold or unfold", checkable=True)
-        self.head.setObjectName("group")
+        self.head = tool_button(title, "Fold or unfold", checkable=True, objectName="group")
         self.head.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         self.body = QWidget()
         self._sought = False
@@ -225,8 +219,7 @@ class Pair(QWidget):
         super().__init__()
         self.rows = warp, weft
         words = warp.parameter.label.split(maxsplit=1)[1]
-        title = QLabel(words.capitalize())
-        title.setToolTip(warp.toolTip())
+        title = QLabel(words.capitalize(), toolTip=warp.toolTip())
         both = row(None, (warp, 1), (weft, 1), spacing=10)
         for side in self.rows:  # what is said below one leaves the other together
             both.setAlignment(side, Qt.AlignmentFlag.AlignTop)

@@ -135,19 +135,15 @@ class PlotCanvas(FigureCanvasQTAgg):
         """Return where the cursor stands in each plot over time; out of sight outside."""
         columns = []
         for axes in self.timed:
-            box = axes.get_position()
-            low, high = axes.get_xlim()
+            box, (low, high) = axes.get_position(), axes.get_xlim()
             share = (self._time - low) / (high - low)
-            inside = -1e-9 <= share <= 1 + 1e-9
             x = (box.x0 + box.width * share) * self.width()
-            columns.append(round(x) if inside else -10)
+            columns.append(round(x) if -1e-9 <= share <= 1 + 1e-9 else -10)
         return columns
 
     def _place(self) -> None:
         width, height, count = max(self.width(), 1), max(self.height(), 1), len(self.axes)
-        if not count:
-            return
-        if width <= _LEFT + _RIGHT:
+        if not count or width <= _LEFT + _RIGHT:
             return
         lines = [self._head(axes, width - _LEFT - _RIGHT) for axes in self.axes]
         top, between = _TOP + _LINE * lines[0], _BETWEEN + _LINE * max(lines[1:], default=0)

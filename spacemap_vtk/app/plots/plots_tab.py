@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,8 +22,8 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.pick import Pick
-from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of, moving
-from spacemap_vtk.app.widgets import column, later, note, row
+from spacemap_vtk.app.plots.curves import Curves, FloatArray, Wish, curves_of, moving
+from spacemap_vtk.app.widgets import column, is_dark, later, narrow, note, row
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.errors import SpacemapError
@@ -48,8 +47,6 @@ class PlotsTab(QWidget):
 
     #: A time to go to, and whether more will follow at once.
     asked = Signal(float, bool)
-    #: No point shall be plotted any more.
-    cleared = Signal()
     #: What went wrong with the curves, and that there are others.
     failed = Signal(object)
     shown = Signal()
@@ -71,9 +68,8 @@ class PlotsTab(QWidget):
         self.canvas: PlotCanvas | None = None
         self.quantity = QComboBox()
         self.quantity.addItems([name.capitalize() for name in QUANTITIES])
-        self.component = QComboBox()
+        self.component = QComboBox(toolTip="Component of the points' motion")
         self.component.addItems(["along x", "along y", "along z", "size"])
-        self.component.setToolTip("Component of the points' motion")
         self._chosen = False
         self.clear = QPushButton("Clear points")
         self.save = QPushButton("Save")
@@ -86,16 +82,13 @@ class PlotsTab(QWidget):
         self.save.setMenu(menu)
         self.hint = note(_HINT)
         for box in (self.quantity, self.component):
-            # In a narrow window words are cut rather than the view.
-            box.setMinimumContentsLength(4)
-            box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            narrow(box, 4)  # in a narrow window words are cut rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
         second = row(None, (self.clear, 1), (self.save, 1))
         self._layout = column(self, first, second, None, self.hint, margins=(6, 6, 6, 6))
         self.rest = later(self, self._ask, _REST)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
-        self.clear.clicked.connect(self.cleared)
         document.changed.connect(self._tell)
         document.replaced.connect(self._replaced)
         engine.beside_ready.connect(self._ready)
@@ -136,12 +129,12 @@ class PlotsTab(QWidget):
     def save_times(self) -> None:
         """Ask for a name, and save what is plotted over time."""
         assert self.curves is not None
-        self._save("motion.csv", {".csv": "table"}, partial(_save_times, self.curves))
+        self._save("motion.csv", {".csv": "table"}, partial(_write, _times_of(self.curves)))
 
     def save_frequencies(self) -> None:
         """Ask for a name, and save the frequency response."""
         assert self.curves is not None
-        self._save("response.csv", {".csv": "table"}, partial(_save_frequencies, self.curves))
+        self._save("response.csv", {".csv": "table"}, partial(_write, _response_of(self.curves)))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Begin to plot, or catch up."""
@@ -229,15 +222,9 @@ class PlotsTab(QWidget):
             return
         from spacemap_vtk.app.plots.chart import COMPONENTS, ShownCurves
 
-        dark = self.palette().window().color().lightness() < 128
-        self.canvas.draw_curves(
-            self.curves,
-            ShownCurves(
-                list(QUANTITIES)[self.quantity.currentIndex()],
-                COMPONENTS[self.component.currentIndex()],
-                dark,
-            ),
-        )
+        quantity = list(QUANTITIES)[self.quantity.currentIndex()]
+        component = COMPONENTS[self.component.currentIndex()]
+        self.canvas.draw_curves(self.curves, ShownCurves(quantity, component, is_dark(self)))
         self.canvas.set_time(self._time)
 
     def _component_chosen(self) -> None:
@@ -276,34 +263,33 @@ class PlotsTab(QWidget):
             self.written.emit()
 
 
-def _save_times(curves: Curves, path: Path) -> None:
-    """Write what is plotted over time, in SI: a row for each time."""
-    head = ["time [s]"]
-    columns = [curves.times]
+def _times_of(curves: Curves) -> dict[str, FloatArray]:
+    """Return what is plotted over time by its headings, in SI."""
+    columns = {"time [s]": curves.times}
     for number in range(len(curves.points)):
-        for kind, (name, unit) in enumerate(_ROWS):
-            for axis in range(3):
-                head.append(f"{name} {'xyz'[axis]} of point {number + 1} [{unit}]")
-                columns.append(curves.motion[kind, number, :, axis])
+        for (name, unit), motion in zip(_ROWS, curves.motion, strict=True):
+            columns |= _along_axes(name, number, unit, motion[number])
     if curves.energies is not None:
-        head += [f"{name} energy [J]" for name in ENERGY_NAMES]
-        columns += list(curves.energies.T)
-    _write(path, head, zip(*(column.tolist() for column in columns), strict=True))
+        names = (f"{name} energy [J]" for name in ENERGY_NAMES)
+        columns |= zip(names, curves.energies.T, strict=True)
+    return columns
 
 
-def _save_frequencies(curves: Curves, path: Path) -> None:
-    """Write the frequency response, in SI: a row for each frequency."""
-    head = ["frequency [Hz]"]
-    columns = [curves.frequencies]
-    for number in range(len(curves.points)):
-        for axis in range(3):
-            head.append(f"amplitude {'xyz'[axis]} of point {number + 1} [m]")
-            columns.append(curves.response[number, :, axis])
-    _write(path, head, zip(*(column.tolist() for column in columns), strict=True))
+def _response_of(curves: Curves) -> dict[str, FloatArray]:
+    """Return the frequency response likewise."""
+    columns = {"frequency [Hz]": curves.frequencies}
+    for number, answer in enumerate(curves.response):
+        columns |= _along_axes("amplitude", number, "m", answer)
+    return columns
 
 
-def _write(path: Path, head: list[str], rows: Iterable[tuple[float, ...]]) -> None:
+def _along_axes(name: str, number: int, unit: str, values: FloatArray) -> dict[str, FloatArray]:
+    headings = (f"{name} {axis} of point {number + 1} [{unit}]" for axis in "xyz")
+    return dict(zip(headings, values.T, strict=True))
+
+
+def _write(columns: dict[str, FloatArray], path: Path) -> None:
     stream = io.StringIO(newline="")
-    csv.writer(stream).writerows([head, *rows])
+    csv.writer(stream).writerows([columns, *np.column_stack([*columns.values()]).tolist()])
     with whole_file(path) as file:
         write(file, [stream.getvalue().encode()])
