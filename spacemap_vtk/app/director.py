@@ -16,7 +16,7 @@ from spacemap_vtk.app.widgets import later
 from spacemap_vtk.scenes.scene import Scene
 
 #: Milliseconds after the last coarse frame until a smooth one is asked for.
-_REST = 220
+_REST = 100
 #: Milliseconds after which a run is shown as one.
 _NOTICE = 150
 

@@ -62,6 +62,8 @@ class Properties(QScrollArea):
         #: What automatic values of all sections came to in it.
         self._in_use: dict[str, Mapping[str, Any]] = {}
         self._limited = 0.0
+        #: The settings whose feasible intervals are known, and these.
+        self._feasible: tuple[dict[str, Any], dict[str, tuple[float, float]]] = {}, {}
         #: The row that was edited last, if nothing has changed since.
         self._last = ""
         self._later = later(self, self._show_limits)
@@ -206,7 +208,11 @@ class Properties(QScrollArea):
 
     def _show_limits(self) -> None:
         begun, part = time.thread_time(), self._part
-        feasible, found = feasible_of(part), self._found.get(self.section, {})
+        # A page that is shown again, and a run's figures, change nothing of what is feasible; but a
+        # draft's file may be another by now.
+        if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
+            self._feasible = part.settings, feasible_of(part)
+        feasible, found = self._feasible[1], self._found.get(self.section, {})
         known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
         if part is self._document.scene.view:
             known |= {"size": picture_size(self._document.scene)}

@@ -51,13 +51,16 @@ def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | floa
     return Forced(value, impulse + p * value)
 
 
-def steady(stiffness: Floats, half: Floats, omega: float) -> ComplexArray:
-    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance."""
+def steady(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArray:
+    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance.
+
+    Of frequencies one below the other, of shape (f, 1), there is a row for each.
+    """
     root = np.sqrt(stiffness)
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():
         raise InputError(
-            f"mode {int(np.argmax(inverse == 0)) + 1} is driven at its own frequency without "
+            f"mode {np.nonzero(inverse == 0)[-1][0] + 1} is driven at its own frequency without "
             "damping; there is no steady state",
             cure="Give damping, or start from rest",
         )
