@@ -20,6 +20,9 @@ from PySide6.QtGui import QGuiApplication  # noqa: E402
 from spacemap_vtk.scenes import library, report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
+# Each process that is started would solve them again.
+pytestmark = pytest.mark.usefixtures("kept_modes")
+
 
 def copied(window: Any, action: str) -> str:
     window.menus.actions[action].trigger()

@@ -178,7 +178,7 @@ def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) ->
     assert window.properties.section == "weave"
 
 
-@pytest.mark.parametrize("deeds", [60, pytest.param(150, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("deeds", [40, pytest.param(150, marks=pytest.mark.nightly)])
 def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
     """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
     window, dice = open_window(), random.Random(6)

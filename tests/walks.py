@@ -75,7 +75,7 @@ class Walk:
         words, waits, find, act = self._deeds[self._at]
         try:
             if waits and not self._rests():
-                self._quiet = 0
+                self._quiet, self._pause = 0, 10  # that is quickly asked
                 raise NotSeen("the window is not at rest")
             self._quiet += 1
             found = find()

@@ -64,9 +64,15 @@ def as_new(window: Any) -> Any:
     window.setFocus()  # what is being typed
     window.resize(1200, 800)
     window.splitter.setSizes([310, 770, 360])
-    # The first scene chooses the stage whose properties are seen.
-    window.stages.setCurrentItem(None)
-    window.properties.section = ""
+    page = window.properties
+    if page.section == "weave":
+        # Most scenes begin with it. To make it anew takes more than all else of opening a scene;
+        # and whoever opens another one keeps it, too.
+        page.search.clear()
+        page.verticalScrollBar().setValue(0)
+    else:  # the first scene chooses the stage whose properties are seen
+        window.stages.setCurrentItem(None)
+        page.section = ""
     window.times.loop.setChecked(True)
     window.modes.amplitude.setValue(15)
     window.modes.table.scrollToTop()

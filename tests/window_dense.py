@@ -1,4 +1,7 @@
-"""Open the window, click into view and draft, and save what the screen shows; run by a test."""
+"""Open the window, click into view and draft, save what the screen shows, and count pixels.
+
+Run by a test.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ import json
 import os
 import sys
 import tempfile
+from typing import Any
 
+import numpy as np
 from PySide6.QtCore import QPoint, QSettings, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
@@ -15,6 +20,36 @@ from window import settled, wait_until
 import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.draft.layout import Place
 from spacemap_vtk.app.main_window import MainWindow
+
+
+def pixels_of(window: MainWindow) -> dict[str, int]:
+    """Return how many pixels dots, lines and letters take."""
+    view, shown = window.view, window.view.scene_view
+    window.document.set("view", "color", "displacement")
+    wait_until(lambda: settled(window))
+    for x in range(-60, 61, 12):
+        view.click(view.plotter.rect().center().toPointF() + QPoint(x, 0).toPointF())
+        if view.picks:
+            break
+    shown.surface.VisibilityOff()
+    props: dict[str, Any] = {
+        "supports": shown.supports,
+        "cage": shown.cage,
+        "pick": view.marks,
+        "letters": shown.surface.bar,
+    }
+    counts = {}
+    for name in props:
+        images = []
+        for on in (True, False):
+            for other, prop in props.items():
+                prop.SetVisibility(on and other == name)
+            images.append(view.image().astype(int))
+        # The scale's own colours are a share of the picture, whatever its letters are.
+        change = np.abs(images[0] - images[1])
+        grey = np.ptp(images[0], axis=2) < 24 if name == "letters" else True
+        counts[name] = int(((change.max(axis=2) > 40) & grey).sum())
+    return counts
 
 
 def main(picture: str) -> None:
@@ -53,6 +88,7 @@ def main(picture: str) -> None:
     }
     app.processEvents()
     app.primaryScreen().grabWindow(window.winId()).save(picture)
+    told["pixels"] = pixels_of(window)
     window.discard()
     app.processEvents()
     print(json.dumps(told))

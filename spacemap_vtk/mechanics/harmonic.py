@@ -52,10 +52,8 @@ def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | floa
 
 
 def steady(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArray:
-    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance.
-
-    Of frequencies one below the other, of shape (f, 1), there is a row for each.
-    """
+    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance."""
+    # Of frequencies one below the other, of shape (f, 1), a row for each.
     root = np.sqrt(stiffness)
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():
