@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -85,6 +86,97 @@ def test_the_estimate_is_what_a_run_takes(
     if software:
         print(f"{values}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
         assert estimate < 1.3 * peak
+
+
+EXPORT = """
+import gc, json, sys
+from pathlib import Path
+import spacemap_vtk.memory as memory
+
+def status(name):
+    rows = open("/proc/self/status").read().splitlines()
+    return next(1024 * int(row.split()[1]) for row in rows if row.startswith(name))
+
+said, refuse = [], memory.require
+
+def require(size, *rest, **more):
+    said.append(status("VmRSS") + size)  # with what there is when it is asked
+    refuse(size, *rest, **more)
+
+memory.require = require
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.scenes.scene import Scene
+
+def export(yarns):
+    what, values, told = json.loads(sys.argv[2])
+    scene = Scene({"weave": {"ends": yarns, "picks": yarns}, **values})
+    carry_out(Order(what, Path(sys.argv[1]), **told), scene, lambda *_: None)
+
+export(24)  # what is loaded and compiled is there before
+said.clear()
+gc.collect()
+open("/proc/self/clear_refs", "w").write("5")
+before = status("VmRSS")
+export(int(sys.argv[3]))
+print(json.dumps([max(said) - before, status("VmHWM") - before]))
+"""
+FINE, COARSE = {"surface": {"subdivisions": 3}}, {"surface": {"subdivisions": 1}}
+FRAMES = [0.01 * number for number in range(12)]
+FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
+@pytest.mark.parametrize(
+    ("ending", "yarns", "what", "values", "told"),
+    [
+        (".vtp", 60, "", FINE, {}),
+        (".ply", 60, "painted", COARSE, {}),
+        *(
+            pytest.param(ending, yarns, what, values, told, marks=pytest.mark.nightly)
+            for ending, yarns, what, values, told in [
+                (".vtp", 100, "", FINE | {"response": {}}, {"times": [0.1]}),
+                (".vtu", 100, "", FINE, {}),
+                (".vtu", 100, "", COARSE | {"response": {}}, {"times": [0.1]}),
+                (".vtkhdf", 100, "", FINE | {"response": {}}, {"times": [0.1, 0.2]}),
+                (".pvd", 100, "", FINE | {"response": {}}, {"times": [0.1, 0.2]}),
+                (".stl", 100, "", FINE, {}),
+                (".stl", 150, "", COARSE, {}),
+                (".ply", 100, "surface", FINE, {}),
+                (".ply", 100, "painted", FINE, {}),
+                (".obj", 100, "", FINE, {}),
+                (".csv", 150, "", {}, {}),
+                (".glb", 100, "", FINE, {}),
+                (".glb", 60, "", {"response": {}}, FILM),
+                (".html", 60, "", {"response": {}}, FILM),
+                (".usdc", 60, "", {"response": {}}, FILM),
+                (".usda", 60, "", {"response": {}}, FILM),
+                (".glb", 40, "modes", {"response": {}, "modal": {"modes": 12}}, {}),
+                (".html", 40, "modes", {"response": {}, "modal": {"modes": 12}}, {}),
+            ]
+        ),
+    ],
+)
+def test_the_estimate_is_what_an_export_takes(
+    ending: str, yarns: int, what: str, values: Any, told: Any, tmp_path: Path
+) -> None:
+    order = json.dumps([what, values, told])
+    done = subprocess.run(
+        [sys.executable, "-c", EXPORT, str(tmp_path / f"a{ending}"), order, str(yarns)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=600,
+        # Without memory that the C library keeps for later.
+        env={
+            **os.environ,
+            **{"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"},
+            **{"MALLOC_ARENA_MAX": "1", "SPACEMAP_CACHE": "off"},
+        },
+    )
+    estimate, peak = json.loads(done.stdout)
+    words = f"{ending} {yarns} {what} {values} {told}"
+    print(f"{words}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
+    assert peak / 1.3 < estimate < 1.3 * peak
 
 
 def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(

@@ -159,8 +159,8 @@ def shortened(
     targets: NDArray[np.float32], normals: NDArray[np.float32] | None, weights: NDArray[np.floating]
 ) -> tuple[ShortTargets, float]:
     """Return targets in few bits, and how far any point gets from its place by that [m]."""
-    sizes = np.abs(targets).max(axis=(1, 2)).astype(np.float64)
-    turns = 0.0 * sizes if normals is None else np.abs(normals).max(axis=(1, 2))
+    sizes = np.array([np.abs(target).max() for target in targets], np.float64)
+    turns = 0.0 if normals is None else np.array([np.abs(each).max() for each in normals])
     # The smaller the unit, the finer the places, and the coarser the normals: at this one normals
     # of the largest target have steps of less than a degree.
     unit = sizes.max() / 2

@@ -22,7 +22,14 @@ def data_at(
     scene: Scene, what: str, time: float, tolerance: float | None, span: Span | None = None
 ) -> Any:
     """Return what is a key of `spacemap_vtk.io.registry.DATA`, at a time."""
-    if what in ("moving", *MOMENTS):
+    if what == "yarns":  # without their surface, which takes ten times as much
+        from spacemap_vtk.draw.seen_yarns import SeenYarns
+
+        scene.update_stage(scene.stage("warp") or scene.source, time)
+        seen = SeenYarns(scene, 1)
+        seen.see(0)
+        return seen.curves
+    if what in ("moving", "painted"):
         from spacemap_vtk.draw.moving import moving
 
         return moving(scene, [time], tolerance, lambda *_: None, span)
@@ -58,7 +65,7 @@ def moments(scene: Scene, times: Sequence[float]) -> Sequence[float]:
 
 def common_scale(scene: Scene, what: str, times: Sequence[float]) -> Span | None:
     """Return the ends of the scale that the colours of all files have, where there is one."""
-    if what not in ("moving", *MOMENTS) or not COLORINGS[scene.view.color].numbers:
+    if what not in ("moving", "painted") or not COLORINGS[scene.view.color].numbers:
         return None
     from spacemap_vtk.draw.picture import over_motion
 

@@ -36,7 +36,8 @@ from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.io.polygons import require_work
+from spacemap_vtk.io.polygons import require_work, triangle_count
+from spacemap_vtk.io.registry import SMALLER
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
@@ -53,20 +54,22 @@ _TRIES = 4
 _AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
 #: Places are told apart by the size over this, up to 21 bits, directions by a unit over this.
 _PLACES, _DIRECTIONS = 2**19, 100
-#: Frames whose normals are added up together.
-_TOGETHER = 8
+#: Frames whose normals are added up together, and points of these.
+_TOGETHER, _PART = 8, 2**14
 #: Points of a surface that moves, about, unless more are asked for, and bytes of a file that are
 #: told before they are made.
 _POINTS, _LARGE = 500_000, 2**26
 #: What makes a file smaller: of what stands still, of a motion, of modes.
 _COARSER = "Lower surface.subdivisions, or weave.ends and weave.picks."
 _SMALLER = {
-    "tolerance": "Raise --tolerance, take fewer times, or lower --subdivisions.",
+    "tolerance": SMALLER,
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
 
-#: Bytes that cutting a surface into triangles of one look takes, of each of its polygons.
-_WORK = 430
+#: Bytes that making triangles of one look takes, of each point and triangle of a surface: while
+#: points are found that are alike, and then corners. Of each point what frames take beside each
+#: other, and writers.
+_ALIKE, _CORNERS, _MADE = (150, 40), (32, 190), 125
 #: Where what has no normal faces.
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -111,7 +114,7 @@ def moving(
     error = np.inf
     for stage in _movers(scene):
         # Of what is large a little is left for its rounding.
-        large = len(still.points) > _POINTS / 5
+        large = _is_large(still)
         places, aim = _places(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
         for _ in range(_TRIES):
             scene.update(times[0])
@@ -121,7 +124,7 @@ def moving(
                 count = len(found.shapes)
                 say(f"{room} of {count} targets are taken: all would be too large (--tolerance)")
                 found = found._replace(shapes=found.shapes[:room], weights=found.weights[:, :room])
-            targets, _ = _carried(scene, stage, found.shapes, still, rows, most, say)
+            targets = _carried(scene, stage, found.shapes, still, rows, most, say)[0]
             weights = found.weights.astype(np.float32)
             error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
             if error <= tolerance or cut:
@@ -194,6 +197,10 @@ def mode_shapes(
     )
 
 
+def _is_large(still: MovingSurface) -> bool:
+    return len(still.points) > _POINTS / 5
+
+
 def _too_small(tolerance: float, least: float) -> InputError:
     return InputError(
         "no number of targets, in single precision, brings the surface so near to its motion",
@@ -262,12 +269,15 @@ def _carried(
         whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
         less = "with fewer --subdivisions, a larger --tolerance, or a smaller --fps less"
         say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
-    # and as much again while they are made
-    require(size + 48 * len(still.points), what, cure=cure)
+    # Where points are so many that it counts, once more in few bits: nine bytes for 24.
+    few = 3 * size // 8 if data is None and _is_large(still) else 0
+    require(size + few + _MADE * len(still.points), what, cure=cure)
+    # Of a motion the normals' targets are found by what its frames are.
+    faces = data is not None and still.normals is not None
     data = stage.output if data is None else data
     at = _field(stage, data).astype(np.float64)
     targets = np.empty((len(shapes), *still.points.shape), np.float32)
-    turned = None if still.normals is None else np.empty_like(targets)
+    turned = np.empty_like(targets) if faces else None
     for number, shape in enumerate(shapes):
         ends = []
         for side in (1.0, -1.0):
@@ -276,7 +286,7 @@ def _carried(
                 add_array(moved.GetPointData(), "displacement", at + side * shape)
             else:
                 moved.SetPoints(to_points(at + side * shape))
-            ends.append(_taken(_below(scene, stage, moved), rows))
+            ends.append(_taken(_below(scene, stage, moved), rows, faces))
         (there, facing), (back, away) = ends
         np.subtract(there, back, out=targets[number])
         if turned is not None and facing is not None and away is not None:
@@ -301,28 +311,30 @@ def _compared(
     error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
     # The least squares of what the normals do: the weights are orthogonal over time.
     shares = weights / np.square(weights).sum(axis=0)
-    waiting: list[NDArray[np.float32]] = []
+    waiting = np.empty((min(_TOGETHER, len(times)), *still.points.shape), np.float32)
     for number, time in enumerate(times):
         scene.update(time)
         seen.see(number)
-        points, normals = _taken(scene.polygons, rows)
+        points, normals = _taken(scene.polygons, rows, turned is not None)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
         if turned is not None and normals is not None and still.normals is not None:
-            waiting.append(normals - still.normals)
-            if len(waiting) == _TOGETHER or number == len(times) - 1:  # in one product
-                rows_now = shares[number + 1 - len(waiting) : number + 1]
-                turned += np.tensordot(rows_now, np.array(waiting), (0, 0))
-                waiting.clear()
+            last = number % len(waiting)
+            np.subtract(normals, still.normals, out=waiting[last])
+            if last == len(waiting) - 1 or number == len(times) - 1:
+                rows_now = shares[number - last : number + 1]
+                for begin in range(0, len(points), _PART):  # all at once would be one more of these
+                    part = slice(begin, begin + _PART)
+                    turned[:, part] += np.tensordot(rows_now, waiting[: last + 1, part], (0, 0))
         tell(len(times) + number + 1, 2 * len(times))
     return error, turned
 
 
 def _taken(
-    surface: vtkPolyData, rows: Rows
+    surface: vtkPolyData, rows: Rows, faces: bool = True
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Return a surface's points and normals, those that are written."""
-    normals = surface.GetPointData().GetNormals()
+    """Return a surface's points, and normals if they count, those that are written."""
+    normals = surface.GetPointData().GetNormals() if faces else None
     points = points_of(surface)[rows].astype(np.float32, copy=False)
     if normals is None:
         return points, None
@@ -367,7 +379,9 @@ def _still(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, Rows]:
     """Return a surface without its motion, and which of its points are written."""
-    require_work(surface, _WORK, "triangles with colours")
+    counts = surface.GetNumberOfPoints(), triangle_count(surface)
+    size = max(int(np.dot(each, counts)) for each in (_ALIKE, _CORNERS))
+    require_work(surface, size, "triangles with colours")
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)
@@ -383,7 +397,8 @@ def _still(
     if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
         # nor do a patch's numbers into its neighbour's
         look = np.arange(surface.GetNumberOfCells())[:, None]
-    kinds = np.unique(look[cells], axis=0, return_inverse=True)[1].reshape(-1, 1)
+    kinds = np.unique(look, axis=0, return_inverse=True)[1].reshape(-1, 1)[cells]
+    del look
     one = _merged(points, normals, colors if of_points else None)
     keys, places = np.unique(kinds * len(points) + one[triangles], return_inverse=True)
     rows, triangles = keys % len(points), places.reshape(-1, 3)

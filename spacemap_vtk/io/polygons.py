@@ -58,11 +58,16 @@ def facing(data: vtkPolyData) -> vtkPolyData:
     return normals.GetOutput()
 
 
-def require_work(data: vtkPolyData, each: int, ending: str) -> None:
-    """Refuse more polygons than there is memory to work on, at so many bytes for each."""
-    polygons = data.GetNumberOfCells()
+def triangle_count(data: vtkPolyData) -> int:
+    """Return into how many triangles polygons and strips can be cut."""
+    parts = data.GetPolys(), data.GetStrips()
+    return sum(each.GetNumberOfConnectivityIds() - 2 * each.GetNumberOfCells() for each in parts)
+
+
+def require_work(data: vtkPolyData, size: int, ending: str) -> None:
+    """Refuse polygons that there is not so much memory to work on."""
     require(
-        each * polygons,
-        f"to write {polygons} polygons as {ending}",
-        cure="Lower surface.subdivisions, or write a .vtp, which needs no work.",
+        size,
+        f"to write {data.GetNumberOfCells()} polygons as {ending}",
+        cure="Lower surface.subdivisions, or write a .vtp, which needs least.",
     )

@@ -54,6 +54,8 @@ DRAWN = {
     "frames": "as a film; the file has a number such as %04d in its name",
     "plot": "a figure of matplotlib's",
 }
+#: What makes a file of what moves smaller.
+SMALLER = "Raise --tolerance, take fewer times, or lower --subdivisions."
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

@@ -7,6 +7,7 @@ W3C's "CSV on the Web" has it.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,28 +17,35 @@ from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
-    from spacemap_vtk.datasets.moving_surface import MovingSurface
+    from spacemap_vtk.datasets.moving_surface import YarnCurves
 
 _COLUMNS = "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
 
 
 @writes(".csv", label="Table", holds=("yarns",))
-def write_csv(file: Path, surface: MovingSurface) -> None:
+def write_csv(file: Path, curves: YarnCurves | None) -> None:
     """Write a row for each control point of each yarn's cubic Bézier curves, end to end."""
 
-    curves = surface.curves
     if curves is None:
         raise InputError("there are no yarns to write", key="what", cure="Write a .vtu.")
-    rows, points = [_COLUMNS], iter(curves.points[0].tolist())
-    for yarn, count in enumerate(curves.counts.tolist()):
-        look = f"{curves.widths[yarn]:.6g},{','.join(map(str, curves.colors[yarn].tolist()))}"
-        for place in range(count):
-            x, y, z = next(points)
-            rows.append(f"{yarn},{place},{x:.9g},{y:.9g},{z:.9g},{look}")
-    write(file, ["\n".join(rows).encode(), b"\n"])
+    write(file, (f"{text}\n".encode() for text in _texts(curves)))
     if told():
         about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: told()}
         write(_beside(file), [json.dumps(about, indent=1).encode()])
+
+
+def _texts(curves: YarnCurves) -> Iterator[str]:
+    """Yield the lines, a yarn's together."""
+    yield _COLUMNS
+    begin = 0
+    for yarn, count in enumerate(curves.counts.tolist()):
+        look = f"{curves.widths[yarn]:.6g},{','.join(map(str, curves.colors[yarn].tolist()))}"
+        places = curves.points[0, begin : begin + count].tolist()
+        yield "\n".join(
+            f"{yarn},{place},{x:.9g},{y:.9g},{z:.9g},{look}"
+            for place, (x, y, z) in enumerate(places)
+        )
+        begin += count
 
 
 def _beside(file: Path) -> Path:

@@ -7,6 +7,9 @@ those that there are (pygltflib) hold its JSON, and leave all that is in the buf
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from struct import pack
 from typing import TYPE_CHECKING, Any
@@ -56,9 +59,10 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         facing: Any = moving.normal_targets if short is None else short.normals
         for k, target in enumerate(places):
             whole = target.dtype.kind == "i"
-            targets.append({"POSITION": buffer.add(target[rows], bounds=True, normalized=whole)})
+            part = buffer.add(target, rows=rows, bounds=True, normalized=whole)
+            targets.append({"POSITION": part})
             if facing is not None:
-                targets[-1]["NORMAL"] = buffer.add(facing[k][rows], normalized=whole)
+                targets[-1]["NORMAL"] = buffer.add(facing[k], rows=rows, normalized=whole)
         place = np.zeros(len(moving.points), "<u4")
         place[rows] = np.arange(len(rows))
         corners = place[moving.triangles[material.points[moving.triangles[:, 0]]]]
@@ -102,14 +106,16 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     head = pack("<4s3I4s", b"glTF", 2, 28 + len(text) + buffer.size, len(text), b"JSON")
-    write(file, [head, text, pack("<I4s", buffer.size, b"BIN\0"), *buffer.parts])
+    chunks = [head, text, pack("<I4s", buffer.size, b"BIN\0")]
+    write(file, chain(chunks, (part() for part in buffer.parts)))
 
 
 class _Buffer:
     """All arrays of a file, one after another, and what glTF says of each."""
 
     def __init__(self) -> None:
-        self.parts: list[Any] = []
+        #: Each makes an array when it is written: all together would be the file once more.
+        self.parts: list[Callable[[], NDArray[Any]]] = []
         self.views: list[dict[str, Any]] = []
         self.accessors: list[dict[str, Any]] = []
         self.size = 0
@@ -118,32 +124,41 @@ class _Buffer:
         self,
         values: NDArray[Any],
         target: int | None = _VERTICES,
+        rows: NDArray[Any] | None = None,
         bounds: bool = False,
         normalized: bool = False,
     ) -> int:
-        """Add an array, and return its number."""
-        import numpy as np
-
-        kind = "<f4" if values.dtype.kind == "f" else values.dtype.str
-        table, stride = np.ascontiguousarray(values, kind), {}
-        rows = table.reshape(len(table), -1)
-        if kind in ("<i2", "|i1"):  # each row begins at a multiple of four bytes
-            table = np.pad(table, ((0, 0), (0, 1)))
-            stride = {"byteStride": table.itemsize * 4}
-        view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes, **stride}
+        """Add an array, or some of its rows, and return its number."""
+        part = partial(_packed, values, rows)
+        table = part()
+        view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes}
+        columns = table.reshape(len(table), -1)
+        if table.dtype.kind == "i":
+            view["byteStride"] = table.itemsize * 4
+            columns = columns[:, :3]
         accessor: dict[str, Any] = {
             "bufferView": len(self.views),
-            "componentType": _COMPONENTS[kind],
+            "componentType": _COMPONENTS[table.dtype.str],
             "count": len(table),
-            "type": "SCALAR" if table.ndim == 1 else f"VEC{rows.shape[1]}",
+            "type": "SCALAR" if table.ndim == 1 else f"VEC{columns.shape[1]}",
         }
         if bounds:
-            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+            accessor |= {"min": columns.min(axis=0).tolist(), "max": columns.max(axis=0).tolist()}
         self.views.append(view | ({} if target is None else {"target": target}))
         self.accessors.append(accessor | ({"normalized": True} if normalized else {}))
-        self.parts.append(table)  # of four bytes, or eight: the next begins where it must
+        self.parts.append(part)
         self.size += table.nbytes
         return len(self.accessors) - 1
+
+
+def _packed(values: NDArray[Any], rows: NDArray[Any] | None) -> NDArray[Any]:
+    """Return an array as it stands in the file, of four bytes or eight: the next begins there."""
+    import numpy as np
+
+    kind = "<f4" if values.dtype.kind == "f" else values.dtype.str
+    table = np.ascontiguousarray(values if rows is None else values[rows], kind)
+    # of small integers each row begins at a multiple of four bytes
+    return np.pad(table, ((0, 0), (0, 1))) if table.dtype.kind == "i" else table
 
 
 @tells(".glb")

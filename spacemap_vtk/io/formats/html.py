@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import writes
+from spacemap_vtk.io.registry import SMALLER, writes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,8 +33,10 @@ _SCRIPTS = ("data.js", "drawing.js", "viewer.js")
 _USUAL, _LEAST = 0.2, 0.02
 #: Steps of a normal's length, and of a scale.
 _NORMAL, _SCALE = 1024, 1024
-#: Bytes of packed data in one element of the page, and of what is packed at once.
-_PART = 3 * 2**21
+#: Bytes that a page's arrays take, of each point, and each of a target.
+_POINT, _OF_TARGET = 150, 18
+#: Bytes of packed data in one element of the page, and numbers that are rounded at once.
+_PART, _AT_ONCE = 3 * 2**21, 2**18
 
 
 # In single precision, as it is counted, twice as much as on the page: browsers give one page's
@@ -42,7 +44,13 @@ _PART = 3 * 2**21
 @writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and how much there is of each over time."""
+    from spacemap_vtk.memory import require
 
+    require(
+        (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
+        "a page of {1} points in {0} shapes".format(*moving.targets.shape),
+        cure=SMALLER,
+    )
     record = json.loads(told() or "{}")
     generator = f"spacemap_vtk {record.get('version', '')}".rstrip()
     title = moving.title or file.stem
@@ -109,8 +117,16 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
 
 def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:
     """Return multiples of a unit, in two bytes if they are small."""
-    found = (values / unit).round()
-    return found.astype("i2" if abs(found).max(initial=0.0) < 2**15 else "i4")
+    import numpy as np
+
+    # a piece at a time: in double precision all are more than there is of anything else
+    flat = values.reshape(-1)
+    largest = max(values.max(initial=0.0), -values.min(initial=0.0)) / unit
+    found = np.empty(flat.shape, np.int16 if np.rint(largest) < 2**15 else np.int32)
+    for begin in range(0, len(flat), _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        found[part] = np.rint(flat[part] / unit)
+    return found.reshape(values.shape)
 
 
 def _figures(moving: MovingSurface, rounding: float) -> list[str]:
@@ -157,12 +173,12 @@ def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
 
     packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
     for values in arrays.values():
-        width = values.dtype.itemsize
-        columns = np.ascontiguousarray(np.moveaxis(values, -1, -2))
-        unsigned = columns.view(f"<u{width}")
-        steps = np.diff(unsigned, axis=-1, prepend=unsigned.dtype.type(0))
-        for byte in np.moveaxis(steps.reshape(-1, 1).view(np.uint8), -1, 0):
-            yield packer.compress(byte.tobytes())
+        blocks, width = values.reshape(-1, *values.shape[-2:]), values.dtype.itemsize
+        for byte in range(width):
+            for block in blocks:
+                unsigned = np.ascontiguousarray(block.T).view(f"<u{width}")
+                steps = np.diff(unsigned, axis=-1, prepend=unsigned.dtype.type(0))
+                yield packer.compress(steps.reshape(-1, 1).view(np.uint8)[:, byte].tobytes())
     yield packer.flush()
     yield b""
 

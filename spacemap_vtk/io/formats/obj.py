@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,11 @@ from spacemap_vtk.io.registry import reads, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-    from spacemap_vtk.datasets.moving_surface import MovingSurface
+    from spacemap_vtk.datasets.moving_surface import MovingSurface, Shade
     from spacemap_vtk.io.texture_atlas import Material, Paint, Painted
 
-#: Bytes that the text takes while it is made, of each triangle.
-_WORK = 470
+#: Rows whose text is made together.
+_AT_ONCE = 2**14
 
 
 def _names(path: Path) -> list[str]:
@@ -139,36 +140,48 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
 @writes(".obj", label="Wavefront OBJ", holds=("painted",))
 def write_obj(file: Path, surface: MovingSurface) -> None:
     """Write triangles in a group for each part, and a file of materials beside it."""
+    library, looks = file.with_suffix(".mtl"), []
+    for shade in surface.materials:
+        color = surface.colors[shade.points][0] / 255.0
+        shares = [1.0, 1.0, 1.0] if surface.painted else color.tolist()
+        looks += [f"newmtl {_look(shade)}", "Kd " + " ".join(f"{x:.6g}" for x in shares), ""]
+    write(library, ["\n".join(looks).encode()])
+    write(file, (f"{text}\n".encode() for text in _texts(surface, library.name)))
+
+
+def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
+    """Yield the lines, some together: all would take ten times what the surface does."""
     import numpy as np
 
-    from spacemap_vtk.memory import require
-
-    require(
-        _WORK * len(surface.triangles),
-        f"to write {len(surface.triangles)} triangles as .obj",
-        cure="Lower surface.subdivisions, or write a .ply.",
-    )
-    library = file.with_suffix(".mtl")
-    points, rows = surface.points.tolist(), surface.colors / 255.0
-    if surface.painted:  # as MeshLab and Blender read them
-        points = np.hstack([surface.points, rows]).tolist()
-    lines = ["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library.name}"]
-    lines += [f"# colours: {surface.about['colors']}"] if "colors" in surface.about else []
-    lines += ["v " + " ".join(f"{x:.9g}" for x in point) for point in points]
+    yield "\n".join(["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library}"])
+    if "colors" in surface.about:
+        yield f"# colours: {surface.about['colors']}"
+    points = len(surface.points)
+    for part in _parts(points):
+        rows = surface.points[part]
+        if surface.painted:  # as MeshLab and Blender read them
+            rows = np.hstack([rows, surface.colors[part] / 255.0])
+        yield "\n".join("v " + " ".join(f"{x:.9g}" for x in row) for row in rows.tolist())
+    corner = "{0}"
     if surface.normals is not None:
-        lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in surface.normals.tolist()]
-    corner = "{0}" if surface.normals is None else "{0}//{0}"
-    looks = []
+        corner = "{0}//{0}"
+        for part in _parts(points):
+            rows = surface.normals[part]
+            yield "\n".join(f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in rows.tolist())
     for shade in surface.materials:
-        # a "#" begins a comment
-        name = shade.name.replace(" ", "_").replace("#", "")
-        color = [1.0, 1.0, 1.0] if surface.painted else rows[shade.points][0].tolist()
-        looks += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in color), ""]
-        faces = surface.triangles[shade.points[surface.triangles[:, 0]]] + 1
-        lines += [f"g {shade.name.partition(' #')[0]}", f"usemtl {name}"]
-        lines += ["f " + " ".join(corner.format(at) for at in face) for face in faces.tolist()]
-    write(library, ["\n".join(looks).encode()])
-    write(file, ["\n".join(lines).encode(), b"\n"])
+        yield f"g {shade.name.partition(' #')[0]}\nusemtl {_look(shade)}"
+        faces = surface.triangles[shade.points[surface.triangles[:, 0]]]
+        for part in _parts(len(faces)):
+            rows = (faces[part] + 1).tolist()
+            yield "\n".join("f " + " ".join(corner.format(at) for at in row) for row in rows)
+
+
+def _parts(count: int) -> Iterator[slice]:
+    return (slice(begin, begin + _AT_ONCE) for begin in range(0, count, _AT_ONCE))
+
+
+def _look(shade: Shade) -> str:
+    return shade.name.replace(" ", "_").replace("#", "")  # a "#" begins a comment
 
 
 tells(".obj")(told_in_comments)

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface
 
-#: Bytes that making the file takes beside the surface, of each of its polygons.
-_WORK = 125
+#: Bytes that making the file takes beside the surface: of a point six numbers, of a polygon's
+#: corner its number there, and in the copy whose polygons face the same side.
+_POINT, _CORNER = 24, 14
 _SIZES = {"u1": "uchar", "<i4": "int"}
 _TYPES = {
     **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1"},
@@ -127,9 +128,10 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
 
     from spacemap_vtk.io.polygons import corners_of, facing, require_work
 
-    require_work(surface, _WORK, ".ply")
+    corners = surface.GetPolys().GetNumberOfConnectivityIds()
+    require_work(surface, _POINT * surface.GetNumberOfPoints() + _CORNER * corners, ".ply")
     polygons = facing(surface)
-    counts, corners = corners_of(polygons)
+    counts, numbers = corners_of(polygons)
     data, given = polygons.GetPointData(), []
     for names, array in (
         (("x", "y", "z"), polygons.GetPoints().GetData() if polygons.GetPoints() else None),
@@ -147,7 +149,7 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     size = "u1" if counts.max(initial=0) < 256 else "<i4"
     properties = [f"property float {name}" for name in columns]
     head = _head(len(vertices), properties, len(counts), size)
-    write(file, [head, vertices, _faces(counts, corners, size)])
+    write(file, [head, vertices, _faces(counts, numbers, size)])
 
 
 # The last to be registered: what is written where nothing else is asked for.

@@ -7,19 +7,22 @@ that is full: it makes the file among the system's temporary ones.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import needs, writes
+from spacemap_vtk.io.registry import SMALLER, needs, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.datasets.moving_surface import MovingSurface, YarnCurves
 
 #: Of yarn, as in glTF.
 _ROUGHNESS = 0.75
+#: Bytes that a layer takes, of each point, and each of a target: place and normal.
+_POINT, _OF_TARGET = 110, 24
 _require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb.")
 
 
@@ -34,8 +37,14 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     """Write a surface, its targets and their animations."""
     from pxr import Sdf, Tf, Usd
 
+    from spacemap_vtk.memory import require
     from spacemap_vtk.vanishing import vanishing_folder
 
+    require(
+        (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
+        "a layer of {1} points in {0} shapes".format(*moving.targets.shape),
+        cure=SMALLER,
+    )
     layer = Sdf.Layer.CreateAnonymous(file.suffix)
     _fill(Usd.Stage.Open(layer), moving)
     with vanishing_folder() as folder:
@@ -46,7 +55,9 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
             raise SpacemapError(f"{file.name}: usd-core could not make it: {error}") from None
         if not done:
             raise SpacemapError(f"{file.name}: usd-core could not make it in {folder}")
-        write(file, [made.read_bytes()])
+        del layer  # and with it all that is in the file
+        with made.open("rb") as stream:
+            write(file, iter(partial(stream.read, 2**24), b""))
 
 
 def _vectors(values: Any) -> Any:
@@ -78,7 +89,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateDoubleSidedAttr(True)
     # where the targets may take it: what is out of sight is not drawn
-    reach = np.abs(moving.targets).sum(axis=0) if len(moving.targets) else 0.0
+    reach = sum(map(np.abs, moving.targets), 0.0)
     ends = (moving.points - reach).min(axis=0), (moving.points + reach).max(axis=0)
     mesh.CreateExtentAttr(_vectors(np.array(ends)))
     if moving.normals is not None:

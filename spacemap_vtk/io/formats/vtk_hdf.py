@@ -90,11 +90,15 @@ class _Sink(FileIO):
 def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: _Sink) -> None:
     import numpy as np
 
+    from spacemap_vtk.memory import require
+
     times: list[float] = []
     begin: dict[str, list[int]] = {}
     digests: dict[str, bytes] = {}
     root = made.create_group("VTKHDF")
     for time, data in steps:
+        if not times:
+            require(_bytes(data), f"to write {data.GetNumberOfCells()} cells as .vtkhdf")
         times.append(time)
         for place, rows in _tables(data):
             begin.setdefault(place, []).append(_add(root, digests, place, rows))
@@ -152,6 +156,15 @@ def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) ->
 
 def _place(table: str, array: vtkDataArray) -> str:
     return f"{table}/{array.GetName().replace('/', '_')}"
+
+
+def _bytes(data: vtkDataSet) -> int:
+    """Return what the largest table takes: HDF5's copy, and of cells numbers of eight bytes."""
+    cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
+    numbers, table = cells.GetNumberOfConnectivityIds(), data.GetPointData()
+    arrays = data.GetPoints().GetData(), *map(table.GetArray, range(table.GetNumberOfArrays()))
+    largest = max(array.GetActualMemorySize() for array in arrays if array is not None)
+    return max(16 * numbers + 8 * cells.GetNumberOfCells(), 1024 * largest)
 
 
 def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:

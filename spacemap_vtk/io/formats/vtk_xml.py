@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,8 @@ from spacemap_vtk.io.registry import of, reads, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
 
+#: Bytes that VTK packs together, and how many of these of an array say how long it becomes.
+_BLOCK, _SAMPLES = 2**15, 5
 _READERS = {
     ".vtu": "vtkXMLUnstructuredGridReader",
     ".vtp": "vtkXMLPolyDataReader",
@@ -130,7 +133,13 @@ tells(".pvtp", ".pvtu")(told_in_comments)
 
 
 def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
+    from spacemap_vtk.memory import require
 
+    require(
+        2 * _text_bytes(data),  # VTK's own and Python's
+        f"to write {data.GetNumberOfCells()} cells as {file.suffix.lower()}",
+        cure="Lower surface.subdivisions, or use fewer ends and picks.",
+    )
     writer.SetDataModeToBinary()
     writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
     writer.SetInputData(_with_record(data))
@@ -141,12 +150,33 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
     del writer  # and with it another copy
     # Bytes where a name in the data is no UTF-8.
     made = text if isinstance(text, bytes) else text.encode()
+    del text
     if not done or fault or not made.endswith(b"</VTKFile>\n"):
         from vtkmodules.vtkCommonMisc import vtkErrorCode
 
         why = vtkErrorCode.GetStringFromErrorCode(fault)
         raise SpacemapError(f"VTK has not made the {file.suffix.lower()} file: {why}")
     write(file, [made])
+
+
+def _text_bytes(data: vtkDataSet) -> int:
+    """Return about how long data are as text, by how some blocks of each array are packed."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
+    arrays = [data.GetPoints().GetData(), cells.GetConnectivityArray(), cells.GetOffsetsArray()]
+    for table in (data.GetPointData(), data.GetCellData()):
+        arrays += [table.GetArray(number) for number in range(table.GetNumberOfArrays())]
+    size = 0.0
+    for array in arrays:
+        if array is not None:  # of numbers
+            content = np.ascontiguousarray(vtk_to_numpy(array)).reshape(-1).view(np.uint8).data
+            begins = range(0, len(content), max(_BLOCK, len(content) // _SAMPLES))
+            taken = [content[begin : begin + _BLOCK] for begin in begins]
+            packed = sum(len(zlib.compress(block, 5)) for block in taken)
+            size += len(content) * packed / max(1, sum(map(len, taken)))
+    return int(4 / 3 * size)  # as letters, three bytes are four
 
 
 def _with_record(data: vtkDataSet) -> vtkDataSet:
