@@ -205,6 +205,19 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
         require_picture(scene, PictureAsked((640, 480), 100))
 
 
+def test_what_is_there_is_not_asked_for_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    weave = {"ends": 60, "picks": 60}
+    scene = Scene({"weave": weave, "surface": {"subdivisions": 1}, "response": {}})
+    asked: list[int] = []
+    monkeypatch.setattr(
+        "spacemap_vtk.scenes.footprint.require", lambda size, *_, **__: asked.append(size)
+    )
+    Picture(scene, [0.0, 0.1], (64, 48)).close()
+    points = scene.weave.counts.points
+    # Before anything is taken, and when places at both times and moved ones are there.
+    assert asked[-1] < asked[0] - 2 * 24 * points
+
+
 def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 800, "picks": 800}})
     size = sheet_bytes(scene, PictureAsked((640, 480)))

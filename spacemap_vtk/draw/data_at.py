@@ -22,10 +22,11 @@ def data_at(
     scene: Scene, what: str, time: float, tolerance: float | None, span: Span | None = None
 ) -> Any:
     """Return what is a key of `spacemap_vtk.io.registry.DATA`, at a time."""
-    if what == "yarns":  # without their surface, which takes ten times as much
+    moved = scene.stage("warp") or scene.source  # without a surface, which takes most
+    if what == "yarns":
         from spacemap_vtk.draw.seen_yarns import SeenYarns
 
-        scene.update_stage(scene.stage("warp") or scene.source, time)
+        scene.update_stage(moved, time)
         seen = SeenYarns(scene, 1)
         seen.see(0)
         return seen.curves
@@ -38,7 +39,8 @@ def data_at(
     from spacemap_vtk.datasets.arrays import copied
 
     # Of a cage nothing below it is needed.
-    scene.update_stage(scene.deforming if what == "cage" else scene.stages[-1], time)
+    last = moved if what == "patches" else scene.stages[-1]
+    scene.update_stage(scene.deforming if what == "cage" else last, time)
     data = copied(scene.data(what))  # what the pipeline has it would take for up to date
     if scene.moves:
         data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats tell it

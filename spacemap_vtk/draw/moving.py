@@ -39,6 +39,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_work, triangle_count
 from spacemap_vtk.io.registry import SMALLER
 from spacemap_vtk.memory import require
+from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
 from spacemap_vtk.scenes.scene import Scene
@@ -323,8 +324,7 @@ def _compared(
             np.subtract(normals, still.normals, out=waiting[last])
             if last == len(waiting) - 1 or number == len(times) - 1:
                 rows_now = shares[number - last : number + 1]
-                for begin in range(0, len(points), _PART):  # all at once would be one more of these
-                    part = slice(begin, begin + _PART)
+                for part in blocks(len(points), _PART):  # all at once would be one more of these
                     turned[:, part] += np.tensordot(rows_now, waiting[: last + 1, part], (0, 0))
         tell(len(times) + number + 1, 2 * len(times))
     return error, turned

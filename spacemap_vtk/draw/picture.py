@@ -119,10 +119,10 @@ class Picture:
         self.sheet = sheet
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
-        self._choose_form(room, height)
+        self._choose_form(room, height, begun=extent is None)
         self._cut = cut_of(scene.view, scene.patches if sheet is None else sheet.moved)
 
-    def _choose_form(self, room: Floats, height: int) -> None:
+    def _choose_form(self, room: Floats, height: int, begun: bool) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
         if not scene.woven:
@@ -135,7 +135,7 @@ class Picture:
         if scene.view.color == "clearance":
             self._tell_of_facets()
         if self.sheet is None:
-            require_picture(scene, asked)
+            require_picture(scene, asked._replace(begun=begun))
         elif scene.surface.subdivisions is None and pixels < SMALLEST_YARN:
             scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
         else:

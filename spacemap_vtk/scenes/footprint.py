@@ -69,6 +69,9 @@ class PictureAsked(NamedTuple):
     sides: int = 0
     #: Whether yarns are so thin that nearly all is edges.
     fine: bool = False
+    #: Whether control points have been made and moved, and windows opened: what is there is not
+    #: asked for once more.
+    begun: bool = False
 
 
 def panels_of(scene: Scene, show: Sequence[str] = ()) -> Sequence[str]:
@@ -133,31 +136,36 @@ def _sides(scene: Scene, asked: PictureAsked) -> int:
 
 def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: PictureAsked) -> int:
     quads, points = counts.patches * n**2, counts.patches * (n + 1) ** 2
-    warp, columns, view, films = scene.warp, 0, scene.view, asked.frames > 1
-    if scene.moves:
-        columns = 3 + _columns(warp.carried)
-    total = counts.bytes(scene.weave.exact, scene.weave.single)
-    total += patch_tessellator.estimate_bytes(counts.patches, n, columns)
-    if points > WORTHWHILE:
-        total += _LOOPS
-    if scene.moves:
-        nodes = 10 if scene.cage.order == 2 else 4
-        total += _SOLVER
-        total += barycentric_warp.estimate_bytes(
-            counts.points, nodes, warp.smooth, columns - 3, scene.weave.single
-        )
-        if scene.stage("crimp") is not None:
-            total += crimp_interchange.estimate_bytes(counts.points)
-        if films:
-            total += (24 if scene.weave.single else 48) * counts.points
-            total += (24 + 4 * columns) * points
-    drawn = _GRAPHICS + _pixel_bytes(scene, asked) + drawing_bytes(quads, points)
+    view, films = scene.view, asked.frames > 1
+    columns = 3 + _columns(scene.warp.carried) if scene.moves else 0
+    total = patch_tessellator.estimate_bytes(counts.patches, n, columns)
+    if scene.moves and films:
+        total += (24 + 4 * columns) * points
+    if not asked.begun:
+        total += _GRAPHICS + _LOOPS * (points > WORTHWHILE)
+        total += _moved_bytes(scene, counts, columns, films)
+    drawn = _pixel_bytes(scene, asked) + drawing_bytes(quads, points)
     drawn += _GHOST * points * view.ghost + _CUT * points * (view.clip_normal is not None)
     drawn += _NUMBER * points * COLORINGS[view.color].numbers
     if view.color != "clearance":
         return total + drawn
     measured = _TREES + _CLEARANCE * points
     return total + (drawn + measured if films else max(drawn, measured))
+
+
+def _moved_bytes(scene: Scene, counts: Counts, columns: int, films: bool) -> int:
+    """Return what control points take, and what moves them."""
+    warp, single = scene.warp, scene.weave.single
+    total = counts.bytes(scene.weave.exact, single)
+    if scene.moves:
+        nodes = 10 if scene.cage.order == 2 else 4
+        total += _SOLVER + (24 if single else 48) * counts.points * films
+        total += barycentric_warp.estimate_bytes(
+            counts.points, nodes, warp.smooth, columns - 3, single
+        )
+        if scene.stage("crimp") is not None:
+            total += crimp_interchange.estimate_bytes(counts.points)
+    return total
 
 
 def fits_picture(scene: Scene, asked: PictureAsked) -> bool:

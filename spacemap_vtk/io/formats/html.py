@@ -119,12 +119,13 @@ def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[An
     """Return multiples of a unit, in two bytes if they are small."""
     import numpy as np
 
+    from spacemap_vtk.parallel import blocks
+
     # a piece at a time: in double precision all are more than there is of anything else
     flat = values.reshape(-1)
     largest = max(values.max(initial=0.0), -values.min(initial=0.0)) / unit
     found = np.empty(flat.shape, np.int16 if np.rint(largest) < 2**15 else np.int32)
-    for begin in range(0, len(flat), _AT_ONCE):
-        part = slice(begin, begin + _AT_ONCE)
+    for part in blocks(len(flat), _AT_ONCE):
         found[part] = np.rint(flat[part] / unit)
     return found.reshape(values.shape)
 

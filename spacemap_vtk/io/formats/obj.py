@@ -153,11 +153,13 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
     """Yield the lines, some together: all would take ten times what the surface does."""
     import numpy as np
 
+    from spacemap_vtk.parallel import blocks
+
     yield "\n".join(["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library}"])
     if "colors" in surface.about:
         yield f"# colours: {surface.about['colors']}"
     points = len(surface.points)
-    for part in _parts(points):
+    for part in blocks(points, _AT_ONCE):
         rows = surface.points[part]
         if surface.painted:  # as MeshLab and Blender read them
             rows = np.hstack([rows, surface.colors[part] / 255.0])
@@ -165,19 +167,15 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
     corner = "{0}"
     if surface.normals is not None:
         corner = "{0}//{0}"
-        for part in _parts(points):
+        for part in blocks(points, _AT_ONCE):
             rows = surface.normals[part]
             yield "\n".join(f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in rows.tolist())
     for shade in surface.materials:
         yield f"g {shade.name.partition(' #')[0]}\nusemtl {_look(shade)}"
         faces = surface.triangles[shade.points[surface.triangles[:, 0]]]
-        for part in _parts(len(faces)):
+        for part in blocks(len(faces), _AT_ONCE):
             rows = (faces[part] + 1).tolist()
             yield "\n".join("f " + " ".join(corner.format(at) for at in row) for row in rows)
-
-
-def _parts(count: int) -> Iterator[slice]:
-    return (slice(begin, begin + _AT_ONCE) for begin in range(0, count, _AT_ONCE))
 
 
 def _look(shade: Shade) -> str:
