@@ -143,7 +143,7 @@ FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
                 (".stl", 150, "", COARSE, {}),
                 (".ply", 100, "surface", FINE, {}),
                 (".ply", 100, "painted", FINE, {}),
-                (".obj", 100, "", FINE, {}),
+                (".obj", 60, "", FINE, {}),
                 (".csv", 150, "", {}, {}),
                 (".glb", 100, "", FINE, {}),
                 (".glb", 60, "", {"response": {}}, FILM),
