@@ -19,6 +19,7 @@ from functools import partial
 from math import prod
 from pathlib import Path
 from queue import Empty, Full, Queue
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -245,11 +246,14 @@ def _write(
     done = len(there)
     tell(done, len(steps))
     frames: Queue[Future[Image] | None] = Queue(_AHEAD)
+    encode = partial(_encode, file, format_, scene.animation.frames_per_second, frames)
     # One thread makes files of frames or frames of files, one the film, and this one draws.
-    with ThreadPoolExecutor(2) as pool, _one_cache(kept.folder, count):
+    with (
+        ThreadPoolExecutor(1) as pool,
+        _one_cache(kept.folder, count),
+        _under_way(encode) as encoding,
+    ):
         drawn = (_drawn if count == 1 else partial(_drawn_by, count))(scene, job, kept, missing)
-        rate = scene.animation.frames_per_second
-        encoding = pool.submit(copy_context().run, _encode, file, format_, rate, frames)
         try:
             with closing(drawn):
                 for number in steps:
@@ -284,6 +288,28 @@ def _encode(
             pass
     else:
         format_.write(file, images, rate)
+
+
+@contextmanager
+def _under_way(work: Callable[[], None]) -> Iterator[Future[None]]:
+    """Let a thread do what must end before the block is left, and may not hold up the program."""
+    # A signal that is heard in Python code which VTK calls ends the program there and then: who is
+    # waited for at that moment, as a pool's threads are, would wait for frames for ever.
+    done: Future[None] = Future()
+
+    def run() -> None:
+        try:
+            work()
+            done.set_result(None)
+        except BaseException as error:
+            done.set_exception(error)
+
+    thread = Thread(target=copy_context().run, args=(run,), daemon=True)
+    thread.start()
+    try:
+        yield done
+    finally:
+        thread.join()
 
 
 def _hand_over(
