@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import sys
 import warnings
 import zipfile
@@ -64,6 +65,8 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
         return None
     path = _path(place, key)
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ValueError(path)  # a pipe never ends
         with zipfile.ZipFile(path) as entry, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of an entry by another program
             if sum(member.file_size for member in entry.infolist()) > LARGEST:

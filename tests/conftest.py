@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -187,6 +188,22 @@ def small_disk(tmp_path: Path) -> Iterator[Callable[..., Path]]:
     yield make
     for disk in made:
         subprocess.run(["umount", "--recursive", str(disk)], check=True)
+
+
+@pytest.fixture
+def folder_of_nobody() -> Iterator[Path]:
+    """Make a folder, and be meanwhile whom permissions bind, as they do not bind root."""
+    import spacemap_vtk.io.formats  # noqa: F401  # whose files this user may not read
+
+    with tempfile.TemporaryDirectory() as name:
+        os.chmod(name, 0o777)
+        if root := os.geteuid() == 0:
+            os.seteuid(65534)
+        yield Path(name)
+        if root:
+            os.seteuid(0)
+        for path in Path(name).rglob("*"):
+            path.chmod(0o700)
 
 
 @contextmanager

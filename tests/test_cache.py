@@ -190,6 +190,17 @@ def test_a_damaged_entry_is_replaced(place, calls, damage):
     assert len(list(place.iterdir())) == 1
 
 
+@pytest.mark.parametrize("device", ["/dev/zero", None])
+def test_an_entry_that_never_ends_is_replaced(place, device):
+    cache.store("entry", values=np.arange(8.0))
+    path = place / "entry-1.npz"
+    path.unlink()
+    path.symlink_to(device) if device else os.mkfifo(path)
+    assert cache.load("entry") is None
+    cache.store("entry", values=np.arange(8.0))
+    assert len(cache.load("entry")["values"]) == 8
+
+
 def test_whatever_has_become_of_an_entry_nothing_else_is_read(place):
     right = {"values": np.arange(8.0), "shapes": np.random.default_rng(0).random((8, 5, 3))}
     cache.store("entry", **right)

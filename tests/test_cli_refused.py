@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,11 @@ import numpy as np
 import pytest
 from test_cli import SMALL, refused, run
 
+from spacemap_vtk.cli.tell import _told_origin
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_with_vtk
+from spacemap_vtk.scenes import library
 
 
 @pytest.mark.parametrize(
@@ -285,6 +289,37 @@ def test_what_cannot_be_printed_is_told_once() -> None:
     assert done.stderr == (
         "spacemap: what is printed could not be written: no space left on device\n"
     )
+
+
+def test_closed_streams_spoil_nothing(tmp_path: Path) -> None:
+    # A file takes the number of a closed stream, and a library prints into it.
+    file = tmp_path / "a.csv"
+    command = [sys.executable, "-m", "spacemap_vtk", "export", "plain_weave"]
+    words = shlex.join([*command, "-o", str(file)])
+    done = subprocess.run(f"{words} <&- >&- 2>&-", shell=True, check=True)
+    assert done.returncode == 0
+    assert file.read_text().count("\n") > 9
+
+
+def test_a_stream_of_few_letters_gets_the_others_as_a_sign() -> None:
+    command = [sys.executable, "-m", "spacemap_vtk", "keys", "weave"]
+    few = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, env=few, capture_output=True, text=True, check=True)
+    assert "bicubic B?zier patches" in done.stdout
+
+
+def test_a_file_that_may_not_be_read_says_so(folder_of_nobody: Path) -> None:
+    file = folder_of_nobody / "a.wif"
+    file.touch(mode=0)
+    assert not _told_origin(file, json_=False)
+    said = "a.wif: permission denied. See to its permissions, or choose another file."
+    with pytest.raises(InputError, match=said):
+        library.find(file)
+    with pytest.raises(InputError, match=r"file: .*a.wif: permission denied"):
+        registry.existing(file)
+    (folder_of_nobody / "locked").mkdir(mode=0)
+    with pytest.raises(InputError, match=r"locked/a.wif: permission denied"):
+        library.find(folder_of_nobody / "locked/a.wif")
 
 
 def test_a_mesh_that_goes_while_it_is_read_is_no_damaged_one(tmp_path: Path) -> None:

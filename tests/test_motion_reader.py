@@ -240,6 +240,13 @@ def test_truncated_files_are_refused(tmp_path: Path, kind: str) -> None:
     assert victim.name in str(caught.value)
 
 
+def test_a_file_may_be_named_like_a_pattern(tmp_path: Path) -> None:
+    file = as_pvd(tmp_path).rename(tmp_path / "motion [1]*.pvd")
+    stage = MotionReader(file=file)
+    stage.update(TIMES[1])
+    assert np.abs(displacement(stage)).max() > 0
+
+
 def test_empty_and_missing_series(tmp_path: Path) -> None:
     empty = tmp_path / "empty.pvd"
     empty.write_text("<VTKFile><Collection></Collection></VTKFile>")

@@ -146,7 +146,7 @@ OWN_WRITERS = {
     "io/formats/film.py": {"_write_gif": {"palette.save"}, "_try_on": {"file.open"}},
     # a pipe, and what swallows
     "workers.py": {"main": {"os.fdopen"}},
-    "cli/main.py": {"_print_no_more": {"os.open"}},
+    "cli/main.py": {"_open_streams": {"os.fdopen", "os.open"}, "_print_no_more": {"os.open"}},
     "io/formats/vtk_hdf.py": {"_Sink": {"FileIO"}},
 }
 _WRITING = re.compile(
@@ -241,6 +241,29 @@ def test_a_film_that_is_stopped_leaves_its_frames(
     assert ffmpegs(tmp_path) == []
 
 
+#: Ends the program as a signal does that is heard while VTK draws, in Python that it has called.
+_HEARD_IN_VTK = """
+import os, signal, sys
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.offscreen import Offscreen
+
+def render(self, *rest, **more):
+    self.renderer.AddObserver("StartEvent", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    plain(self, *rest, **more)
+
+plain, Offscreen.render = Offscreen.render, render
+main(sys.argv[1:])
+"""
+
+
+def test_a_film_that_is_stopped_within_vtk_ends(tmp_path: Path) -> None:
+    # VTK exits, and waits for threads: the one that encodes waited for frames.
+    words = [*WRITERS["x.gif"].split(), str(tmp_path / "x.gif"), "--workers", "1"]
+    done = subprocess.run([sys.executable, "-c", _HEARD_IN_VTK, *words], timeout=60)
+    assert done.returncode == 143
+    assert [*tmp_path.glob("x.gif"), *tmp_path.glob(".spacemap-*")] == []
+
+
 def test_ffmpeg_goes_where_drawing_fails(tmp_path: Path) -> None:
     def images() -> Iterator[NDArray[np.uint8]]:
         yield from np.zeros((5, 240, 320, 3), np.uint8)
@@ -302,6 +325,40 @@ def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
 def test_where_root_may_write_and_cannot_is_told_before_any_work() -> None:
     with pytest.raises(InputError, match="the folder /proc: nothing can be made in it"):
         check_output(Path("/proc/x.png"), {".png": "picture"})
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("folder.png", "a folder of that name is in the way"),
+        ("pipe.png", "a device or a pipe of that name is in the way"),
+        ("link.png", "a link to .*precious.png is in the way. Remove it, or write to what"),
+        ("none.png", "a link to nowhere is in the way"),
+        ("full.png", "a link to /dev/full is in the way"),
+        (f"{'a' * 252}.png", "file name too long. Choose another name"),
+        ("a\nb.png", "no file is named with control characters"),
+        ("a\udcffb.png", "or with bytes that are no UTF-8"),
+        ("precious.png/a.png", "precious.png is a file, not a folder"),
+    ],
+)
+def test_a_new_file_takes_the_place_of_a_file_only(name: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "precious.png").write_bytes(PRECIOUS)
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "pipe.png")
+    for link, target in (("link", tmp_path / "precious.png"), ("none", "nowhere")):
+        (tmp_path / f"{link}.png").symlink_to(target)
+    (tmp_path / "full.png").symlink_to("/dev/full")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(InputError, match=said):
+        check_output(tmp_path / name, {".png": "picture"})
+    assert sorted(tmp_path.iterdir()) == before
+    assert (tmp_path / "precious.png").read_bytes() == PRECIOUS
+
+
+def test_where_a_user_may_not_look_nothing_is_written(folder_of_nobody: Path) -> None:
+    (folder_of_nobody / "locked").mkdir(mode=0)
+    with pytest.raises(InputError, match=r"the folder .*locked: permission denied"):
+        check_output(folder_of_nobody / "locked/a.png", {".png": "picture"})
 
 
 @pytest.mark.parametrize("program", [f"plot plain_weave {SMALL}", f"render plain_weave {SMALL}"])

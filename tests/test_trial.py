@@ -7,14 +7,18 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+import fuzz_rare
+import h5py
 import pytest
 
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import reading, trial
 from spacemap_vtk.io.reading import read_object
+from spacemap_vtk.io.series import open_series
 
 VTU = b"""<VTKFile type="UnstructuredGrid"><UnstructuredGrid>
 <Piece NumberOfPoints="99999999999999" NumberOfCells="0"><Points>
@@ -45,6 +49,35 @@ def test_what_kills_a_reader_is_refused(tmp_path: Path, ending: str, content: by
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"damaged, or too large: .* SIG(SEGV|ABRT|BUS)"):
         read_object(file)
+
+
+def test_a_library_that_ends_the_program_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "a.cgns"
+    fuzz_rare._cgns(file)
+    with h5py.File(file, "a") as made:
+        del made["Base/Zone/ data"]
+    with pytest.raises(InputError, match=r"what reads it ends by exit\(255\)\. Write the file"):
+        read_object(file)
+
+
+def test_a_reader_that_survives_its_trial_alone_is_refused(tmp_path: Path) -> None:
+    # VTK reads wild memory: of what was in it a mesh in one process, the end of another.
+    faces = "1 2 3 1e-320 0\n1 2 4 1  4 3 3)(\n1 2 3 1 0\n1 2 4 1 0\n1 3 4 1 0\n2 3 4 1 0\n"
+    points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    text = f"(2 3)\n(10 (0 1 4 0 3))\n(10 (1 1 4 1 3)(\n{points}))\n(12 (0 1 1 0))\n"
+    text += f"(12 (2 1 1 1 2))\n(13 (0 1 4 0))\n(13 (3 1 4 3 3)(\n{faces}))\n"
+    file = tmp_path / "a.cas"
+    file.write_text(f'(0 "a")\n{text}(45 (2 fluid a)())\n(45 (3 wall b)())\n')
+    with pytest.raises(InputError, match=r"a cell names point -?\d+|damaged, or too large"):
+        read_object(file)
+
+
+@pytest.mark.parametrize("read", [read_object, open_series])
+def test_a_name_that_is_no_utf_8_is_told(tmp_path: Path, read: Callable[[Path], object]) -> None:
+    file = tmp_path / "b\udcff.e"
+    file.write_bytes(b"CDF")
+    with pytest.raises(InputError, match=r"its name is no UTF-8. Rename it"):
+        read(file)
 
 
 def test_offsets_that_leave_the_corners_are_refused(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
+import io
 import logging
 import os
 import signal
@@ -80,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments is None:
         # Next to nothing of what a command makes is garbage: to look for it seldom is enough.
         gc.set_threshold(20_000, 20, 20)
+        _open_streams()
         outlived()
     # What libraries log, of folders that they cannot write into for example, is no message.
     logging.getLogger().addHandler(_SILENT)
@@ -108,19 +110,35 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _say(error)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("spacemap: stopped", file=sys.stderr)
+        _say("stopped")
         sys.exit(1)
     except Exception as error:
         if isinstance(error, OSError) and error.filename is None and error.errno in _FULL:
             if not isinstance(error, BrokenPipeError):  # whoever reads it has read enough
                 _say(f"what is printed could not be written: {str(error.strerror).lower()}")
             _print_no_more()
+        elif isinstance(error, OSError) and error.filename is not None and error.strerror:
+            _say(f"{os.fsdecode(error.filename)}: {error.strerror.lower()}")
         elif isinstance(error, MemoryError):
             _say(f"memory has run out: {str(error) or 'there is no more'}")
         else:
             _say(error)
         sys.exit(1)
     sys.exit(0)
+
+
+def _open_streams() -> None:
+    """Let a closed stream lead nowhere, and one that knows few letters write others as "?"."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:  # or the next file that is opened is where libraries print
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="replace")
 
 
 def outlived() -> None:
@@ -207,4 +225,5 @@ def _print_no_more() -> None:
 
 
 def _say(error: BaseException | str) -> None:
-    print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
+    with suppress(OSError):  # the exit status tells, too
+        print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import textwrap
 import tomllib
 from collections.abc import Collection
@@ -154,7 +153,7 @@ def _told_origin(file: Path, json_: bool) -> bool:
     """Print where a file comes from, if it says so; return whether that is all there is to say."""
     opens = registry.kind_of(file) is not None
     try:
-        record = provenance.record_in(file) if os.path.isfile(file) else None
+        record = None if registry.refusal(file) else provenance.record_in(file)
     except MissingLibraryError:  # which only the record is read by
         if not opens:
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import fields
 from typing import Any, ClassVar
 
@@ -25,7 +24,7 @@ from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.filters.base import Provided, written
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
-from spacemap_vtk.io.registry import read_words
+from spacemap_vtk.io.registry import read_words, refusal
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
 
@@ -219,9 +218,9 @@ class WeaveSource(WeaveParameters):
                 value=self.pattern,
                 cure=f"Leave out the pattern, or the draft {self.draft}",
             )
-        if not os.path.isfile(self.draft):
+        if why := refusal(self.draft):
             raise InputError(
-                "a folder" if os.path.isdir(self.draft) else "no such file",
+                why,
                 key="draft",
                 value=self.draft,
                 allowed=read_words("draft"),

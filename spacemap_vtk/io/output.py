@@ -15,6 +15,7 @@ import errno
 import os
 import re
 import shutil
+import stat
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from io import StringIO
@@ -28,6 +29,8 @@ from spacemap_vtk.vanishing import move_out, undisturbed, vanishing_folder
 
 #: Bytes at a file's end that are read again.
 _END = 64
+#: What XML cannot hold, nor VTK open: control characters, and bytes that are no UTF-8.
+_UNREADABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 _ROOM = "Make room there, or choose a folder on another disk."
 _OTHER = "Choose another folder, or see to its permissions."
 #: Why a disk takes no file, and what helps.
@@ -57,19 +60,21 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
             allowed=f"a name without {number[0]}, for example {one}",
             cure='Write one for each --time; numbered pictures are what "spacemap animate" writes.',
         )
-    if path.parent.exists() and not path.parent.is_dir():
+    if _UNREADABLE.search(path.name):
+        raise InputError(
+            f"{path}: no file is named with control characters, or with bytes that are no UTF-8",
+            cure="Choose another name.",
+        )
+    if os.path.isfile(path.parent):
         raise InputError(
             f"{path}: {path.parent} is a file, not a folder", cure="Choose another folder."
         )
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise InputError(
             f"{path}: the folder {path.parent} does not exist",
             cure=f'Try "mkdir -p {path.parent}".',
         )
-    if path.is_dir():
-        raise InputError(
-            f"{path}: a folder of that name is in the way", cure="Choose another name."
-        )
+    _require_file_or_nothing(path)
     try:
         # Tried out: root may write anywhere, by the permissions, and cannot.
         with vanishing_folder(path.parent):
@@ -78,6 +83,28 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
         why, cure = _REFUSALS.get(error.errno or 0, ("nothing can be made in it", _OTHER))
         if cure != _ROOM:  # for what is small there may be
             raise InputError(f"{path}: the folder {path.parent}: {why}", cure=cure) from None
+
+
+def _require_file_or_nothing(path: Path) -> None:
+    """Refuse the name of what is no file: a new one would take its place, not go through it."""
+    try:
+        mode = os.lstat(path).st_mode
+    except (FileNotFoundError, PermissionError):  # that of its folder is told by trying it out
+        return
+    except OSError as error:
+        why = os.strerror(error.errno or 0).lower()
+        raise InputError(f"{path}: {why}", cure="Choose another name.") from None
+    if stat.S_ISLNK(mode):
+        target = os.readlink(path)
+        raise InputError(
+            f"{path}: a link to {target} is in the way",
+            cure="Remove it, or write to what it leads to.",
+        )
+    if not stat.S_ISREG(mode):
+        what = "folder" if stat.S_ISDIR(mode) else "device or a pipe"
+        raise InputError(
+            f"{path}: a {what} of that name is in the way", cure="Choose another name."
+        )
 
 
 @contextmanager

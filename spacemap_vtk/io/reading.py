@@ -84,7 +84,9 @@ def read_blocks(path: Path) -> Any:
 
 def read_with_vtk(path: Path, module: str, name: str) -> Any:
     """Read a file with a reader of VTK's."""
-    return vtk_reader(path, module, name).GetOutputDataObject(0)
+    made = vtk_reader(path, module, name).GetOutputDataObject(0)
+    check_numbers(made, path)
+    return made
 
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
@@ -147,6 +149,15 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
             cure="Remove or repair them; a mesh program's cleaning does that.",
         )
     return result
+
+
+def check_numbers(data: Any, path: Path | str) -> None:
+    """Refuse cells of points that are not there, in all that a file holds."""
+    # Asked for where another process reads first, too: of wild memory a reader may make a mesh
+    # there, and its end in this one.
+    for block in leaves(data):
+        if block.GetNumberOfPoints():
+            _check_numbers(block, path)
 
 
 def _check_numbers(block: vtkDataSet, path: Path | str) -> None:

@@ -16,6 +16,7 @@ Where such a function would only import and call another, `of` stands for it.
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ READ = {
     "table": "times and factors",
     "column": "numbers",
 }
+#: Why a path is that of no file, where another name may help.
+NOT_THERE, A_FOLDER = "no such file", "a folder"
 #: What data a scene has that is written, in words.
 DATA = {
     "patches": "Bézier patches",
@@ -318,9 +321,8 @@ def name_filter(label: str, endings: Iterable[str]) -> str:
 
 def existing(path: Path, allowed: str | None = None) -> Path:
     """Refuse a file that is not there, or has nothing in it."""
-    if not os.path.isfile(path):
-        what = "a folder" if os.path.isdir(path) else "no such file"
-        raise InputError(f"{path}: {what}", key="file", allowed=allowed)
+    if why := refusal(path):
+        raise InputError(f"{path}: {why}", key="file", allowed=allowed)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")
     return path
@@ -329,6 +331,20 @@ def existing(path: Path, allowed: str | None = None) -> Path:
 def damaged(path: Path, why: str) -> InputError:
     """Return the error for a file that is not as its program has written it."""
     return InputError(f"{path}: {why}", key="file", cure="Write the file again, whole.")
+
+
+def refusal(path: str | Path) -> str:
+    """Return why a path is that of no file which can be read, or nothing."""
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISREG(mode):
+            with open(path, "rb"):  # who may, only the system knows
+                return ""
+    except PermissionError:
+        return "permission denied"
+    except (OSError, ValueError):  # the second of a name with a null character
+        return NOT_THERE
+    return A_FOLDER if stat.S_ISDIR(mode) else "a device or a pipe, no file"
 
 
 def truncated(path: Path) -> InputError:

@@ -98,7 +98,7 @@ def kinds() -> str:
 
 def open_series(file: Path) -> MeshSeries:
     """Open a time series."""
-    if any(sign in file.name for sign in "*?["):
+    if is_pattern(file):
         return _pattern(file)
     registry.existing(file, kinds())
     reader = registry.reader(file, "motion")
@@ -108,6 +108,11 @@ def open_series(file: Path) -> MeshSeries:
 def read_step(file: Path, step: int) -> vtkPointSet:
     """Return the mesh of a step of a time series."""
     return open_series(file).read(step)
+
+
+def is_pattern(file: Path) -> bool:
+    """Return whether a name is a pattern for others, and not a file's own."""
+    return any(sign in file.name for sign in "*?[") and not os.path.isfile(file)
 
 
 def named_like(file: Path) -> list[Path]:

@@ -45,6 +45,12 @@ def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[No
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
         yield
         return
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:  # VTK takes no other
+        raise InputError(
+            f"{path}: its name is no UTF-8", key="file", cure="Rename it, or the folder it is in."
+        ) from None
     before = _state(path)
     key = f"sound-{hashlib.sha256(repr((before, function, more)).encode()).hexdigest()[:40]}"
     if key not in _sound and cache.load(key) is None:
@@ -143,8 +149,9 @@ def attempt(task: tuple[tuple[Any, ...], tuple[int, int | None]]) -> None:
     with os.fdopen(receive, "rb") as stream:
         answer = stream.read()
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if code < 0:
-        raise workers.EndedError(f"its process ended by signal {signal.Signals(-code).name}")
+    if code:  # libraries call exit() where they do not know what to do
+        how = signal.Signals(-code).name if code < 0 else f"exit({code})"
+        raise workers.EndedError(f"its process ended by {how}")
     if answer:
         raise pickle.loads(answer)
 

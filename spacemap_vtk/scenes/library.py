@@ -43,16 +43,18 @@ def kinds() -> dict[str, list[str]]:
 def find(scene: str | Path) -> Path:
     """Return the file that a user's word stands for."""
     path = Path(scene)
-    if os.path.isfile(path):
+    if not (why := registry.refusal(path)):
         return path
     named = folder() / f"{scene}.toml"
     if str(scene) == path.name and os.path.isfile(named):
         return named
+    if why not in (registry.NOT_THERE, registry.A_FOLDER):  # no other name helps
+        raise InputError(f"{path}: {why}", cure="See to its permissions, or choose another file.")
     # Only for its message: numpy comes along.
     from spacemap_vtk.parameters import suggestion
 
     raise InputError(
-        f"{path}: {'a folder' if os.path.isdir(path) else 'no such file'}",
+        f"{path}: {why}",
         allowed=f"{registry.opened_words()}, or one of {', '.join(names())}",
         cure=suggestion(str(scene), names()),
     )

@@ -15,7 +15,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.formats.toml import format_scene, parsed
 from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
-from spacemap_vtk.io.series import named_like, open_series
+from spacemap_vtk.io.series import is_pattern, named_like, open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
@@ -70,8 +70,7 @@ def _is_below(place: str, folder: Path) -> bool:
 
 def _several(path: Path) -> list[Path]:
     """Return the files that a pattern stands for."""
-    many = any(sign in path.name for sign in "*?[")
-    return named_like(path) if many else [path]
+    return named_like(path) if is_pattern(path) else [path]
 
 
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:

@@ -62,7 +62,7 @@ def _case(folder: Path) -> list[Path]:
 def read_with_pyvista(path: Path) -> Any:
     """Read a file, with errors in words in place of what pyvista and meshio print."""
     from spacemap_vtk.datasets.quiet import quiet_vtk
-    from spacemap_vtk.io.reading import read_with_vtk
+    from spacemap_vtk.io.reading import check_numbers, read_with_vtk
     from spacemap_vtk.io.trial import tried
 
     other = _other_format(path)
@@ -106,6 +106,7 @@ def read_with_pyvista(path: Path) -> Any:
         ) from None
     if "not closed" in said.getvalue():  # meshio goes on with what there is
         raise truncated(path)
+    check_numbers(made, path)
     return made
 
 
