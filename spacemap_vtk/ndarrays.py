@@ -24,3 +24,5 @@ AnyInts = NDArray[np.integer[Any]]
 Progress = Callable[[float], object]
 #: Is told how many steps are done, and of how many; may raise to stop.
 Tell = Callable[[int, int], object]
+#: Is told a sentence.
+Say = Callable[[str], object]

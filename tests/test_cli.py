@@ -336,7 +336,7 @@ def test_what_a_writer_needs_is_asked_for_first(
     scene = Scene.read("plain_weave")
     scene.update()
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100 * polygons)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 80 * polygons)
     file = tmp_path / f"b{ending}"
     with pytest.raises(SizeError, match=f"to write {polygons} polygons as {ending} would need"):
         registry.writer(file, "surface").write(file, scene.data("surface"))

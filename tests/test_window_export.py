@@ -169,7 +169,10 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     begun = time.monotonic()
     QTest.mouseClick(window.exports.stopping, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.exports.busy)
-    assert time.monotonic() - begun < 10.0  # the film would take minutes
+    taken, begun = time.monotonic() - begun, time.monotonic()
+    # On a machine that others use, a second of one at rest: 40 starts of Python.
+    subprocess.run([sys.executable, "-ISc", ""], check=True)
+    assert taken < max(1.0, 40 * (time.monotonic() - begun))
     assert file.read_bytes() == b"what was there"
     assert [path.name for path in tmp_path.iterdir() if "spacemap-" in path.name] == []
     assert window.errors.text == ""

@@ -8,7 +8,7 @@ own points. In either case the surface at every frame is compared with what the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,6 +39,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_work, triangle_count
 from spacemap_vtk.io.registry import SMALLER
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Floats, Ints, Say, Singles, Tell
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
@@ -73,11 +74,6 @@ _SMALLER = {
 _ALIKE, _CORNERS, _MADE = (150, 40), (32, 190), 125
 #: Where what has no normal faces.
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
-
-Tell = Callable[[int, int], object]
-Say = Callable[[str], object]
-FloatArray = NDArray[np.float64]
-Rows = NDArray[np.integer[Any]]
 
 
 def moving(
@@ -213,14 +209,12 @@ def _too_small(tolerance: float, least: float) -> InputError:
 
 def _movers(scene: Scene) -> list[Stage]:
     """Return the stages of whose output the surface may be a linear map, cheapest first."""
-    warp = scene.stage("warp")
-    assert warp is not None
-    return [warp] if scene.stage("crimp") else [scene.deforming, warp]
+    return [scene.warp] if scene.stage("crimp") else [scene.deforming, scene.warp]
 
 
-def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> NDArray[np.floating]:
+def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
     """Return how far a stage moves its points from where they are at the first time, (T, n, 3)."""
-    found: NDArray[np.floating] = np.empty(0)
+    found: AnyFloats = np.empty(0)
     for number, time in enumerate(times):
         scene.update_stage(stage, time)
         now = _field(stage, stage.output)
@@ -253,13 +247,13 @@ def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
 def _carried(
     scene: Scene,
     stage: Stage,
-    shapes: FloatArray,
+    shapes: Floats,
     still: MovingSurface,
-    rows: Rows,
+    rows: AnyInts,
     most: int,
     say: Say,
     data: Any = None,
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+) -> tuple[Singles, Singles | None]:
     """Carry a stage's displacements to the surface and its normals: half of there and back."""
     kinds = 1 if still.normals is None else 2
     size = 12 * kinds * len(shapes) * len(still.points)
@@ -302,12 +296,12 @@ def _compared(
     scene: Scene,
     times: Sequence[float],
     still: MovingSurface,
-    rows: Rows,
-    targets: NDArray[np.float32],
-    weights: NDArray[np.float32],
+    rows: AnyInts,
+    targets: Singles,
+    weights: Singles,
     seen: SeenOverTime,
     tell: Tell,
-) -> tuple[float, NDArray[np.float32] | None]:
+) -> tuple[float, Singles | None]:
     """Return how far the sum of targets is from the surface at most, and targets of its normals."""
     error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
     # The least squares of what the normals do: the weights are orthogonal over time.
@@ -331,8 +325,8 @@ def _compared(
 
 
 def _taken(
-    surface: vtkPolyData, rows: Rows, faces: bool = True
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    surface: vtkPolyData, rows: AnyInts, faces: bool = True
+) -> tuple[Singles, Singles | None]:
     """Return a surface's points, and normals if they count, those that are written."""
     normals = surface.GetPointData().GetNormals() if faces else None
     points = points_of(surface)[rows].astype(np.float32, copy=False)
@@ -377,7 +371,7 @@ def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
 
 def _still(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
-) -> tuple[MovingSurface, Rows]:
+) -> tuple[MovingSurface, AnyInts]:
     """Return a surface without its motion, and which of its points are written."""
     counts = surface.GetNumberOfPoints(), triangle_count(surface)
     size = max(int(np.dot(each, counts)) for each in (_ALIKE, _CORNERS))
@@ -393,7 +387,9 @@ def _still(
         shown = COLORINGS[color]
         about["colors"] = f"{shown.label}, {low:g} to {high:g} {shown.unit}"
     # Points are told apart by what they are of: materials do not blend into each other.
-    look: Rows = parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
+    look: AnyInts = (
+        parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
+    )
     if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
         # nor do a patch's numbers into its neighbour's
         look = np.arange(surface.GetNumberOfCells())[:, None]
@@ -438,7 +434,7 @@ def _sight(scene: Scene) -> Sight:
     return Sight(CAMERAS, camera_of(scene), view.zoom, own, relief_of(scene), shadows)
 
 
-def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
     """Return the corners of a surface's polygons cut into triangles, and whose each is."""
     bare, cutter = vtkPolyData(), vtkTriangleFilter()
     bare.CopyStructure(surface)
@@ -454,9 +450,7 @@ def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int6
     return corners.astype(np.int64), vtk_to_numpy(cut.GetCellData().GetArray("cell"))
 
 
-def _looks(
-    scene: Scene, surface: vtkPolyData
-) -> tuple[list[str], NDArray[Any], NDArray[np.uint8], bool]:
+def _looks(scene: Scene, surface: vtkPolyData) -> tuple[list[str], NDArray[Any], Bytes, bool]:
     """Return names of parts, the part of each cell, colours, and whether those are of points."""
     cells, color = surface.GetCellData(), scene.view.color
     family = cells.GetArray("family")
@@ -477,11 +471,7 @@ def _looks(
     return names, parts, vtk_to_numpy(data.GetArray(name))[:, :3], of_points
 
 
-def _merged(
-    points: NDArray[np.float32],
-    normals: NDArray[np.float32] | None,
-    colors: NDArray[np.uint8] | None,
-) -> NDArray[np.int64]:
+def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> Ints:
     """Return for each point the first that lies there, faces there and has its colour."""
     # Patches do not share their borders; within a yarn they go on into each other smoothly.
     look = np.zeros(len(points), np.int64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -32,7 +32,7 @@ from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
@@ -271,11 +271,7 @@ class ModalSolver(FittedCage):
         """Return the displacement to the equilibrium [m], (V, 3): from disk, or solved."""
         digest = digest_of(model.digest, load / model.modulus)
 
-        def solve() -> list[Floats]:
-            shapes = {"displacement": model.points.shape, "critical": (1,)}
-            entry = cache.load(f"hung-{digest}", **shapes)
-            if entry is not None and np.isfinite(entry["displacement"]).all():
-                return list(entry.values())
+        def allow() -> None:
             require(
                 model.estimate_bytes(layers),
                 f"the equilibrium of {model.pencil.size} degrees of freedom",
@@ -283,10 +279,9 @@ class ModalSolver(FittedCage):
                 value=self.gravity,
                 cure="Use a coarser cage.",
             )
-            found, critical = model.hung(load, lambda share: self.report(share, "hanging"))
-            buckled = np.array([math.nan if critical is None else critical])
-            cache.store(f"hung-{digest}", displacement=found, critical=buckled)
-            return [found, buckled]
+
+        def solve() -> list[Floats]:
+            return hung(model, load, lambda share: self.report(share, "hanging"), allow)
 
         if self._hangs is None or self._hangs[0] != digest:
             processes = self._processes
@@ -421,6 +416,38 @@ class ModalSolver(FittedCage):
                 + f" a Poisson's ratio of {ratio:.4g}, and are too stiff; set [cage] order = 2 "
                 "(quadratic tetrahedra), or lower " + ("it to 0.45" if alike else "poissons_ratios")
             )
+
+
+def hung(
+    model: Model, load: Floats, tell: Progress, allow: Callable[[], object] = lambda: None
+) -> list[Floats]:
+    """Return where a body comes to rest under dead loads: from disk, or solved.
+
+    Parameters
+    ----------
+    model : Model
+        The body, undeformed.
+    load : ndarray of float64, shape (3V,)
+        On the vertices [N].
+    tell : callable
+        Is told the share that is done.
+    allow : callable, optional
+        May raise before it is solved.
+
+    Returns
+    -------
+    list of ndarray of float64
+        The displacement [m], (V, 3), and the share of the load at which it buckles, (1,), or NaN.
+    """
+    key = f"hung-{digest_of(model.digest, load / model.modulus)}"
+    entry = cache.load(key, displacement=model.points.shape, critical=(1,))
+    if entry is not None and np.isfinite(entry["displacement"]).all():
+        return list(entry.values())
+    allow()
+    displacement, share = model.hung(load, tell)
+    critical = np.array([math.nan if share is None else share])
+    cache.store(key, displacement=displacement, critical=critical)
+    return [displacement, critical]
 
 
 def _woven(grid: vtkUnstructuredGrid) -> float | None:

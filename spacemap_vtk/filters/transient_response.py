@@ -12,6 +12,7 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import masks_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.modal_solver import hung
 from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
@@ -222,12 +223,7 @@ class TransientResponse(LoadedCage):
                 None,
                 fittings,
             )
-        key = f"hung-{digest_of(model.digest, load / model.modulus)}"
-        entry = cache.load(key, displacement=model.points.shape)
-        found = None if entry is None else entry["displacement"]
-        if found is None or not np.isfinite(found).all():
-            found, _ = model.hung(load, lambda share: self.report(share, "hanging"))
-            cache.store(key, displacement=found)
+        found, _ = hung(model, load, lambda share: self.report(share, "hanging"))
         return found if model.displacement is None else found + model.displacement
 
     def _store(self, digest: str, motion: Stepped) -> None:
