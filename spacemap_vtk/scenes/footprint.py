@@ -55,6 +55,8 @@ _TILES, _MEASURED = 120_000_000, 145
 _VECTORS = ("velocity", "acceleration", "equilibrium", "linear_displacement")
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
 _MARGIN = 1.1
+#: What lets a cloth of any size be drawn.
+_SEEN = 'Set surface.subdivisions to "auto": only what is seen is made then. '
 
 
 class PictureAsked(NamedTuple):
@@ -212,12 +214,14 @@ def require_sheet(scene: Scene, asked: PictureAsked) -> None:
 
 
 def _require_picture(scene: Scene, asked: PictureAsked, pieces: int) -> None:
+    seen = _SEEN if scene.surface.subdivisions else ""
     try:
         with naming_section(scene.weave.section):
             ends, picks = scene.weave.cloth.size
             counts = scene.weave.counts
             now = _sides(scene, asked)
-    except SizeError:
+    except SizeError as error:
+        error.cure = f"{seen}{error.cure}"
         raise
     except SpacemapError:
         return  # what cannot be woven has no size; the stage says why
@@ -232,8 +236,8 @@ def _require_picture(scene: Scene, asked: PictureAsked, pieces: int) -> None:
         fewer = "use fewer ends and picks, about {} x {}".format(*few)
         for n in range(now - 1, 0, -1):
             if needed(n) <= free:
-                return f"Lower surface.subdivisions to {n}, or {fewer}."
-        return f"{fewer.capitalize()}."
+                return f"{seen}Lower surface.subdivisions to {n}, or {fewer}."
+        return f"{seen}{fewer.capitalize()}."
 
     with naming_section(scene.surface.section):
         require(
