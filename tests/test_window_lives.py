@@ -36,7 +36,7 @@ def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("rounds", [10, pytest.param(100, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("rounds", [20, pytest.param(100, marks=pytest.mark.nightly)])
 def test_many_rounds_leave_nothing_behind(rounds: int) -> None:
     told = run("window_rounds.py", str(rounds))
     assert len(told["memory"]) == rounds
@@ -48,7 +48,7 @@ def test_many_rounds_leave_nothing_behind(rounds: int) -> None:
     late = told["objects"][warm:]
     assert max(late) - min(late) < 2 * warm, told["grown"]
     # A window takes some 20 MB, of which nothing may stay.
-    assert told["memory"][-1] - told["memory"][warm] < min(10, warm), told["memory"]
+    assert told["memory"][-1] - told["memory"][warm] < 10, told["memory"]
 
 
 def test_on_a_dense_screen_all_is_the_same_and_finer(tmp_path: Path) -> None:
