@@ -85,6 +85,15 @@ def test_it_hangs_at_rest_until_loads_change() -> None:
     assert abs(at(let_go, 0.03) - first).max() > 0.1 * abs(first).max()
 
 
+def test_what_it_hangs_in_is_what_modal_solver_keeps(folder: Path) -> None:
+    at(chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1))), 0.0)
+    (kept,) = folder.rglob("hung-*")
+    written = kept.stat().st_ino  # what is written anew takes the place of a file
+    at(chain(ModalResponse(), modes=8, gravity=(0, 0, -1)), 0.0)
+    assert [*folder.rglob("hung-*")] == [kept]
+    assert kept.stat().st_ino == written
+
+
 def test_it_is_let_go_from_what_else_held_it() -> None:
     both = chain(ModalSolver(), modes=8)
     both.configure(fixed="+y -y", gravity=(0, 0, -1), youngs_modulus=1e3, elements="tetrahedra")
