@@ -89,6 +89,12 @@ class MissingLibraryError(SpacemapError, RuntimeError):
     """A system library or an optional package that is not installed."""
 
 
+class Remark(str):
+    """A sentence that only informs: `spacemap info` prints it, pictures do not warn of it."""
+
+    __slots__ = ()
+
+
 class SpacemapWarning(UserWarning):
     """What a stage doubts about its own result; `warnings` of Python shows, hides or raises it."""
 

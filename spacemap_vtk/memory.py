@@ -24,6 +24,8 @@ from spacemap_vtk.errors import SizeError
 SMALL = 2**24
 #: Bytes of a line of the processor's cache, and of its widest vectors.
 _LINE = 64
+#: Results of so many bytes do not stay in a cache until somebody reads them.
+_STREAMED = 2**25
 
 #: Names of a control group's files, of version 2 and of version 1: the limit, what is used, and in
 #: memory.stat what of that is of files, which the kernel takes back first.
@@ -126,6 +128,12 @@ def require(
         )
 
 
+def is_streamed(*arrays: NDArray[Any]) -> bool:
+    """Return whether compiled loops write some results past the cache: large, aligned ones."""
+    large = sum(array.nbytes for array in arrays) >= _STREAMED
+    return large and all(array.ctypes.data % _LINE == 0 for array in arrays)
+
+
 def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """Return an uninitialised array that begins at a border of 64 bytes: a line of the cache."""
     kind = np.dtype(dtype)
@@ -173,7 +181,7 @@ class Recycler:
                 pass  # blocks of another size will hardly be asked for again
         except IndexError:
             # np.empty asks for huge pages where the system grants them; bytearray would clear it
-            return np.empty(size, np.uint8).data
+            return aligned(size, np.uint8).data
         return block
 
     def _collect(self) -> None:

@@ -90,6 +90,11 @@ def for_each(
             other.result()
 
 
+#: Modules whose machine code is not kept: files that pip did not install stay behind when it
+#: uninstalls, as an empty package that hides the editable one of the README's second command.
+_NOT_KEPT = ("spacemap_vtk.draw.raster_loops",)
+
+
 def compiled(function: Function) -> Function:
     """Have a function compiled at its first call, for the types of its arguments."""
     # The machine code is kept on disk, so that the compiler runs once on a machine.
@@ -98,6 +103,8 @@ def compiled(function: Function) -> Function:
     # A division by zero is infinite, as in NumPy; a product and a sum may be rounded once.
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     try:
+        if function.__module__ in _NOT_KEPT:
+            raise RuntimeError
         made: Function = njit(**options, cache=True)(function)
     except RuntimeError:  # there is no folder to keep machine code in
         made = njit(**options)(function)

@@ -11,7 +11,9 @@ property are made from it::
 Invariants that other code relies on:
 
 - A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
-- ``None`` is stored where a value is automatic; users write the word `AUTOMATIC` for it.
+- ``None`` is stored where a value is automatic; users write the word `AUTOMATIC` for it. So no code
+  asks whether a value equals its default: what depends on whether somebody has given a value has
+  ``None`` as its default, and `Parameterised.given` says what a scene has written.
 - Assigning an equal value changes nothing and calls no hook.
 - A name that is not declared is refused, with the list of those that are: VTK objects would take
   any misspelt attribute silently.
@@ -95,7 +97,6 @@ class Parameter(Generic[T]):
     def __set__(self, instance: Parameterised, value: Any) -> None:
         checked = self.check(value)
         if checked != self.__get__(instance, type(instance)):
-            # Back at the default it is as if nobody had set it, which some stages ask.
             instance._values.pop(self.name, None)
             if checked != self.default:
                 instance._values[self.name] = checked
@@ -127,6 +128,23 @@ class Parameter(Generic[T]):
             raise InputError(
                 error.message, key=self.name, value=value, allowed=self.allowed, cure=error.cure
             ) from None
+
+    def require_plausible(self, value: Any) -> None:
+        """Refuse a value as written in a scene that cannot be meant as it stands.
+
+        Scenes, ``--set``, the window and ParaView ask this before they set a value; in Python a
+        number is SI, and any value in range is set.
+
+        Parameters
+        ----------
+        value : object
+            Whatever a user wrote.
+
+        Raises
+        ------
+        InputError
+            If it is a number without a unit that is implausible in SI.
+        """
 
     def convert(self, value: Any) -> T:
         """Return a given value in canonical form.
@@ -301,8 +319,13 @@ class Parameterised:
     section: ClassVar[str] = ""
     #: The declared parameters by name, in the order of declaration.
     parameters: ClassVar[dict[str, Parameter[Any]]] = {}
+    #: Other names that users may write, each with the parameter that it stands for.
+    synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
+    #: The values that are not the defaults, by name.
     _values: dict[str, Any]
+    #: The names that a scene has set, to whatever value.
+    _written: set[str]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -321,6 +344,7 @@ class Parameterised:
 
     def __init__(self, **values: Any) -> None:
         self._values = {}
+        self._written = set()
         self.configure(**values)
 
     def configure(self, **values: Any) -> None:
@@ -341,7 +365,29 @@ class Parameterised:
         for name, value in values.items():
             self.parameter(name).check(value)
         for name, value in values.items():
-            setattr(self, name, value)
+            setattr(self, self.parameter(name).name, value)
+
+    def write(self, name: str, value: Any) -> None:
+        """Set a parameter as a scene or the command line does.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        value : object
+            As a scene file has it; a number without a unit must be plausible in SI.
+        """
+        self.parameter(name).require_plausible(value)
+        self.configure(**{name: value})
+        self._written.add(name)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The values that somebody has given, by name: also defaults, where a scene says so."""
+        # In this order, whatever order they were set in.
+        names = [name for name in self.parameters if name in self._values or name in self._written]
+        values = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in values.items() if value is not None}
 
     @classmethod
     def parameter(cls, name: str) -> Parameter[Any]:
@@ -362,6 +408,7 @@ class Parameterised:
         UnknownNameError
             If there is none of that name; the message lists those that are.
         """
+        name = cls.synonyms.get(name, name)
         if name not in cls.parameters:
             raise UnknownNameError(
                 f"{cls.__name__} has no parameter of that name",

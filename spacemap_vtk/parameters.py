@@ -18,7 +18,7 @@ from spacemap_vtk.parameterised import AUTOMATIC as AUTOMATIC
 from spacemap_vtk.parameterised import Parameter as Parameter
 from spacemap_vtk.parameterised import Parameterised as Parameterised
 from spacemap_vtk.parameterised import suggestion as suggestion
-from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
+from spacemap_vtk.units import UNITS, format_quantity, parse_quantity, split_quantity
 
 #: Of a number in SI. What is drawn is in single precision, which knows none beyond 3e38; products
 #: of a few such do not leave double precision.
@@ -40,6 +40,11 @@ class Real(Parameter[Any]):
         Ends of the range, not allowed themselves.
     trade : str, optional
         The unit that the trade writes it in, one of those of `unit`, for figures that are told.
+    plausible : tuple of float, optional
+        Between which values, in SI, a number may be written without its unit in a scene: a number
+        beyond was meant in another unit. A number with its unit only has to be in range.
+    usual_units : str, optional
+        The units, with commas, that such a number was probably meant in.
     **rest : object
         As for `Parameter`.
     """
@@ -57,16 +62,19 @@ class Real(Parameter[Any]):
         above: float | None = None,
         below: float | None = None,
         trade: str = "",
+        plausible: tuple[float, float] | None = None,
+        usual_units: str = "",
         **rest: Any,
     ) -> None:
         super().__init__(default, help, **rest)
         self.trade = trade
+        self.plausible, self.usual_units = plausible, usual_units
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
 
     def convert(self, value: Any) -> Any:
         """Return a finite float in range."""
         if isinstance(value, str):
-            value = parse_quantity(value, self.unit)
+            value = self.parse(value)
         if isinstance(value, (bool, np.bool_)) or not isinstance(
             value, (int, float, np.integer, np.floating)
         ):
@@ -81,6 +89,44 @@ class Real(Parameter[Any]):
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
             raise InputError(f"nothing is computed beyond {_LARGEST:g}, nor nearer to 0 than 1e-36")
         return number
+
+    def parse(self, text: str) -> float:
+        """Return a written number in SI.
+
+        Parameters
+        ----------
+        text : str
+            With its unit or without.
+
+        Returns
+        -------
+        float
+            In SI.
+        """
+        return parse_quantity(text, self.unit)
+
+    def require_plausible(self, value: Any) -> None:
+        """Refuse a number without a unit that is implausible in SI, and name the unit it lacks."""
+        number = bare_number(value)
+        if self.plausible is None or number is None or number <= 0.0:
+            return  # what is no number, or too small, is refused when it is set
+        low, high = self.plausible
+        if low <= number <= high:
+            return
+        written = f"{number:g}"
+        units = [unit.strip() for unit in self.usual_units.split(",")]
+        known = UNITS[self.unit]
+        meant = [u for u in units if u not in known or low <= number * known[u] <= high] or units
+        cures = " or ".join(f'"{written} {unit}"' for unit in meant)
+        plain = next(iter(known)).removeprefix("1")
+        raise InputError(
+            f"without a unit it is {format_quantity(number, self.unit)}, which is implausible",
+            key=self.name,
+            value=value,
+            allowed=f"{format_quantity(low, self.unit)} to {format_quantity(high, self.unit)} "
+            "without a unit, or any number with its unit",
+            cure=f'Write the unit, as in {cures}; "{written} {plain}" is accepted, too.',
+        )
 
     def _check_range(self, number: float) -> None:
         if (
@@ -113,7 +159,12 @@ class Real(Parameter[Any]):
         words = f"{kind} {self.range}".rstrip()
         if not self.unit:
             return words
-        return f"{words}, in {self.unit} or with its unit ({', '.join(UNITS[self.unit])})"
+        return f"{words}, in {self.unit} or with its unit ({', '.join(self.units)})"
+
+    @property
+    def units(self) -> list[str]:
+        """The units that a number may be written with."""
+        return list(UNITS[self.unit])
 
     def text(self, value: Any) -> str:
         """Return the value with a handy unit."""
@@ -125,6 +176,26 @@ class Real(Parameter[Any]):
         if not self.trade:
             return text
         return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"
+
+
+def bare_number(value: Any) -> float | None:
+    """Return the number that a user wrote without a unit.
+
+    Parameters
+    ----------
+    value : object
+        A number, or a text.
+
+    Returns
+    -------
+    float or None
+        None for what is no number, or has a unit.
+    """
+    if isinstance(value, str):
+        found = split_quantity(value)
+        return found[0] if found is not None and found[1] == "" else None
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return float(value) if is_number and abs(value) <= _LARGEST else None
 
 
 class Integer(Real):
@@ -375,8 +446,7 @@ class Series(Parameter[Any]):
 
     def convert(self, value: Any) -> Any:
         """Return a checked value, or a tuple of several."""
-        if isinstance(value, str) and "," in value:
-            value = [item.strip() for item in value.split(",")]
+        value = _listed(value)
         try:
             return self.component.convert(value)
         except InputError:
@@ -393,6 +463,12 @@ class Series(Parameter[Any]):
         if not items:
             raise InputError("an empty list")
         return items[0] if len(set(items)) == 1 else tuple(items)
+
+    def require_plausible(self, value: Any) -> None:
+        """Refuse a value, or one of a list, that its component finds implausible."""
+        value = _listed(value)
+        for item in value if isinstance(value, (list, tuple)) else [value]:
+            self.component.require_plausible(item)
 
     @property
     def form(self) -> str:
@@ -422,3 +498,10 @@ class Series(Parameter[Any]):
             isinstance(self.component, Color) and isinstance(value[0], int)
         )
         return value if is_list else None
+
+
+def _listed(value: Any) -> Any:
+    """Return the items of a text with commas, anything else as it is."""
+    if isinstance(value, str) and "," in value:
+        return [item.strip() for item in value.split(",")]
+    return value

@@ -27,7 +27,11 @@ UNITS: dict[str, dict[str, float]] = {
         **{"N/mm2": 1e6, "psi": 6894.757293168361},
     },
     "kg/m": {"kg/m": 1.0, "tex": 1e-6, "dtex": 1e-7, "den": 1e-6 / 9},
-    "1/m": {"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
+    # Threads in a length: handweavers write ends and picks per inch.
+    "1/m": {
+        **{"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
+        **{"epi": 1 / _INCH, "ppi": 1 / _INCH},
+    },
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
     "1/s": {"1/s": 1.0, "Hz": 1.0},
@@ -75,8 +79,15 @@ UNITS: dict[str, dict[str, float]] = {
     "deg": {"deg": 1.0, "rad": _DEGREES},
 }
 
-#: Of one unit: a power or a product may be written in several ways.
-_SPELLINGS = str.maketrans({"²": "2", "³": "3", "^": "", "μ": "µ", "·": ".", "⋅": ".", "*": "."})
+#: A power or a product may be written in several ways, and a divisor in brackets.
+_SPELLINGS = str.maketrans(
+    {
+        **{"²": "2", "³": "3", "^": "", "μ": "µ", "·": ".", "⋅": ".", "*": "."},
+        **{"(": "", ")": "", "°": "deg"},
+    }
+)
+#: "per degree" at the end of a unit: "/cm/deg", "/(cm.degree)".
+_PER_DEGREE = re.compile(r"[./]deg(?:rees?)?$")
 
 # What follows the number takes whatever is there: of a long text that does not match there would be
 # many ways to try.
@@ -85,24 +96,33 @@ _QUANTITY = re.compile(
 )
 
 
+def split_quantity(text: str) -> tuple[float, str] | None:
+    """Split a text into number and unit, which may be empty; None where it has no number."""
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None:
+        return None
+    number, name = match.groups()
+    name = _PER_DEGREE.sub(".deg", name.translate(_SPELLINGS))
+    return float(number), "deg" if name in ("degree", "degrees") else name
+
+
 def parse_quantity(text: str, unit: str) -> float:
     """Read a number with an optional unit."""
-    match = _QUANTITY.fullmatch(text.strip())
+    found = split_quantity(text)
     known = UNITS.get(unit, {})
-    if match is None:
+    if found is None:
         raise InputError("not a number", value=text, allowed=_example(unit))
-    number, name = match.groups()
+    number, name = found
     if name == "":
-        return float(number)
-    name = name.translate(_SPELLINGS)
+        return number
     if name not in known:
         raise InputError(f'unit "{name}" is not known here', value=text, allowed=_example(unit))
     # Dividing by an exact 1000 rounds once ("0.3 mm" is 0.0003); 0.3 * 1e-3 would round twice.
     size = known[name]
     parts = round(1 / size)
     if size < 0.01 and abs(parts * size - 1) < 1e-12:
-        return float(number) / parts
-    return float(number) * size
+        return number / parts
+    return number * size
 
 
 def _example(unit: str) -> str:

@@ -26,6 +26,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = os.environ.get("OPENBLAS_NUM_THREADS", "1")
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 from spacemap_vtk.app.requirements import require_window
+from spacemap_vtk.draw import graphics
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.filters.base import Stage
 
@@ -33,6 +34,11 @@ from spacemap_vtk.filters.base import Stage
 # start, and each worker, would compile the package and the tests anew.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# Where the libraries of OpenGL are missing, a test is skipped as soon as it asks for them.
+if missing := graphics.missing_libraries():
+    reason = f"{' and '.join(missing)} not found"
+    graphics.require_opengl = lambda what: pytest.skip(reason)
 
 
 def own_screen() -> subprocess.Popen[str] | None:

@@ -23,7 +23,7 @@ from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import data_sheet, homogeneous
+from spacemap_vtk.mechanics.plates import data_sheet, homogeneous, upright
 
 H = 3e-4
 #: EA [N], hard contact, and B [N m²] of a cotton of 30 tex.
@@ -32,6 +32,7 @@ LEVER = Path(__file__).parents[1] / "scenes" / "objects" / "lever.stl"
 
 
 def parts(plate):
+    plate = upright(plate, 1.0)  # of both alike where normals stay upright
     return plate.membrane, plate.bending, plate.shear, np.array(plate.thickness)
 
 

@@ -1,4 +1,7 @@
-"""Steps of the nonlinear equations against CalculiX's *DYNAMIC, NLGEOM, on the same mesh."""
+"""Steps of the nonlinear equations against CalculiX's *DYNAMIC, NLGEOM, on the same mesh.
+
+CalculiX's steps are of second order, and so it takes shorter ones.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from spacemap_vtk.mechanics.transient import Stepped
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 
 MODULUS, RATIO, DENSITY, FORCE = 1e5, 0.3, 300.0, 60.0
-SPAN, RISE, END = 0.005, 0.2, 0.6
+THEIRS, OURS, RISE, END = 0.001, 0.005, 0.2, 0.6
 
 
 def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
@@ -29,7 +32,7 @@ def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
     lines = cards(points, cells, held, f"*ELASTIC\n{MODULUS}, {RATIO}", DENSITY)
     lines += [f"*NSET, NSET=POINT\n{loaded + 1}"]
     lines += [f"*AMPLITUDE, NAME=FACTOR\n0., 0., {RISE}, 1., 10., 1."]
-    lines += ["*STEP, NLGEOM, INC=100000", "*DYNAMIC, ALPHA=0., DIRECT", f"{SPAN}, {END}"]
+    lines += ["*STEP, NLGEOM, INC=100000", "*DYNAMIC, ALPHA=0., DIRECT", f"{THEIRS}, {END}"]
     lines += ["*CLOAD, AMPLITUDE=FACTOR", f"{loaded + 1}, 3, {FORCE}"]
     lines += ["*NODE PRINT, NSET=POINT, FREQUENCY=1", "U", "*END STEP", ""]
     (tmp_path / "cage.inp").write_text("\n".join(lines))
@@ -55,7 +58,7 @@ def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
         timefunctions.table([0, RISE], [0, 1]),
         tuple(points[loaded].tolist()),
     )
-    motion = Stepped(cage, [load], tolerance=1.0, max_step=SPAN)
+    motion = Stepped(cage, [load], tolerance=np.inf, max_step=OURS)
     weights = np.zeros(len(points))
     weights[loaded] = 1.0
     ours = motion.history(weights, times[:, 0])[0]

@@ -86,7 +86,9 @@ def test_time_size_and_set_change_the_picture(tmp_path: Path) -> None:
 def test_a_real_draft_in_its_own_colours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     file = tmp_path / "twill.png"
     assert run("render", str(SCENES / "32-shaft_twill.wif"), "-o", str(file), *SMALL) == 0
-    assert "too thick to interlace" in capsys.readouterr().err
+    # Where OpenGL's libraries are missing, one line says so.
+    lines = capsys.readouterr().err.splitlines()
+    assert [line for line in lines if "drawn without OpenGL" not in line] == []
     red, green, blue = np.asarray(Image.open(file)).astype(int).reshape(-1, 3).T
     assert np.sum(blue - red > 60) > 100  # the draft's turquoise, 55, 117, 178
     assert np.sum((red - green > 30) & (blue - green > 15)) > 100  # its magenta, 125, 60, 87

@@ -10,7 +10,11 @@ import pytest
 from test_cli import SMALL, refused, run
 
 from spacemap_vtk import WeaveSource
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import written
 from spacemap_vtk.io.wif import read_wif
+from spacemap_vtk.scenes.scene import Scene
 
 
 def test_info_tells_mass_intervals_and_clearance(capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,13 +200,8 @@ def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
     words = ["--set", "weave.ends=240", "--set", "weave.picks=240"]
     assert run("export", "basket_2", "-o", str(file), "-q", *words) == 0
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 230_000_000)
-    few = ["--size", "200x150", "--set", "animation.stop=0.1"]
-    for picture in ("render", "animate"):
-        output = tmp_path / ("a.png" if picture == "render" else "a.gif")
-        assert (
-            run(picture, str(file), "-o", str(output), *few[: 2 if picture == "render" else 4]) == 0
-        )
-        assert "drawn as a sheet: a yarn is" in capsys.readouterr().err
+    assert run("render", str(file), "-o", str(tmp_path / "a.png"), "--size", "200x150") == 0
+    assert "a yarn is" not in capsys.readouterr().err
     message = refused(capsys, "export", str(file), "-o", str(tmp_path / "a.vtp"), "-q")
     assert "weave.ends = 240: a weave of 240 x 240 yarns would need about 0." in message
     assert run("validate", str(file)) == 0
@@ -236,3 +235,113 @@ def test_info_counts_what_is_built_and_builds_nothing(
     assert figures["memory_bytes"] == pytest.approx(1024 * grid.GetActualMemorySize(), rel=0.01)
     error = grid.GetFieldData().GetArray("radial_error").GetValue(0)
     assert figures["radial_error"] == pytest.approx(error)
+
+
+SMALL_DRAFT = """
+[WIF]
+Version=1.1
+[CONTENTS]
+Warp=yes
+Weft=yes
+Threading=yes
+Tieup=yes
+Treadling=yes
+[WEAVING]
+Rising Shed=yes
+Shafts=2
+Treadles=2
+[WARP]
+Threads={ends}
+Units=centimeters
+{warp}
+[WEFT]
+Threads=6
+Units=centimeters
+{weft}
+[THREADING]
+1=1
+2=2
+3=1
+4=2
+5=1
+6=2
+[TIEUP]
+1=1
+2=2
+[TREADLING]
+1=1
+2=2
+3=1
+4=2
+5=1
+6=2
+"""
+
+
+@pytest.mark.parametrize(
+    "threads",
+    ["", "Spacing=0.1", "Spacing=0.1\nThickness=0.1", "Thickness=0.1", "Comment=x"],
+)
+def test_a_picture_of_a_sound_draft_has_no_warning(
+    threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepare_offscreen()  # without OpenGL there is a line about that
+    file = tmp_path / "sound.wif"
+    file.write_text(SMALL_DRAFT.format(ends=6, warp=threads, weft=threads))
+    assert run("render", str(file), "-o", str(tmp_path / "a.png"), "--size", "60x60") == 0
+    assert capsys.readouterr().err == ""
+    assert run("info", str(file)) == 0
+    if "Thickness" in threads:
+        assert "too thick to interlace" in capsys.readouterr().err
+
+
+def test_a_picture_of_a_doubtful_draft_has_one_line_of_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepare_offscreen()
+    file, picture = tmp_path / "doubtful.wif", str(tmp_path / "a.png")
+    # Two ends in no heddle, a spacing that is no number, a thickness as large as the spacing.
+    file.write_text(
+        SMALL_DRAFT.format(ends=8, warp="Spacing=wide\nThickness=0.1", weft="Thickness=0.1")
+    )
+    assert run("render", str(file), "-o", picture, "--size", "60x60") == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'Spacing "wide" in [WARP] is not a number' in line
+    assert line.endswith(f" (and 1 more: spacemap info {file})")
+    assert run("info", str(file)) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    for part in ("is not a number", "--set weave.trim=true", "too thick to interlace"):
+        assert part in told
+    # The cure works.
+    assert (
+        run(
+            "render", str(file), "-o", picture, "--size", "60x60",
+            "--set", "weave.trim=true", "--set", "weave.warp_spacing=1mm",
+        )
+        == 0
+    )  # fmt: skip
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "weave.trim" not in line
+
+
+def test_convert_lists_the_endings_of_drafts_only(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "a.wif"
+    file.write_text(SMALL_DRAFT.format(ends=6, warp="", weft=""))
+    message = refused(capsys, "convert", str(file), str(tmp_path / "a.wpo"))
+    allowed = message.partition("allowed: ")[2]
+    for ending in written("draft"):
+        assert ending in allowed
+    for ending in written().keys() - written("draft").keys():
+        assert f"{ending} " not in f"{allowed} "
+    assert ".vtu" not in allowed
+
+
+def test_frames_per_second_is_known_by_the_option_s_name() -> None:
+    scene = Scene({"animation": {"fps": 12}})
+    assert scene.animation.frames_per_second == 12
+    scene.set("animation.fps=30")
+    assert scene.animation.frames_per_second == 30
+    with pytest.raises(InputError, match="frames_per_second"):
+        scene.set("animation.fpss=30")

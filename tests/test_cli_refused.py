@@ -97,6 +97,8 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "plain_weave", "-o", "a.png", "--colour"], ["--colour"]),
         (["animate", "plain_weave", "-o", "a.png"], ["%04d"]),
         (["animate", "plain_weave", "-o", "a.avi"], ["a.avi", ".gif"]),
+        (["animate", "twill_2_2", "-o", "a.gif"], ["nothing in this scene moves", "[response]"]),
+        (["animate", "twill_2_2", "-o", "f%04d.png"], ["nothing in this scene moves"]),
         (["animate", "plain_weave", "-o", "a.gif", "--set", "animation.stop=1e9"], ["frames"]),
         (["animate", "plain_weave", "-o", "a.gif", "--workers", "0"], ["--workers = 0"]),
         (
@@ -308,7 +310,13 @@ def test_a_stream_of_few_letters_gets_the_others_as_a_sign() -> None:
     assert "bicubic B?zier patches" in done.stdout
 
 
-def test_a_file_that_may_not_be_read_says_so(folder_of_nobody: Path) -> None:
+def test_a_file_that_may_not_be_read_says_so(
+    folder_of_nobody: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def forbidden() -> Path:
+        raise PermissionError("as where the program lies in a folder of mode 700")
+
+    monkeypatch.setattr(library, "folder", forbidden)
     file = folder_of_nobody / "a.wif"
     file.touch(mode=0)
     assert not _told_origin(file, json_=False)
@@ -327,15 +335,35 @@ def test_a_mesh_that_goes_while_it_is_read_is_no_damaged_one(tmp_path: Path) -> 
         read_with_vtk(tmp_path / "a.vtu", "vtkIOXML", "vtkXMLUnstructuredGridReader")
 
 
-def test_a_missing_library_is_named(
+def test_a_missing_library_is_named(tmp_path: Path) -> None:
+    target = tmp_path / "a.png"
+    # What draws without OpenGL is compiled.
+    lacking = {"SPACEMAP_OPENGL": "never", "SPACEMAP_COMPILED": "never"}
+    command = [sys.executable, "-m", "spacemap_vtk", "render", "plain_weave", "-o", str(target)]
+    done = subprocess.run(
+        command, env={**os.environ, **lacking}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("spacemap: libEGL.so.1 and libGL.so.1 not found: pictures need")
+    assert "apt-get install libegl1 libgl1" in done.stderr
+    assert not target.exists()
+
+
+def test_a_library_that_mitsuba_lacks_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from spacemap_vtk.draw import graphics
-
-    monkeypatch.setattr(graphics, "can_load", lambda name: False)
+    # as its wheel does: the error that names the library is lost behind another one
+    (tmp_path / "mitsuba.py").write_text(
+        "try:\n    raise ImportError('libatomic.so.1: cannot open shared object file')\n"
+        "except ImportError:\n    _drjit_ext\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mitsuba", raising=False)
     target = tmp_path / "a.png"
-    assert run("render", "plain_weave", "-o", str(target)) == 1
-    assert "apt-get install libegl1 libgl1" in capsys.readouterr().err
+    assert run("render", "plain_weave", "-o", str(target), "--raytrace") == 1
+    said = capsys.readouterr().err
+    assert "libatomic.so.1: cannot open" in said
+    assert "apt-get install libatomic1" in said
     assert not target.exists()
 
 

@@ -182,6 +182,7 @@ def test_a_scale_is_read_whole(
 
 def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None:
     """A plate close behind another one: where yarns have a contact shadow, numbers have none."""
+    prepare_offscreen()
     near = pv.Plane(
         center=(0.0, 0.0, 0.2), i_size=0.8, j_size=0.8, i_resolution=20, j_resolution=20
     )

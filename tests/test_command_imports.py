@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.shading import STRIP, blurred, contact_shade
 
 #: What takes a tenth of a second to import, or more.
@@ -94,6 +95,8 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_with_kept_modes_a_command_imports_only(
     commands: list[str], needs: set[str], solved: Path
 ) -> None:
+    if needs == _PICTURES:
+        prepare_offscreen()  # what draws without OpenGL is compiled, by a library that takes SciPy
     imported = _imported(solved, *commands)
     assert imported & set(_HEAVY) == needs
     # The bar of progress is for people at a terminal.

@@ -10,7 +10,7 @@ import pytest
 from test_tessellation import random_patches
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import PatchTessellator, WeaveSource, connect, parallel
+from spacemap_vtk import PatchTessellator, WeaveSource, connect, memory, parallel
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.embedding import affine, interpolation
@@ -213,6 +213,39 @@ def test_points_ride_as_by_arrays(monkeypatch, small, outside):
     for columns in ((), (1,), (7,)):
         values = rng.normal(size=(len(vertices), *columns))
         np.testing.assert_allclose(compiled.apply(values), plain.apply(values), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("count", [16, 17, 64, 80, 5000])
+def test_results_written_past_the_cache_are_the_same_to_the_bit(monkeypatch, small, count, kind):
+    points, connectivity = random_patches(count, 3, 3)
+    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (3, 3, 1))
+    places = np.random.default_rng(7).uniform(0, 1, (count + 150_000, 3)).astype(kind)
+    where = locate(places, vertices, tetrahedra)
+    shift = np.random.default_rng(8).normal(size=(len(vertices), 3))
+    made = []
+    for least in (2**62, 0):
+        monkeypatch.setattr(memory, "_STREAMED", least)
+        surface = Tessellation(connectivity, (3, 3), 3)
+        ride = AffineInterpolation(places, where, vertices, tetrahedra)
+        made.append(
+            [
+                *surface.evaluate(points, kind),
+                surface.interpolate(points, dtype=kind),
+                *ride.displace(places, shift),
+            ]
+        )
+        assert memory.is_streamed(*made[-1]) is (least == 0)
+    for cached, streamed in zip(*made, strict=True):
+        assert cached.tobytes() == streamed.tobytes()
+
+
+def test_what_does_not_begin_at_a_line_of_the_cache_is_not_written_past_it(monkeypatch):
+    monkeypatch.setattr(memory, "_STREAMED", 0)
+    line = memory.aligned(64, np.float32)
+    assert memory.is_streamed(line)
+    assert memory.is_streamed(line, line[16:])
+    assert not memory.is_streamed(line, line[1:])
 
 
 def test_small_work_waits_for_no_compiler(monkeypatch):

@@ -158,7 +158,7 @@ def test_two_bodies_with_masses_on_them_balance():
     bodies = rigid_bodies(
         points, ["box(-inf, 0.0501, -inf, inf, -inf, inf) box(0.0699, inf, -inf, inf, -inf, inf)"]
     )
-    light, masses = 1e-3, point_masses(points, ["-x 20 g", "+x 5 g"])
+    light, masses = 1e-3, point_masses(points, cells, ["-x 20 g", "+x 5 g"])
     fitted = Fittings(bodies=bodies, masses=masses)
     made = Model(points, cells, isotropic(E, 0.0), light, held, fittings=fitted)
     values = made.modes(3).eigenvalues * made.modulus / made.density
@@ -174,7 +174,7 @@ def test_a_response_meets_the_statics_of_what_is_fitted(kind):
     fitted = Fittings(
         normals=normals,
         bodies=rigid_bodies(points, ["+x"]),
-        masses=point_masses(points, ["+x 2 g"]),
+        masses=point_masses(points, cells, ["+x 2 g"]),
     )
     held = np.repeat(((points == points.min(axis=0)).all(axis=1))[:, None], 3, axis=1)
     held |= (points[:, 2] == 0)[:, None] & [False, False, True]

@@ -282,19 +282,54 @@ def test_a_wpo_against_another_program(kind: int, shafts: int) -> None:
     data = wpo(kind, shafts, 12)
     found = read(data, ".wpo")
     other = dtx_to_wif.read_pattern_file(FOLDER / "draft.wpo")
+    # the other program keeps the canvas of 40 x 30, of which 5 x 4 are woven
+    assert (other.warp.threads, other.weft.threads) == (40, 30)
+    assert found.size == (5, 4)
+    other.warp.threads, other.weft.threads = found.size
     compare(found, other)
-    assert found.size == (40, 30)
     # the one number that it takes for inches always: 10 and 8 a centimetre
     assert (found.warp.spacing, found.weft.spacing) == pytest.approx((1e-3, 1.25e-3))
     inches = read(wpo(kind, shafts, 12, metric=False), ".wpo")
     assert inches.warp.spacing == pytest.approx(other.warp.spacing * 0.0254)
-    # a canvas larger than its cloth is offered to be trimmed
-    assert "of 40 x 30 yarns 5 x 4 are woven" in found.warnings[-1]
-    cut = read(data, ".wpo", trim=True)
-    assert cut.size == (5, 4)
-    np.testing.assert_array_equal(cut.drawdown, found.drawdown[:4, :5])
-    np.testing.assert_array_equal(cut.warp.colors, found.warp.colors[:5])  # type: ignore[index]
-    assert [text[:12] for text in cut.warnings][:1] == ["end 4 floats"]
+    assert [text[:12] for text in found.warnings][:1] == ["end 4 floats"]
+    assert not any("trim" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("ending", [".wpo", ".dtx"])
+def test_a_draft_is_the_same_when_it_is_written_a_second_time(ending: str) -> None:
+    """Treadles that are tied to nothing keep their lines in the tie-up."""
+    data = bytearray(wpo(101, 10, 11))
+    if ending == ".wpo":
+        # the masks of the last five treadles, of two bytes each
+        at = 24 + 3 * 2 + 5 + 40 + 30 + 2 * 6
+        data[at : at + 10] = bytes(10)
+        first = format_wif(read(bytes(data), ending))
+    else:
+        tie = "@@Tieup\r\n100\r\n010\r\n@@Treadling\r\n1 2\r\n"
+        first = format_wif(
+            read(
+                f"@@StartDTX\r\n@@Info\r\n%%shafts 2\r\n%%treadles 3\r\n%%ends 2\r\n"
+                f"%%picks 2\r\n@@Threading\r\n1 2\r\n{tie}@@EndDTX\r\n".encode(),
+                ending,
+            )
+        )
+    last = b"11=0" if ending == ".wpo" else b"3=0"
+    assert last in first.splitlines()
+    assert format_wif(read(first, ".wif")) == first
+
+
+def test_a_colour_that_the_palette_of_a_dtx_has_not_is_reported() -> None:
+    text = (
+        "@@StartDTX\n@@Info\n%%shafts 2\n%%treadles 2\n%%ends 3\n%%picks 2\n@@Threading\n1 2 1\n"
+        "@@Tieup\n01\n10\n@@Treadling\n1 2\n@@Color Palet\n9,8,7\n1,2,3\n"
+        "@@Warp Colors\n1 -1 5\n@@EndDTX\n"
+    )
+    found = read(text.encode(), ".dtx")
+    np.testing.assert_array_equal(found.warp.colors, [[1, 2, 3], [9, 8, 7], [9, 8, 7]])
+    (told,) = found.warnings
+    assert "Warp Colors has numbers that are none of the palette's 0 to 1" in told
+    with pytest.raises(InputError, match="can't be read"):
+        read(text.replace("-1", "-x").encode(), ".dtx")
 
 
 def test_a_wpo_of_an_old_version_has_fewer_shades() -> None:

@@ -7,11 +7,19 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
+from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics import timefunctions as tf
-from spacemap_vtk.mechanics.energy import Account
+from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.energy import Account, balance
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.mechanics.transient import Stepped
 
 
 def lost_by_quadrature(motion, start, end):
@@ -113,3 +121,81 @@ def test_equilibrium_holds_the_work_that_led_there():
     check(motion)
     late = Account(motion).at(5000.0)
     assert late.dissipated == pytest.approx(late.work, rel=1e-10)
+
+
+def held_block():
+    """Return a soft block that is held at one end, with all of its modes."""
+    points, cells = lattice((0, 0.04, 0, 0.06, 0, 0.01), (1, 2, 1))
+    held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
+    model = Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
+    values, shapes, lost = model.modes(1000)
+    values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
+    return CageModes(model, values, shapes.reshape(len(values), -1), lost)
+
+
+def balance_of(motion, times):
+    start = motion.energies(np.array([0.0]))[0, 3]
+    return balance(motion.energies(times), motion.potential(times), start)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 3.0])
+def test_the_balance_agrees_with_an_integration_of_the_equations_of_motion(alpha):
+    """M u'' + C u' + K u = weight + force sin(wt), integrated by Runge and Kutta's method."""
+    cage = held_block()
+    beta = alpha / 1e4
+    weight = cage.vector("gravity", (0.0, 0.0, -9.8), tf.step())
+    force = cage.vector("force", (1e-3, 0.0, 2e-3), tf.harmonic(15.0), (0.0, 0.0, 0.0))
+    motion = Response(cage, [weight, force], Damping(alpha=alpha, beta=beta))
+
+    stiffness, damping = cage.eigenvalues, alpha + beta * cage.eigenvalues
+    dead, driven = cage.shapes @ cage.force(weight), cage.shapes @ cage.force(force)
+    count = len(stiffness)
+
+    def rates(time, state):
+        q, v = state[:count], state[count : 2 * count]
+        push = driven * math.sin(2 * math.pi * 15.0 * time)
+        acceleration = dead + push - damping * v - stiffness * q
+        return np.concatenate([v, acceleration, [damping @ v**2, push @ v]])
+
+    times = np.linspace(0.0, 0.3, 31)
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15}
+    exact = solve_ivp(rates, (0.0, 0.3), np.zeros(2 * count + 2), t_eval=times, **options).y
+    q, v = exact[:count], exact[count : 2 * count]
+
+    found = balance_of(motion, times)
+    size = found.strain.max()
+    close = {"rtol": 0.0, "atol": 1e-8 * size}
+    np.testing.assert_allclose(found.kinetic, (v**2).sum(axis=0) / 2, **close)
+    np.testing.assert_allclose(found.strain, stiffness @ q**2 / 2, **close)
+    np.testing.assert_allclose(found.potential, -dead @ q, **close)
+    np.testing.assert_allclose(found.dissipated, exact[-2], **close)
+    np.testing.assert_allclose(found.work, exact[-1], **close)
+    np.testing.assert_allclose(found.total, 0.0, **close)
+    # None of them is trivial.
+    assert min(abs(part).max() for part in found[:5]) > 1e-3 * size or alpha == 0.0
+    assert (found.dissipated.max() > 0.1 * size) == (alpha > 0.0)
+
+
+def test_an_undamped_cage_that_is_thrown_under_its_weight_keeps_its_total():
+    cage = held_block()
+    weight = cage.vector("gravity", (0.0, -3.0, -9.8), tf.step())
+    thrown = 10.0 * cage.model.points
+    motion = Response(cage, [weight], Damping(), velocity=thrown)
+    found = balance_of(motion, np.linspace(0.0, 40.0, 200))
+    assert np.ptp(found.kinetic) > 0.1 * found.total[0]
+    np.testing.assert_allclose(found.total, found.kinetic[0], rtol=1e-9)
+    np.testing.assert_allclose(found.work, 0.0, atol=1e-10 * found.total[0])
+
+
+@pytest.mark.parametrize("alpha", [0.0, 5.0])
+def test_a_motion_by_steps_keeps_its_total_while_a_load_works(alpha):
+    cage = held_block()
+    weight = cage.vector("gravity", (0.0, 0.0, -9.8), tf.step())
+    gust = cage.vector("pressure", 20.0, tf.table([0, 0.05, 0.05], [1, 1, 0]), "+z")
+    motion = Stepped(cage, [weight, gust], Damping(alpha=alpha), tolerance=1.0, max_step=2e-3)
+    found = balance_of(motion, np.linspace(0.0, 0.3, 100))
+    size = abs(found.potential).max()
+    assert np.ptp(found.work) > 0.01 * size  # the gust's, which ends
+    np.testing.assert_allclose(found.work[50:], found.work[-1], atol=1e-9 * size)
+    assert (found.dissipated[-1] > 0.01 * size) == (alpha > 0.0)
+    np.testing.assert_allclose(found.total, 0.0, atol=1e-8 * size)

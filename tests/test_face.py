@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.io.draft_file import read_draft
-from spacemap_vtk.scenes import face
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
@@ -73,25 +73,28 @@ def ordered(scene: Scene, size: tuple[int, int] | None, folder: Path) -> np.ndar
     return np.asarray(Image.open(file)).astype(int)
 
 
-def test_a_draft_is_repeated_until_it_fills_its_picture(narrow: Path, tmp_path: Path) -> None:
-    whole = Scene.read(narrow).weave.cloth.drawdown
+def test_a_narrow_draft_is_drawn_once_and_whole(narrow: Path, tmp_path: Path) -> None:
+    prepare_offscreen()  # without OpenGL there is a warning about that
     scene = red_and_blue(narrow)
     image = ordered(scene, (620, 620), tmp_path)
-    assert scene.weave.cloth.size == (62, 62)
-    # a hundredth of the picture is left free at its edges
-    at = (620 * (0.01 + 0.98 * (np.arange(62) + 0.5) / 62)).astype(int)
-    seen = image[np.ix_(at, at)][::-1]
-    over = np.tile(whole, (1, 8))[:, :62]
-    assert np.mean((seen[..., 0] > seen[..., 2]) == over) > 0.99
-    (told,) = (text for text in scene.warnings if "repeated" in text)
-    assert told.startswith("the draft's 8 ends are repeated to 62, which fill the picture: ")
-    assert told.endswith("weave.ends = 8 shows them once")
-    # What somebody has said stays, and so does what is seen from elsewhere.
-    for word in ("weave.ends=8", "view.camera=front"):
-        scene = red_and_blue(narrow, word)
-        ordered(scene, (160, 160), tmp_path)
-        assert scene.weave.cloth.size == (8, 62)
-        assert not any("repeated" in text for text in scene.warnings)
+    assert scene.weave.cloth.size == (8, 62)
+    # It stands in the middle, as high as the picture but for a hundredth at each edge.
+    high = 0.98 * 620
+    left = 310 - 0.5 * high * 8 / 62
+    x, y = (
+        (begin + length * (np.arange(count) + 0.5) / count).astype(int)
+        for begin, length, count in ((left, high * 8 / 62, 8), (0.01 * 620, high, 62))
+    )
+    seen = image[np.ix_(y, x)][::-1]
+    over = seen[..., 0] > seen[..., 2]
+    np.testing.assert_array_equal(over, scene.weave.cloth.drawdown)
+    beside = np.concatenate([image[:, : int(left) - 4], image[:, -int(left) + 4 :]], axis=1)
+    assert beside.min() > 180
+    assert not any("picture" in text or "drawn" in text for text in scene.warnings)
+    # It is repeated for those who ask for that.
+    scene = red_and_blue(narrow, "weave.ends=24")
+    ordered(scene, (160, 160), tmp_path)
+    assert scene.weave.cloth.size == (24, 62)
 
 
 def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
@@ -99,7 +102,7 @@ def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
 ) -> None:
     assert picture_size(Scene.read(REAL)) == (1280, 1280)
     assert picture_size(red_and_blue(REAL, "weave.picks=45")) == (1280, round(1280 * 45 / 62))
-    assert picture_size(Scene.read(narrow)) == (640, 1280)  # and no narrower
+    assert picture_size(Scene.read(narrow)) == (round(1280 * 8 / 62), 1280)
     assert picture_size(red_and_blue(REAL, "view.size=[300, 200]")) == (300, 200)
     assert picture_size(red_and_blue(REAL, "view.camera=front")) == USUAL_SIZE
     assert picture_size(Scene({"weave": {}})) == USUAL_SIZE
@@ -112,19 +115,34 @@ def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
     assert not any("picture" in text for text in scene.warnings)
 
 
-def test_cloth_too_fine_to_be_seen_whole_is_cropped(
-    narrow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = Scene.read(narrow).weave.cloth.drawdown
-    monkeypatch.setattr(face, "_SEEN", 8)
-    scene = red_and_blue(narrow)
-    image = ordered(scene, (160, 160), tmp_path)
-    told = next(text for text in scene.warnings if "in the picture" in text)
-    assert told.startswith("picks 1 to 8 of 62 ")
-    assert scene.weave.cloth.size == (8, 8)  # no more is woven
-    seen = image[10::20, 10::20][::-1]
-    np.testing.assert_array_equal(seen[..., 0] > seen[..., 2], whole[:8])
-    # the whole, where that is asked for
-    scene = red_and_blue(narrow, "view.camera=front")
-    ordered(scene, (160, 160), tmp_path)
-    assert scene.weave.cloth.size == (8, 62)
+def test_a_draft_of_many_threads_has_a_larger_picture(narrow: Path) -> None:
+    fits = red_and_blue(REAL, "weave.ends=200", "weave.picks=200")
+    assert picture_size(fits) == (1280, 1280)
+    more = red_and_blue(REAL, "weave.ends=200", "weave.picks=201")
+    assert picture_size(more) == (round(2400 * 200 / 201), 2400)
+    assert picture_size(red_and_blue(narrow, "weave.picks=951")) == (round(2400 * 8 / 951), 2400)
+
+
+def test_of_a_draft_too_long_to_be_seen_whole_the_beginning_is_drawn(tmp_path: Path) -> None:
+    file = tmp_path / "long.txt"
+    whole = np.add.outer(np.arange(3000), np.arange(20)) % 5 < 2
+    file.write_text("\n".join(rows(whole)))
+    values = {"weave": {"draft": str(file)}, "view": {"camera": "face"}}
+    scene = Scene(values)
+    # A pixel for each pick: 2400 of them.
+    assert picture_size(scene) == (20, 2400)
+    # In a picture of 310 pixels, sixteen times as many picks as ends.
+    image = ordered(scene, (310, 310), tmp_path)
+    (text,) = (text for text in scene.warnings if "are drawn" in text)
+    assert text == (
+        "only picks 1 to 320 of 3000 are drawn, as the cloth is so long: "
+        "--set weave.picks=3000 draws all"
+    )
+    assert scene.weave.cloth.size == (20, 320)
+    np.testing.assert_array_equal(scene.weave.cloth.drawdown, whole[:320])
+    assert image[:, :140].min() > 180  # beside the cloth
+    for word in ("weave.picks=3000", "view.camera=front"):
+        scene = Scene(values)
+        scene.set(word)
+        ordered(scene, (160, 160), tmp_path)
+        assert scene.weave.cloth.size == (20, 3000)

@@ -13,7 +13,7 @@ from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiff
 from spacemap_vtk.mechanics.loads import traction, wall
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import Plate, homogeneous
+from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
 from spacemap_vtk.mechanics.residual_vectors import participation
 from spacemap_vtk.mechanics.supports import held_directions, rigid_bodies
 
@@ -57,16 +57,61 @@ def test_what_has_no_area_has_no_stiffness_per_area():
 
 
 def test_masses_add_up():
-    points = LINEAR[0]
+    points, cells = LINEAR
     mask = np.arange(len(points)) % 7 == 3
-    found = point_masses(points, ["-x 30 g", "mask(bead) 0.2 kg"], {"bead": mask}.get)
+    found = point_masses(points, cells, ["-x 30 g", "mask(bead) 0.2 kg"], {"bead": mask}.get)
     assert found is not None
     assert found.sum() == pytest.approx(0.23)
     left = points[:, 0] == 0
-    np.testing.assert_allclose(found, 0.002 * left + 0.2 / mask.sum() * mask, rtol=1e-14)
-    assert point_masses(points, []) is None
+    assert found[left].sum() == pytest.approx(
+        0.03 + 0.2 * mask[left].mean() * left.sum() / mask.sum()
+    )
+    # vertices that no edge of the mesh joins share alike
+    np.testing.assert_allclose(found[mask & ~left], 0.2 / mask.sum(), rtol=1e-14)
+    assert point_masses(points, cells, []) is None
     with pytest.raises(InputError, match=r'the mass "sphere.*" catches no vertex'):
-        point_masses(points, ["sphere(9, 9, 9, 1) 5 g"])
+        point_masses(points, cells, ["sphere(9, 9, 9, 1) 5 g"])
+
+
+@pytest.mark.parametrize("mesh", [LINEAR, QUADRATIC], ids=["linear", "quadratic"])
+def test_a_mass_is_spread_evenly_by_length_area_or_volume(mesh):
+    """Of a graded mesh: each has the place's own centre, and that of its square is exact."""
+    points, cells = mesh[0].copy(), mesh[1]
+    if len(points) == len(LINEAR[0]):  # those of quadratic tetrahedra keep their middles
+        points[:, :2] = points[:, :2] ** 2 / np.array([2, 3])
+    x = points[:, 0]
+    for place, mean in (
+        ("box(0, 2, 0, 0, 0, 0)", [1, 0, 0]),
+        ("-z", [1, 1.5, 0]),
+        ("+y", [1, 3, 0.5]),
+        ("box(0, 2, 0, 3, 0, 1)", [1, 1.5, 0.5]),
+    ):
+        found = point_masses(points, cells, [f"{place} 2 kg"])
+        assert found.sum() == pytest.approx(2)
+        np.testing.assert_allclose(found @ points / 2, mean, atol=1e-12)
+    # along the edge a corner has half of the cell beside it, as in a chain of rods
+    edge = point_masses(points, cells, ["box(0, 2, 0, 0, 0, 0) 2 kg"])
+    own = (points[:, 1:] == 0).all(axis=1)
+    places = np.sort(x[own])
+    if cells.shape[1] == 4:
+        expected = np.diff(places, prepend=0) / 2 + np.diff(places, append=2) / 2
+        np.testing.assert_allclose(edge[own][np.argsort(x[own])], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cells", [2, 5, 10])
+def test_a_limp_strip_does_not_buckle_under_its_hem(cells):
+    """Spread evenly the hem pulls the strip alike everywhere, and no part of it is pressed."""
+    points, tetrahedra = lattice((0, 0.1, 0, 0.1, -1.5e-4, 1.5e-4), (cells, 5, 1))
+    own = homogeneous(isotropic(1e6, 0.3), 3e-4)
+    limp = measured(own, tensile=(1e3, 1e3), shear=300.0, bending=(1e-7, 1e-7), ratio=0.0)
+    held = np.repeat(points[:, 1:2] > 0.1 - 1e-9, 3, axis=1)
+    fitted = Fittings(masses=point_masses(points, tetrahedra, ["-y 100 g"]))
+    made = Model(points, tetrahedra, limp, RHO, held, fittings=fitted)
+    weight = made.nodal_mass[:, None] * [0, -9.81, 0]
+    moved, buckled = made.hung(weight.ravel())
+    assert buckled is None
+    hem = 0.1 * 9.81 / 0.1 / 1e3 * 0.1  # of a strip pulled by m g / b over its length
+    np.testing.assert_allclose(moved[points[:, 1] == 0, 1], -hem, rtol=0.01)
 
 
 # --- closed forms ---------------------------------------------------------------------------------
@@ -94,7 +139,7 @@ def test_a_bar_with_a_mass_at_its_tip(ratio, lumped):
     points, cells, held = bar(size=(1.0, 0.001, 0.001))
     held |= (points[:, 0] == 0)[:, None]
     whole = RHO * 1e-6
-    masses = point_masses(points, [f"+x {ratio * whole} kg"])
+    masses = point_masses(points, cells, [f"+x {ratio * whole} kg"])
     made = Model(points, cells, isotropic(E, 0.0), RHO, held, lumped, None, Fittings(masses=masses))
     exact = [
         brentq(lambda x: np.cos(x) - ratio * x * np.sin(x), k * np.pi + 1e-9, (k + 0.5) * np.pi)
@@ -240,7 +285,7 @@ def test_what_hangs_by_springs_sinks_by_its_weight(kind):
     if kind == "sheet":
         material = homogeneous(material, 2e-3, 2)
     springs = spring_stiffness(points, cells, ["-z 0.5 N/m"])
-    masses = point_masses(points, ["-z 1 g"])
+    masses = point_masses(points, cells, ["-z 1 g"])
     fitted = Fittings(springs=springs, masses=masses)
     held = np.zeros(points.shape, bool)
     made = Model(points, cells, material, RHO, held, fittings=fitted)

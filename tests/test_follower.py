@@ -44,7 +44,7 @@ def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kin
         pressed = Pressed(where.faces, points, sp.identity(points.size, format="csr"))
         none = np.zeros(points.size)
         dead = traction(len(points), where, -where.normal).ravel()
-        np.testing.assert_allclose(pressed.force(none, none), dead, atol=1e-15)
+        np.testing.assert_allclose(pressed.force(none), dead, atol=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
@@ -52,12 +52,13 @@ def test_its_tangent_is_its_derivative(kind: str) -> None:
     points, cells = box(kind)
     faces = wall(points, cells, "+z", kind == "sheet").faces
     pressed = Pressed(faces, points, sp.identity(points.size, format="csr"))
-    place, move, way = np.random.default_rng(0).normal(size=(3, points.size)) / 100
+    place, way = np.random.default_rng(0).normal(size=(2, points.size)) / 100
     step = 1e-4 * way
-    change = (pressed.force(place, move + step) - pressed.force(place, move - step)) / 2e-4
-    np.testing.assert_allclose(
-        pressed.tangent(place, move) @ way, change, atol=1e-8 * abs(change).max()
-    )
+    change = (pressed.force(place + step) - pressed.force(place - step)) / 2e-4
+    nodes = 3 * faces[:, :, None] + np.arange(3)
+    moved = pressed.blocks(place) @ way[nodes].reshape(len(faces), -1, 1)
+    found = np.bincount(nodes.ravel(), moved.ravel(), points.size)
+    np.testing.assert_allclose(found, change, atol=1e-8 * abs(change).max())
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
@@ -68,7 +69,7 @@ def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(ki
     cage, pressure = cage_of(model), 2000.0
     loads = [cage.vector("pressure", pressure, timefunctions.step(), s, True) for s in SIDES]
     thrown = np.random.default_rng(0).normal(size=points.shape) / 10 + points @ np.eye(3)[[1, 2, 0]]
-    motion = Stepped(cage, loads, velocity=thrown, tolerance=1.0, max_step=2e-3)
+    motion = Stepped(cage, loads, velocity=thrown, tolerance=np.inf, max_step=2e-3)
     # Exact for the determinant of a quadratic map: Keast, Comp. Meth. Appl. Mech. Eng. 55 (1986).
     inner = np.full((4, 4), 1 / 6) + np.eye(4) / 3
     corners = np.vstack([np.full(4, 0.25), inner])
@@ -119,7 +120,7 @@ def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
     cage = cage_of(Model(points, cells, plate, 1000.0, held))
     load = cage.vector("pressure", pressure, timefunctions.table([0, 0.1], [0, 1]), "-z", True)
-    motion = Stepped(cage, [load], Damping(8.0, 2e-3), tolerance=1e-3)
+    motion = Stepped(cage, [load], Damping(8.0, 2e-3), tolerance=1e-2)
     moved, rate, _ = motion.at(3.0)
     assert abs(rate).max() < 1e-2 * length
     end = (points + moved)[points[:, 0] > length - 1e-9].mean(axis=0)

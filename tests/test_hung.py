@@ -21,6 +21,7 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.energy import balance
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.80665
@@ -105,6 +106,14 @@ def test_a_hung_cloth_is_tilted_as_a_pendulum() -> None:
     for kinetic, strain, lost, work in energies:
         assert kinetic + strain + lost == pytest.approx(work, rel=1e-9)
         assert lost <= 1e-12 * work
+    # The weight under which it hangs has a potential, too.
+    motion, times = curtain.response.motion, np.linspace(0, 2, 41)
+    assert motion is not None
+    work = motion.energies(np.zeros(1))[0, 3]
+    found = balance(motion.energies(times), motion.potential(times), work)
+    np.testing.assert_allclose(found.work, 0.0, atol=1e-9 * found.kinetic.max())
+    np.testing.assert_allclose(found.total, found.total[0], atol=1e-9 * found.kinetic.max())
+    assert -found.potential.min() > 0.5 * found.kinetic.max()
 
 
 ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
@@ -264,3 +273,19 @@ def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
     response.residual_vectors = False
     response.update(time=0.0)
     assert not any("rounding" in text for text in modal.warnings)
+
+
+def test_gravity_that_equals_the_default_direction_is_a_given_one() -> None:
+    """A curtain hangs along -y; its weight along -z swings it as a slightly other weight does."""
+    curtain = Curtain(5)
+    moved = []
+    for down in (-GRAVITY, -GRAVITY * (1 + 1e-6)):
+        curtain.response.gravity = (0, 0, down)
+        moved.append(curtain.at(0.2)["displacement"][:, 2].min())
+    assert moved[0] < -0.01
+    assert moved[0] == pytest.approx(moved[1], rel=1e-5)
+    # automatic again: it goes on hanging
+    curtain.response.gravity = None
+    rest = curtain.at(0.2)
+    np.testing.assert_array_equal(rest["displacement"], rest["equilibrium"])
+    assert curtain.response.in_use["gravity"] == (0.0, -GRAVITY, 0.0)

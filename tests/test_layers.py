@@ -1,4 +1,4 @@
-"""The package's rooms: imports go down only, in no circle; a name stands once; files have a size.
+"""Imports go down the layers only, without cycles; the science imports no VTK and opens no file.
 
 Read from the source alone, imports under ``TYPE_CHECKING`` and within functions among them.
 """
@@ -6,7 +6,6 @@ Read from the source alone, imports under ``TYPE_CHECKING`` and within functions
 from __future__ import annotations
 
 import ast
-from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -32,24 +31,15 @@ LAYERS = (
 )
 #: What opens no window and reads no file: arrays go in and come out.
 SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
-LONGEST, SHORTEST = 500, 60
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",
     "cli.window -> paraview": "the command that tells how ParaView finds the plugin",
 }
-#: Short files with a single importer that stay files of their own.
-SHORT = {
-    "app.qt": "imported before anything else of Qt's",
-    "embedding.ride_loops": "compiled loops, which only a machine with a compiler imports",
-    "paraview.environment": "asked where ParaView's own modules are not there",
-}
 #: Modules of the science that touch files.
 FILES = {
     "cage.tetwild": "hands a surface to another process, through a folder that goes with it",
 }
-#: Names of files and of classes that stand twice.
-TWICE: dict[str, str] = {}
 
 
 @cache
@@ -69,16 +59,6 @@ def forgotten() -> Iterator[None]:
     yield
     modules.cache_clear()
     arrows.cache_clear()
-
-
-def is_folder(module: str) -> bool:
-    return PACKAGE.joinpath(*module.split(".")).is_dir()
-
-
-def length(module: str) -> int:
-    place = PACKAGE.joinpath(*module.split("."))
-    file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-    return len(file.read_text(encoding="utf-8").splitlines())
 
 
 @cache
@@ -167,58 +147,6 @@ def circles_of_rooms() -> list[str]:
     return circles(graph)
 
 
-def files_twice() -> list[str]:
-    places = defaultdict(list)
-    for module in modules():
-        if not is_folder(module):
-            places[module.rpartition(".")[2]].append(module)
-    return _twice(places)
-
-
-def classes_twice() -> list[str]:
-    places = defaultdict(list)
-    for module, tree in modules().items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(module)
-    # Another type's name would be taken for the class; two of the same type, such as an array's,
-    # are no danger.
-    for module, tree in modules().items():
-        for node in tree.body:
-            for name in node.targets if isinstance(node, ast.Assign) else ():
-                if isinstance(name, ast.Name) and name.id in places:
-                    places[name.id].append(module)
-    return _twice(places)
-
-
-def _twice(places: dict[str, list[str]]) -> list[str]:
-    return [
-        f"{name} in {', '.join(sorted(there))}"
-        for name, there in places.items()
-        if len(there) > 1 and name not in TWICE
-    ]
-
-
-def too_long() -> list[str]:
-    return [f"{module} is long" for module in modules() if length(module) > LONGEST]
-
-
-def too_short() -> list[str]:
-    importers = defaultdict(set)
-    for module, targets in arrows().items():
-        for target in targets:
-            importers[target].add(module)
-    return [
-        f"{module} is short"
-        for module, there in importers.items()
-        # A folder's own file says what the folder is.
-        if len(there) == 1
-        and length(module) < SHORTEST
-        and not is_folder(module)
-        and module not in SHORT
-    ]
-
-
 def science_with_vtk() -> list[str]:
     return [
         f"{module} imports {name}"
@@ -258,10 +186,6 @@ RULES = (
     upward,
     circles_of_modules,
     circles_of_rooms,
-    files_twice,
-    classes_twice,
-    too_long,
-    too_short,
     science_with_vtk,
     science_with_files,
 )
@@ -274,7 +198,7 @@ def test_nothing_breaks_the_rule(rule):
 
 def test_what_is_listed_is_there():
     """A list that says more than is so would let it come back unseen."""
-    assert sorted((SHORT.keys() | FILES.keys()) - modules().keys()) == []
+    assert sorted(FILES.keys() - modules().keys()) == []
     for line in BESIDE:
         module, target = line.split(" -> ")
         assert target in {room(name) for name in arrows()[module]}, line

@@ -21,6 +21,7 @@ from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.draw import moving as moving_module
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.errors import SizeError
 from spacemap_vtk.fabric.cross_section import cross_section
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes.scene import Scene
@@ -192,3 +193,31 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
             main([*words, "-o", str(output), *more])
         assert said in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
+
+
+def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene({"weave": {"ends": 6, "picks": 6}})
+    usual = len(moving(scene, [0.0], None, lambda *_: None).points)
+    monkeypatch.setattr(moving_module, "_POINTS", usual / 3)
+    said: list[str] = []
+    few = moving(scene, [0.0], None, lambda *_: None, say=said.append)
+    assert len(few.points) < usual / 2
+    assert "patches are subdivided by 2, not by 4" in said[0]
+    # as many as are asked for, and of a .ply as the scene says
+    for sides in (4, None):
+        scene = Scene({"weave": {"ends": 6, "picks": 6}})
+        assert len(moving(scene, [0.0], None, lambda *_: None, sides=sides).points) == usual
+
+
+@pytest.mark.parametrize("limit", ["memory", "file"])
+def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
+    limit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, most = Scene({"weave": {"ends": 120, "picks": 120}}), 2**32
+    if limit == "memory":
+        monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 500_000_000)
+    else:
+        most = 2**27
+    with pytest.raises(SizeError, match=r"million points.*memory|points do not fit into a file"):
+        moving(scene, [0.0], None, lambda *_: None, most=most, sides=4)
+    assert scene.weave.executions == 0

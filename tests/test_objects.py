@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import tracemalloc
 from contextlib import nullcontext
 from pathlib import Path
@@ -22,6 +23,7 @@ from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.texture_atlas import read_picture
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.workers import EXPENDABLE
 
 
 def ball() -> pv.PolyData:
@@ -66,6 +68,34 @@ def test_formats(tmp_path: Path, ending: str) -> None:
         np.testing.assert_allclose(np.einsum("nk,nk->n", normals, found.points), 1, atol=0.02)
     if ending == "vtm":
         np.testing.assert_array_equal(np.bincount(found["block"]), [mesh.n_cells] * 2)
+
+
+def scene_of_3ds() -> bytes:
+    def chunk(kind: int, content: bytes) -> bytes:
+        return struct.pack("<HI", kind, 6 + len(content)) + content
+
+    points = struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0)
+    mesh = chunk(0x4110, points) + chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 7))
+    return chunk(0x4D4D, chunk(0x3D3D, chunk(0x4000, b"one\0" + chunk(0x4100, mesh))))
+
+
+VRML = (
+    b"#VRML V2.0 utf8\nShape { geometry IndexedFaceSet { coord Coordinate { point "
+    b"[0 0 0, 1 0 0, 0 1 0] } coordIndex [0 1 2 -1] } }\n"
+)
+
+
+@pytest.mark.parametrize(("ending", "content"), [("3ds", scene_of_3ds()), ("wrl", VRML)])
+def test_a_scene_is_read_without_a_plotter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, content: bytes
+) -> None:
+    """A plotter needs OpenGL: where its libraries are missing, to open one crashes."""
+    monkeypatch.delattr(pv, "Plotter")
+    monkeypatch.setenv(EXPENDABLE, "1")  # read here, in no other process
+    (tmp_path / f"a.{ending}").write_bytes(content)
+    found = read(tmp_path / f"a.{ending}")
+    np.testing.assert_array_equal(found.points, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert found.n_cells == 1
 
 
 @pytest.mark.parametrize("ending", ["msh", "inp", "mesh", "off", "xdmf", "e"])

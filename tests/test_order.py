@@ -18,6 +18,9 @@ from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
     "weave": {"ends": 2, "picks": 2},
+    "cage": {},
+    "modal": {"modes": 3},
+    "response": {},
     "surface": {"subdivisions": 1},
     "view": {"size": [64, 48]},
     "animation": {"stop": 0.2},

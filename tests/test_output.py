@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import spacemap_vtk
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.formats.film import write_film
 from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
@@ -222,10 +223,10 @@ def test_a_film_that_is_stopped_leaves_its_frames(
     words = WRITERS[name].replace("speed=1", f"speed=0.001 {more}")  # far too long a film
     command = [sys.executable, "-m", "spacemap_vtk", *words.split(), str(tmp_path / name)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        wait_until(lambda: list(tmp_path.glob("*.frames/*.png")) or process.poll())
-        wait_until(lambda: name != "x.mp4" or ffmpegs(tmp_path))
-        process.send_signal(number)
         try:
+            wait_until(lambda: list(tmp_path.glob("*.frames/*.png")) or process.poll())
+            wait_until(lambda: name != "x.mp4" or ffmpegs(tmp_path))
+            process.send_signal(number)
             assert process.wait(20) == (143 if number == signal.SIGTERM else 1)
         finally:
             process.kill()
@@ -257,6 +258,7 @@ main(sys.argv[1:])
 
 
 def test_a_film_that_is_stopped_within_vtk_ends(tmp_path: Path) -> None:
+    prepare_offscreen()
     # VTK exits, and waits for threads: the one that encodes waited for frames.
     words = [*WRITERS["x.gif"].split(), str(tmp_path / "x.gif"), "--workers", "1"]
     done = subprocess.run([sys.executable, "-c", _HEARD_IN_VTK, *words], timeout=60)

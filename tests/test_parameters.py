@@ -145,7 +145,7 @@ def test_every_automatic_parameter_takes_the_word() -> None:
         assert parameter.usual(of_object=True) is None
     # Of cloth these are as ever: the paper's.
     own = {p.name for p in found if p.default is not None}
-    assert own == {"divisions", "fixed", "youngs_modulus", "gravity"}
+    assert own == {"divisions", "fixed", "youngs_modulus"}
 
 
 def test_unknown_names_list_the_valid_ones() -> None:

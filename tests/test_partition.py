@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacemap_vtk.fabric import yarn_clearance
 from spacemap_vtk.fabric.axes import Share, axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.drawdown import tile
@@ -19,6 +20,8 @@ from spacemap_vtk.fabric.patterns import twill
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn_clearance import least_clearance
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.scene import Scene
 
 THREADS = Threads(diameter=0.25e-3, spacing=0.5e-3)
 
@@ -97,6 +100,44 @@ def test_each_local_weave_is_in_a_part():
     varied = replace(plain, warp=replace(THREADS, diameter=thick))
     assert telling_parts(varied, 3000, edges=False)[1].max() + 1 == 2 * (1 + 3)
     assert least_clearance(replace(cloth, axis="spline"), 20_000) is None
+
+
+def test_the_clearance_of_a_cloth_without_order_needs_few_crossings(monkeypatch):
+    over = np.random.default_rng(4).random((300, 300)) < 0.5  # all 512 weaves of 3 x 3 crossings
+    cloth = Cloth(drawdown=over, warp=THREADS, weft=THREADS)
+    assert abs(least_clearance(cloth, 300).distance) < 1e-15
+    # nor does "info" look at all crossings of a draft that is not large
+    looked_at, measure = [], yarn_clearance._of_axes
+    monkeypatch.setattr(
+        yarn_clearance, "_of_axes", lambda part: looked_at.append(part.size) or measure(part)
+    )
+    rows = ["".join("01"[value] for value in row) for row in over[:60, :60].astype(int)]
+    scene = Scene({"weave": {"ends": 60, "picks": 60, "pattern": rows}})
+    found = report.fabric(scene)["least_clearance"]
+    assert abs(found["distance"]) < 1e-15
+    assert sum(ends * picks for ends, picks in looked_at) < 600
+
+
+@pytest.mark.parametrize("section", ["circular", "racetrack"])
+def test_places_that_are_dropped_while_others_are_refined_are_not_the_nearest(monkeypatch, section):
+    rng = np.random.default_rng(5)
+    warp, weft = (
+        Threads(
+            diameter=rng.uniform(0.2e-3, 0.3e-3, size),
+            spacing=0.9e-3,
+            section=section,
+            aspect=1.0 if section == "circular" else 1.4,
+        )
+        for size in (12, 10)
+    )
+    # by splines yarns overlap, each pair otherwise
+    cloth = Cloth(drawdown=rng.random((10, 12)) < 0.5, warp=warp, weft=weft, axis="spline")
+    found = least_clearance(cloth)
+    monkeypatch.setattr(yarn_clearance, "_FEW", 10**9)
+    everywhere = least_clearance(cloth)
+    assert found.distance < -1e-6
+    assert found.distance == pytest.approx(everywhere.distance, abs=1e-15)
+    assert found.yarns == everywhere.yarns
 
 
 @pytest.mark.parametrize(

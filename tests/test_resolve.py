@@ -273,7 +273,8 @@ def test_thick_yarns_are_scaled_to_a_share_of_the_limit() -> None:
     assert cloth.diameter_sum == pytest.approx(THICKNESS_SHARE * limit, rel=1e-8)
     (note,) = cloth.warnings
     assert "1.058 mm" in note
-    assert "too thick to interlace; drawn" in note
+    assert "too thick to interlace: " in note
+    assert "; drawn " in note
     assert "85%" in note
 
 

@@ -109,7 +109,11 @@ class Law:
                 {name: self._times(each, unit[name]) for name, each in load._values.items()}
                 for load in value
             ]
-        return self._times(value, parameter.unit) if parameter.unit else given
+        if not parameter.unit:
+            return given
+        scaled = self._times(value, parameter.unit)
+        # A bare number of an implausible size is refused; one with its unit is not.
+        return f"{scaled!r} {parameter.unit}" if isinstance(scaled, float) else scaled
 
     def _times(self, value: Any, unit: str) -> Any:
         if isinstance(value, tuple):

@@ -16,7 +16,7 @@ from spacemap_vtk.draw.frame import Frame, frame_of
 from spacemap_vtk.draw.glyphs import CageActor, cut_of, moved_points
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.scene_view import Look, SceneView
+from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.draw.surface_actor import Span
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.scenes.scene import Scene
@@ -129,3 +129,17 @@ def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
     actor.show(dense, 1.0, over=True)
     assert actor.GetMapper().GetInput().GetNumberOfLines() == order * 18 * n * n
     assert 0.0 < actor.GetProperty().GetOpacity() < 0.5
+
+
+def test_a_view_has_no_room_for_where_a_hung_cloth_was_made() -> None:
+    """Held by one edge and made level, it hangs straight down: nothing of it is level any more."""
+    weave = {"ends": 6, "picks": 6}
+    modal = {"elements": "sheet", "youngs_modulus": "10 Pa", "gravity": [0, 0, -9.8], "modes": 4}
+    scene = Scene({"weave": weave, "cage": {"divisions": [4, 8, 1]}, "modal": modal})
+    scene.update(0.0)
+    frame = frame_of(scene, 0.0)
+    across = np.ptp(points_of(scene.source.output), axis=0)
+    seen = np.ptp(extent_of(frame, loads=False), axis=0)
+    hung = np.ptp(points_of(frame.surface), axis=0)
+    assert hung[1] < 0.6 * across[1] < hung[2]
+    np.testing.assert_allclose(seen, hung, atol=0.1 * across[1])

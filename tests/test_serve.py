@@ -19,6 +19,7 @@ from browser import Page, browser
 
 from spacemap_vtk.app.web.session import Session
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.filters.algorithm import Cancelled
 
 aiohttp = pytest.importorskip("aiohttp")
@@ -48,6 +49,7 @@ def opened(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def served(opened) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    prepare_offscreen()  # in this process, so that the tests are skipped where it cannot draw
     words = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
     script = opened.with_name("browser")
     script.write_text(f'#!/bin/sh\necho "$1" >"{opened}.new" && mv "{opened}.new" "{opened}"\n')

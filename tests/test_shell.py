@@ -17,7 +17,7 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
+from spacemap_vtk.mechanics.plates import homogeneous, measured
 from spacemap_vtk.mechanics.shell import MidSurface, layer, mid_surface, of_sheet
 from spacemap_vtk.mechanics.strains import tangent
 
@@ -309,6 +309,28 @@ def test_simply_supported_plates(elasticity):
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.1)
 
 
+@pytest.mark.parametrize("supported", [False, True])
+@pytest.mark.parametrize(
+    ("stretch", "bend"), [(1.0, 1.0), (1e3, 1e-5), (1e-1, 10.0), (1e9, 1e-12)], ids=str
+)
+def test_a_sheet_of_any_ratio_of_stretch_to_bending_bends_as_a_thin_plate(stretch, bend, supported):
+    side, cells, mass = 0.1, 12, 0.15
+    points, tetrahedra = lattice((0, side, 0, side, -1.5e-4, 1.5e-4), (cells, cells, 1))
+    held = hard_supports(points) if supported else clamped(points)
+    made = measured(homogeneous(STUFF, 3e-4), tensile=(stretch,) * 2, bending=(bend,) * 2, ratio=NU)
+    model = Model(points, tetrahedra, made, mass / 3e-4, held)
+    modes = model.modes(model.pencil.size)
+    # those across the sheet: where it hardly resists a stretch, all of its plane are lower
+    across = (modes.shapes[:, :, 2] ** 2).sum(axis=1) > 0.5 * (modes.shapes**2).sum(axis=(1, 2))
+    rate = np.sqrt(modes.eigenvalues[across][:5] * model.modulus / model.density)
+    found = rate * side**2 * math.sqrt(mass * (1 - NU**2) / bend)
+    if supported:
+        np.testing.assert_allclose(found[:3], np.pi**2 * np.array([2, 5, 5]), rtol=0.03)
+    else:
+        np.testing.assert_allclose(found, [3.4917, 8.5246, 21.429, 27.331, 31.111], rtol=0.02)
+    assert modes.rounding[across][:5].max() < 1e-6
+
+
 def test_a_thick_plate_shears_and_turns():
     """Mindlin's plate, simply supported, ten thicknesses wide; its mass turns as a box."""
     side, thickness, wave = 0.1, 0.01, math.pi * math.sqrt(2) / 0.1
@@ -441,6 +463,41 @@ def test_a_square_plate_under_pressure(hard, expected):
     np.testing.assert_allclose(
         moved[: len(points) // 2, 2], moved[len(points) // 2 :, 2], rtol=1e-9
     )
+
+
+@pytest.mark.parametrize("thin_end", [0.2, 1.0, 0.6])
+def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
+    """δ = F ∫ (L - x)²/(E I(x)) dx, and f₁ by Ritz's method with polynomials; stress is F/(b h)."""
+    length, width, thick, force = 0.2, 0.02, 1e-3, 1e-4
+    points, cells = lattice((0, length, 0, width, -0.5, 0.5), (40, 2, 1))
+    local = thick * (1 - (1 - thin_end) * points[:, 0] / length)
+    points[:, 2] *= local
+    mean = layer(points, cells).thickness
+    held = np.repeat(points[:, :1] == 0, 3, axis=1)
+    model = Model(points, cells, homogeneous(BEAM, mean), RHO, held)
+    end = points[:, 0] == length
+    share = np.bincount(np.flatnonzero(end), [0.5, 1, 0.5] * 2, len(points))
+    pushed = np.zeros(points.shape)
+    pushed[:, 2] = force * share / share.sum()
+    sunk = model.solve(pushed.ravel()).reshape(-1, 3)[end, 2]
+    x, weight = np.polynomial.legendre.leggauss(40)
+    x, weight = length * (1 + x) / 2, length * weight / 2
+    height = thick * (1 - (1 - thin_end) * x / length)
+    rigidity, line = E * width * height**3 / 12, RHO * width * height
+    exact = force * (weight * (length - x) ** 2 / rigidity).sum()
+    np.testing.assert_allclose(sunk, exact, rtol=3e-3)
+    powers = np.arange(2, 10)[:, None]
+    waves, curved = (x / length) ** powers, powers * (powers - 1) * (x / length) ** (powers - 2)
+    bends = (curved * weight * rigidity) @ curved.T / length**4
+    rate = la.eigh(bends, (waves * weight * line) @ waves.T, eigvals_only=True)[0] ** 0.5
+    assert rates(model, 1)[0] == pytest.approx(rate, rel=3e-3)
+    # pulled along it, and what is told of its stress
+    pushed = pushed[:, [2, 1, 0]] * 100
+    _, stress = model.strained(model.solve(pushed.ravel()).reshape(-1, 3))
+    middle = points[cells[::5]].mean(axis=1)[:, 0]
+    there = thick * (1 - (1 - thin_end) * middle / length)
+    inner = abs(middle - length / 2) < 0.4 * length
+    np.testing.assert_allclose(stress[::5][inner, 0], force * 100 / width / there[inner], rtol=0.01)
 
 
 def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():

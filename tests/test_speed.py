@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+from itertools import count
+from time import process_time
 
+import numpy as np
 import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.speed import step_timings
 
@@ -49,3 +54,35 @@ def test_an_object_in_a_cage_is_measured_too(capsys):
     told = capsys.readouterr().out
     assert "BarycentricWarp" in told
     assert "copies" in told
+
+
+@pytest.mark.nightly
+def test_a_new_time_of_a_large_weave_takes_few_copies_of_its_bytes():
+    # In processor time of all threads together, which other work on the machine changes little:
+    # with two free cores a step takes about half as many copies.
+    scene = Scene.read("plain_weave")
+    for assignment in ("weave.ends=100", "weave.picks=100"):
+        scene.set(assignment)
+    for time in (0.01, 0.02, 0.03):  # memory is taken, and loops are compiled
+        scene.update(time)
+    normals = scene.polygons.GetPointData().GetNormals()
+    sizes = [points_of(data).nbytes for data in (scene.warp.output, scene.polygons)]
+    sizes[1] += vtk_to_numpy(normals).nbytes
+
+    def processor_time(run):
+        start = process_time()
+        run()
+        return process_time() - start
+
+    def copies(run, size):
+        source, target = np.ones(size, np.uint8), np.zeros(size, np.uint8)
+        taken = [
+            (processor_time(run), processor_time(lambda: np.copyto(target, source)))
+            for _ in range(9)
+        ]
+        step, copy = np.median(taken, axis=0)
+        return step / copy
+
+    times = count(4)
+    assert copies(lambda: scene.warp.update(0.01 * next(times)), sizes[0]) <= 3.0
+    assert copies(lambda: scene.update(0.01 * next(times)), sum(sizes)) <= 4.0

@@ -47,6 +47,9 @@ class Shearing:
     def energies(self, times: np.ndarray) -> np.ndarray:
         return np.full((len(times), 4), np.nan)
 
+    def potential(self, times: np.ndarray) -> np.ndarray:
+        return np.full(len(times), np.nan)
+
 
 class Shear(Stage):
     """Shear a cage, more and more."""
@@ -199,7 +202,7 @@ def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
     assert isinstance(motion, Motion)
     curves = run_through(curves_of(scene, Wish("a", ((0.0, 1e-4, 0.0),), 0.0, 1.0)))
     assert curves is not None
-    assert curves.energies is None
+    assert curves.balance is None
     np.testing.assert_allclose(curves.motion[0, 0, :, 2], 2e-4 * curves.times, atol=1e-12)
     np.testing.assert_allclose(curves.motion[1, 0, :, 2], 2e-4, atol=1e-12)
     assert curves.frequencies.size == 0

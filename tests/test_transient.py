@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from spacemap_vtk import memory
@@ -67,7 +68,7 @@ def passages(motion: Stepped, until: float) -> FloatArray:
 @pytest.mark.parametrize("degrees", [30, pytest.param(45, marks=pytest.mark.nightly), 60, 90])
 def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
     """The period is 2 K(sin θ₀/2)/π times that of a small swing: 1.0174, 1.0400, 1.0732, 1.1803."""
-    motion = pendulum(degrees, tolerance=1.0, max_step=0.004)
+    motion = pendulum(degrees, tolerance=np.inf, max_step=0.004)
     first, _, third = passages(motion, 1.6 * PERIOD)
     ratio = 2 / np.pi * ellipk(np.sin(np.radians(degrees) / 2) ** 2)
     assert (third - first) / PERIOD == pytest.approx(ratio, rel=1e-3)
@@ -82,13 +83,13 @@ def drift(motion: Stepped, until: float) -> float:
 
 def test_energy_is_what_the_loads_put_in_whatever_the_step() -> None:
     for span in (0.002, 0.01):
-        assert drift(pendulum(90, tolerance=1.0, max_step=span), 2.0) < 1e-9
-    assert drift(pendulum(90, tolerance=2e-5), 1.0) < 1e-9
+        assert drift(pendulum(90, tolerance=np.inf, max_step=span), 2.0) < 1e-9
+    assert drift(pendulum(90, tolerance=1e-2), 0.5) < 1e-9
 
 
 @pytest.mark.nightly
 def test_energy_is_kept_over_a_hundred_periods() -> None:
-    motion = pendulum(90, tolerance=1.0, max_step=0.004)
+    motion = pendulum(90, tolerance=np.inf, max_step=0.004)
     assert drift(motion, 118 * PERIOD) < 1e-9
     assert (motion.rows[:, 4] == 0.0).all()
 
@@ -118,7 +119,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     damping = Damping(alpha=2.0, beta=2e-4)
     modal = Response(cage, loads, damping)
     span = 1e-4 if k < 5 else 5e-5  # of a base that is shaken, or jumps
-    stepped = Stepped(cage, loads, damping, tolerance=1.0, max_step=span)
+    stepped = Stepped(cage, loads, damping, tolerance=np.inf, max_step=span)
     assert isinstance(stepped, Motion)
     times = np.array([0.005, 0.012, 0.0181, 0.031, 0.05])
     weights = np.arange(len(points)) / np.arange(len(points)).sum()
@@ -159,7 +160,7 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
     loads = [cage.vector("pressure", 1e-4, timefunctions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")]
     modal = Response(cage, loads, Damping(ratio=ratio))
-    motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=1.0, max_step=1e-3)
+    motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=np.inf, max_step=1e-3)
     weights, times = (points[:, 1] < 1e-9) / 6.0, np.linspace(0.05, 0.4, 6)
     exact, found = (m.history(weights, times)[0, :, 2] for m in (modal, motion))
     np.testing.assert_allclose(found, exact, atol=1e-3 * abs(exact).max())
@@ -168,31 +169,95 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     assert hung or drift(motion, 0.4) < 1e-9  # what hangs holds far more than it moves with
 
 
-def test_the_error_falls_with_the_square_of_the_step() -> None:
+def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
     """Of a block that is shaken so that it bends far."""
     points, cells = lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(2e4, 0.3), 300.0, held))
     load = cage.vector("gravity", (5.0, 0.0, 30.0), timefunctions.harmonic(5.0))
     ends = []
-    for span in (5e-4, 2.5e-4, 1.25e-4):
-        motion = Stepped(cage, [load], tolerance=1.0, max_step=span)
+    for span in (2e-3, 1e-3, 5e-4):
+        motion = Stepped(cage, [load], Damping(beta=1e-3), tolerance=np.inf, max_step=span)
         ends.append(motion.at(0.1)[:2])
     coarse, fine = abs(ends[0] - ends[1]), abs(ends[1] - ends[2])
     assert abs(ends[2][0]).max() > 0.01
     for k in range(2):
-        assert coarse[k].max() / fine[k].max() == pytest.approx(4.0, rel=0.1)
+        assert coarse[k].max() / fine[k].max() == pytest.approx(16.0, rel=0.15)
 
 
 def test_the_bound_of_the_error_is_one() -> None:
-    exact = passages(pendulum(60, tolerance=1.0, max_step=2.5e-4), 0.3)[0]
-    missed = []
-    for bound in (2e-4, 2e-6):
-        motion = pendulum(60, tolerance=bound)
-        missed.append(abs(passages(motion, 0.3)[0] - exact))
-    speed = 1.4 * np.sqrt(GRAVITY * LENGTH)
-    assert missed[0] * speed < 20 * 2e-4
-    assert missed[1] < missed[0] / 8
+    exact = passages(pendulum(60, tolerance=np.inf, max_step=2e-3), 0.3)[0]
+    for bound in (1e-1, 1e-2):
+        found = passages(pendulum(60, tolerance=bound, max_step=1.0), 0.3)[0]
+        assert abs(found / exact - 1) < bound / 10  # the bound is of ten periods
+
+
+# At 1e-3 of its length the second mode is no longer linear: it ends 8e-4 of its amplitude off.
+@pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-3), (0, 3e-5), (1, 1e-4), (1, 3e-5)])
+def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None:
+    """Over ten periods, undamped, with the default tolerance; of a strip with 5.9 and 37 Hz."""
+    length, rigidity = 0.2, 0.0178
+    points, cells = lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (5, 1, 1))
+    plane = np.diag([1.0, 1.0, 0.5])
+    plate = Plate(1e3 * plane, rigidity * plane, 400 * np.eye(2), 1e3)
+    held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    # Along y as well: all modes bend the strip out of its plane.
+    held[:, 1] = True
+    model = Model(points, cells, plate, 333.0, held)
+    values, shapes, _ = model.modes(10)
+    omega = float(np.sqrt(values[mode] * model.modulus / model.density))
+    shape = shapes[mode].reshape(-1, 3)
+    tip = points[:, 0] > length - 1e-9
+    start = shape * amplitude * length / shape[tip, 2].mean()
+    motion = Stepped(cage_of(model), displacement=start)
+    times = np.linspace(0.0, 20 * np.pi / omega, 401)
+    moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (amplitude * length)
+    np.testing.assert_allclose(moved, np.cos(omega * times), atol=1e-4)
+    assert len(motion.rows) < 1500
+
+
+def test_parametric_resonance_grows_as_mathieus_equation() -> None:
+    """A small sideways motion of a strip whose tension is modulated at twice its frequency.
+
+    Ten periods, undamped, with the default tolerance. Mathieu's coefficients are squared
+    frequencies of the strip at rest under its mean and its extreme tensions.
+    """
+    length, mean, change = 0.2, 50.0, 35.0  # accelerations along the strip [m/s²]
+    points, cells = lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (4, 1, 1))
+    plane = np.diag([1.0, 1.0, 0.5])
+    # So stiff along that its longitudinal vibration (400 Hz) adds 0.1 % to the tension's changes.
+    plate = Plate(1e4 * plane, 0.0178 * plane, 400 * np.eye(2), 1e4)
+    held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    held[:, 1] = True
+
+    def under(pull: float) -> tuple[Model, float, FloatArray]:
+        """Return the strip at rest under a pull, its lowest frequency squared, and that mode."""
+        flat = cage_of(Model(points, cells, plate, 333.0, held))
+        rest, _ = flat.model.hung(flat.force(flat.vector("gravity", (pull, 0, 0), step())))
+        model = Model(points, cells, plate, 333.0, held, False, rest)
+        values, shapes, _ = model.modes(1)
+        return model, values[0] * model.modulus / model.density, shapes[0].reshape(-1, 3)
+
+    model, square, shape = under(mean)
+    slack, taut = under(mean - change)[1], under(mean + change)[1]
+    omega = square**0.5
+    tip = points[:, 0] > length - 1e-9
+    start = shape * 5e-4 * length / shape[tip, 2].mean()
+    cage = cage_of(model)
+    load = cage.vector("gravity", (change, 0, 0), timefunctions.harmonic(omega / np.pi))
+    motion = Stepped(cage, [load], displacement=model.displacement + start, settled=True)
+    times = np.linspace(0.0, 20 * np.pi / omega, 401)
+    moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (5e-4 * length)
+
+    def mathieu(time: float, state: FloatArray) -> list[float]:
+        stiffness = square + (taut - slack) / 2 * np.sin(2 * omega * time)
+        return [state[1], -stiffness * state[0]]
+
+    exact = solve_ivp(
+        mathieu, times[[0, -1]], [1, 0], method="DOP853", rtol=1e-10, atol=1e-10, t_eval=times
+    ).y[0]
+    assert abs(exact).max() > 8
+    np.testing.assert_allclose(moved, exact, atol=0.005 * abs(exact).max())
 
 
 def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
@@ -206,7 +271,7 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
         cage.vector("gravity", (0, -GRAVITY, 0), step()),
         cage.vector("pressure", gust, timefunctions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
     ]
-    return Stepped(cage, loads, Damping(1.0, 1e-3), tolerance=4e-5, **options)
+    return Stepped(cage, loads, Damping(1.0, 1e-3), **{"tolerance": 1e-2} | options)
 
 
 @pytest.mark.parametrize(
@@ -232,43 +297,11 @@ def test_a_curtain_swings_in_a_gust(cells: int, until: float, seconds: float) ->
 
 @pytest.mark.nightly
 def test_cloth_that_whips_takes_no_tiny_steps() -> None:
-    """A gust of twice the weight: directors that nothing stilled took three times the steps."""
-    motion = curtain(12, 2 * 0.15 * GRAVITY, still=True)
-    begun = process_time()
+    """A gust of twice the weight."""
+    motion = curtain(12, 2 * 0.15 * GRAVITY, tolerance=0.1)
     motion.reach(0.8)
-    assert process_time() - begun < 25
-    assert len(motion.rows) < 500
+    assert len(motion.rows) < 1000
     assert drift(motion, 0.8) < 1e-9
-
-
-def strip(**options: Any) -> tuple[Stepped, Response]:
-    """Return a strip of sheet that a breath sets off, undamped, by steps and by its modes."""
-    points, cells = lattice((0, 0.2, 0, 0.02, -1e-3, 1e-3), (6, 1, 1))
-    plane = np.diag([1.0, 1.0, 0.5])
-    plate = Plate(1e4 * plane, 3e-3 * plane, 4e3 * np.eye(2), 1e4)
-    model = Model(points, cells, plate, 100.0, np.repeat(points[:, :1] < 1e-9, 3, axis=1))
-    values, shapes, lost = model.modes(1000)
-    values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
-    cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
-    loads = [cage.vector("pressure", 1e-3, timefunctions.table([0, 0.02, 0.02], [1, 1, 0]), "+z")]
-    return Stepped(cage, loads, **options), Response(cage, loads, Damping())
-
-
-def test_directors_that_are_stilled_change_nothing_else() -> None:
-    """A strip swings as its modes do, to 1e-4, and a pendulum for ever."""
-    motion, modal = strip(tolerance=1.0, max_step=1e-4, still=True)
-    times = np.linspace(0.01, 0.1, 7)
-    weights = (motion.points[:, 0] > 0.199) / 4.0
-    for order, share in ((0, 1e-4), (1, 3e-3)):
-        exact, found = (m.history(weights, times)[order] for m in (modal, motion))
-        np.testing.assert_allclose(found, exact, atol=share * abs(exact).max())
-    swing = pendulum(90, tolerance=1.0, max_step=0.004, still=True)
-    assert drift(swing, 2.0) < 1e-9
-    assert 0.0 < swing.rows[-1, 4] < 1e-7 * swing.rows[:, 2].max()
-    # Between two states the motion goes on without a jump, that of directors, too.
-    for time in swing.rows[5:8, 0]:
-        before, after = swing.at(time - 1e-12), swing.at(time)
-        np.testing.assert_allclose(after[:2], before[:2], atol=1e-9)
 
 
 def test_a_motion_goes_on_from_where_it_stopped() -> None:
@@ -280,22 +313,22 @@ def test_a_motion_goes_on_from_where_it_stopped() -> None:
         if share > 0.5:
             raise Stopped
 
-    whole = pendulum(45, tolerance=1e-5)
+    whole = pendulum(45, tolerance=1e-2)
     whole.reach(0.2)
-    part = pendulum(45, tolerance=1e-5)
+    part = pendulum(45, tolerance=1e-2)
     with pytest.raises(Stopped):
         part.reach(0.2, stop)
     assert 0.1 < part.reached < 0.2
-    other = pendulum(45, tolerance=1e-5)
+    other = pendulum(45, tolerance=1e-2)
     assert other.resume(part.rows.copy())
     before = part.reached
     part.reach(0.2)
     assert part.reached > before
     np.testing.assert_array_equal(part.rows, whole.rows)
     other.reach(0.2)
-    np.testing.assert_allclose(other.at(0.2), whole.at(0.2), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(other.at(0.2)[0], whole.at(0.2)[0], atol=1e-4 * LENGTH)
     # Whatever was asked for in between.
-    asked = pendulum(45, tolerance=1e-5)
+    asked = pendulum(45, tolerance=1e-2)
     for time in (0.05, 0.01, 0.2):
         asked.at(time)
     np.testing.assert_array_equal(asked.rows, whole.rows)
@@ -337,7 +370,7 @@ def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
 
 
 def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    motion = pendulum(30, tolerance=1.0, max_step=0.004)
+    motion = pendulum(30, tolerance=np.inf, max_step=0.004)
     monkeypatch.setattr(memory, "SMALL", 0)
     # Enough for 75 steps, not for twice the 64 that there is room for at first.
     monkeypatch.setattr(memory, "available", lambda: motion.rows[0].nbytes * 100)

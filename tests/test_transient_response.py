@@ -59,15 +59,15 @@ def test_its_loads_damping_and_start_are_those_of_modal_response() -> None:
 
 @pytest.mark.parametrize("damping", [{"alpha": 3.0}, {"damping_ratio": (0.05, 0.02)}])
 def test_what_is_small_is_as_its_modes_have_it(damping: dict[str, Any]) -> None:
-    """A light breath on a hung cage, in every array that both write."""
+    """A light breath on a hung cage, in every array that both write, with default steps."""
     load = {"pressure": 1e-4, "on": "+z", "time": "ramp", "rise": 0.01}
     given: dict[str, Any] = {"loads": [load], **damping}
     hung: dict[str, Any] = {"gravity": (0, 0, -0.05)}
     modal = chain(ModalResponse(**given), **hung)
-    stepped = chain(TransientResponse(**given, max_step=2e-5, tolerance=1.0), **hung)
+    stepped = chain(TransientResponse(**given), **hung)
     rest = vtk_to_numpy(modal.update(0.0).output.GetPointData().GetArray("equilibrium"))
     assert abs(rest).max() > 1e-7
-    for name, share in (("displacement", 1e-4), ("velocity", 1e-2), ("strain", 1e-3)):
+    for name, share in (("displacement", 1e-4), ("velocity", 2e-2), ("strain", 1e-3)):
         before = at(modal, 0.0, name)
         change = at(modal, 0.008, name) - before
         found = at(stepped, 0.008, name) - before
@@ -82,7 +82,7 @@ def test_it_hangs_at_rest_until_loads_change() -> None:
     released = {"gravity": [0, 0, 1.0], "time": "step", "start": 0.01}
     let_go = chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1), loads=[released]))
     np.testing.assert_allclose(at(let_go, 0.009), first, atol=1e-6 * abs(first).max())
-    assert abs(at(let_go, 0.03) - first).max() > 0.1 * abs(first).max()
+    assert max(abs(at(let_go, t) - first).max() for t in (0.011, 0.012)) > 0.1 * abs(first).max()
 
 
 def test_what_it_hangs_in_is_what_modal_solver_keeps(folder: Path) -> None:
@@ -102,7 +102,7 @@ def test_it_is_let_go_from_what_else_held_it() -> None:
     start = at(mover, 0.0)
     np.testing.assert_allclose(start, hung, atol=1e-7 * abs(hung).max())
     low = np.isclose(start, 0.0).all(axis=1)
-    assert abs(at(mover, 0.02)[low]).max() > abs(start).max()
+    assert max(abs(at(mover, t)[low]).max() for t in (0.001, 0.002, 0.003)) > abs(start).max()
     mover.initial = "equilibrium"
     with pytest.raises(InputError, match=r"held.*both say where it starts"):
         mover.update()
@@ -126,7 +126,7 @@ def test_a_given_start_is_added() -> None:
 
 
 def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
-    mover = chain(TransientResponse(max_step="1 ms"))
+    mover = chain(TransientResponse(max_step="1 ms", tolerance=0.1))
     at(mover, 0.03)
     motion = mover.motion
     count = len(motion.rows)
@@ -138,7 +138,7 @@ def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
     at(mover, 0.02)
     assert mover.motion is motion
     assert list(folder.glob("steps-*"))
-    other = chain(TransientResponse(max_step="1 ms"))
+    other = chain(TransientResponse(max_step="1 ms", tolerance=0.1))
     np.testing.assert_array_equal(at(other, 0.02), late)
     assert len(other.motion.rows) == count
     # Another load is another motion.
@@ -147,11 +147,13 @@ def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
     assert len(other.motion.rows) < count
     for entry in folder.glob("steps-*"):
         entry.write_bytes(b"nothing")
-    np.testing.assert_array_equal(at(chain(TransientResponse(max_step="1 ms")), 0.02), late)
+    np.testing.assert_array_equal(
+        at(chain(TransientResponse(max_step="1 ms", tolerance=0.1)), 0.02), late
+    )
 
 
 def test_it_is_stopped_and_goes_on() -> None:
-    mover = chain(TransientResponse(max_step="0.1 ms"))
+    mover = chain(TransientResponse(max_step="0.1 ms", tolerance=0.1))
     mover.update(0.0)
     shares: list[float] = []
 
@@ -171,7 +173,8 @@ def test_it_is_stopped_and_goes_on() -> None:
     motion = mover.motion
     whole = at(mover, 0.02)
     assert mover.motion is motion
-    np.testing.assert_array_equal(whole, at(chain(TransientResponse(max_step="0.1 ms")), 0.02))
+    other = at(chain(TransientResponse(max_step="0.1 ms", tolerance=0.1)), 0.02)
+    np.testing.assert_allclose(other, whole, atol=1e-6 * abs(whole).max())
 
 
 @pytest.mark.parametrize(
@@ -196,9 +199,11 @@ def test_what_steps_cannot_have_is_refused(values: dict[str, Any], said: str) ->
 def test_a_pressure_follows_its_side_or_keeps_its_direction() -> None:
     """Both start alike, and part where the cage has turned."""
     ways = {"loads": [FOLLOWER]}, {"loads": [FOLLOWER | {"follower": False}]}
-    movers = [chain(TransientResponse(gravity=(0, 0, 0), **way), modes=6) for way in ways]
+    movers = [
+        chain(TransientResponse(gravity=(0, 0, 0), tolerance=0.1, **way), modes=6) for way in ways
+    ]
     early, late = ([at(mover, time) for mover in movers] for time in (2e-4, 0.04))
-    assert abs(early[0] - early[1]).max() < 1e-3 * abs(early[0]).max()
+    assert abs(early[0] - early[1]).max() < 5e-3 * abs(early[0]).max()
     assert abs(late[0] - late[1]).max() > 0.05 * abs(late[0]).max()
     with pytest.raises(InputError, match=r"loads\[0\]\.follower.*linear.*\[transient\]"):
         chain(ModalResponse(loads=[FOLLOWER]), modes=6).update()
@@ -210,11 +215,11 @@ def test_a_pressure_follows_its_side_or_keeps_its_direction() -> None:
 
 def test_a_scene_has_it_in_place_of_the_response() -> None:
     small = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
-    scene = Scene({**small, "transient": {"max_step": 1e-3}})
+    scene = Scene({**small, "transient": {"tolerance": 10.0}})
     assert scene.stage("mover") is scene.part(TransientResponse)
     scene.update(time=0.01)
     assert "strain" in scene.colorings
-    turned = Scene({**small, "transient": {}, "rotation": {}, "yarns": {}})
+    turned = Scene({**small, "transient": {"tolerance": 10.0}, "rotation": {}, "yarns": {}})
     for time in (0.0, 0.01):  # though two ask it, the second once the first was refused
         with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
             turned.update(time=time)

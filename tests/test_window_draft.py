@@ -14,6 +14,7 @@ require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
 from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog  # noqa: E402
 
 from spacemap_vtk.app.draft.draft_painter import Inks, Painting  # noqa: E402
@@ -385,3 +386,20 @@ def test_a_large_draft_is_painted_as_fast_as_a_small_one(qapp: Any) -> None:
     small, large = cost(None), cost(1000)
     assert large < 3 * small
     assert small < 0.1
+
+
+def test_counts_that_are_typed_keep_their_digits(draft_of: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    ends, hint = window.draft.counts["ends"], window.draft.hint
+    line = ends.lineEdit()
+    line.setFocus()
+    line.selectAll()
+    QTest.keyClicks(line, "99999")
+    assert line.text() == "99999"
+    assert "99999" in hint.text()
+    assert "1 to 4096" in hint.text()
+    line.selectAll()
+    QTest.keyClicks(line, "10")
+    assert "out of range" not in hint.text()
+    QTest.keyClick(line, Qt.Key.Key_Return)
+    assert window.document.scene.weave.ends == 10

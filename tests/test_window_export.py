@@ -70,6 +70,89 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
     assert coloured[1] < 0.6 * coloured[0]
 
 
+def colourful(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+    """Return where a picture's yarns are, and which shares of width and height they fill."""
+    there = np.ptp(picture.astype(int), axis=2) > 40
+    shares = [
+        np.ptp(np.flatnonzero(there.any(axis=axis))) / there.shape[1 - axis] for axis in (0, 1)
+    ]
+    return there, (shares[0], shares[1])
+
+
+@pytest.mark.parametrize("widths", [(300, 260, 640), (200, 900, 100)])
+@pytest.mark.parametrize("size", [(400, 300), (240, 480)])
+def test_what_the_view_shows_fills_a_picture_of_any_form(
+    open_scene: Any, tmp_path: Path, widths: tuple[int, ...], size: tuple[int, int]
+) -> None:
+    window = open_scene()
+    window.splitter.setSizes(widths)
+    wait_until(lambda: settled(window))
+    window.tools.cameras["front"].trigger()
+    for name in ("cage", "triad", "scale_bar"):
+        window.tools.shown[name].trigger()
+    wait_until(lambda: settled(window))
+    _, seen = colourful(window.view.image())
+    file, done = tmp_path / "cloth.png", written(window)
+    QTimer.singleShot(50, lambda: fill_dialog(file, *size, 0))
+    window.menus.actions["Export picture…"].trigger()
+    wait_until(lambda: str(file) in done or window.errors.text)
+    _, shares = colourful(np.asarray(Image.open(file)))
+    assert max(shares) == pytest.approx(max(seen), abs=0.02)
+
+
+def test_what_is_cut_by_the_edges_of_the_view_stays_in_the_picture(open_scene: Any) -> None:
+    window = open_scene()
+    window.tools.cameras["front"].trigger()
+    window.view.zoom(4.0)
+    width, height = window.view.seen.size
+    wide, tall = (
+        window.view.place_for((2 * height, height)),
+        window.view.place_for((height, 2 * height)),
+    )
+    # The cloth fills the view: a wider picture has its whole height, a taller one all its width.
+    own = np.tan(np.radians(window.view.place.angle / 2))
+    assert np.tan(np.radians(wide.angle / 2)) == pytest.approx(own)
+    assert 0.5 * np.tan(np.radians(tall.angle / 2)) == pytest.approx(own * width / height, rel=1e-6)
+    window.tools.orthographic.trigger()
+    here = window.view.place
+    assert window.view.place_for((width, height)).parallel_scale == pytest.approx(
+        here.parallel_scale
+    )
+    tall = window.view.place_for((height, 2 * height))
+    assert 0.5 * tall.parallel_scale == pytest.approx(here.parallel_scale * width / height)
+
+
+def test_a_dark_window_exports_its_background_and_a_wire_frame(
+    open_scene: Any, tmp_path: Path
+) -> None:
+    window, done = open_scene(), []
+    window.exports.written.connect(done.append)
+    window.menus.dark.trigger()
+    window.tools.shown["cage"].trigger()
+    window.view.zoom(6.0)
+    filled = window.view.image()
+    window.tools.keys.wireframe.trigger()
+    pictures = []
+    try:
+        for name, seen in (("window.png", 0), ("scene.png", 1)):
+            file = tmp_path / name
+            QTimer.singleShot(50, lambda file=file, seen=seen: fill_dialog(file, 320, 240, seen))
+            window.menus.actions["Export picture…"].trigger()
+            wait_until(lambda file=file: str(file) in done or window.errors.text)
+            assert window.errors.text == ""
+            pictures.append(np.asarray(Image.open(file)))
+        drawn = window.view.image()
+    finally:
+        window.menus.dark.trigger()
+    tops = [np.median(picture[0], axis=0) for picture in (drawn, *pictures)]
+    assert np.abs(tops[0] - tops[1]).max() <= 3
+    assert (tops[2] > 200).all()
+    # Edges alone leave most of the cloth free, as they do in the view.
+    shares = [colourful(picture)[0].mean() for picture in (pictures[0], drawn, filled)]
+    assert shares[0] < 0.6 * shares[2]
+    assert shares[1] < 0.6 * shares[2]
+
+
 def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: Path) -> None:
     window, done = open_scene(), []
     window.exports.written.connect(done.append)
@@ -385,3 +468,37 @@ def test_processes_that_do_not_start_are_told_and_the_next_one_runs(
     wait_until(lambda: done or window.exports.busy is False)
     assert done == [str(folder / "picture.png")]
     assert [path.name for path in folder.iterdir()] == ["picture.png"]
+
+
+def test_a_size_that_is_typed_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
+    window, seen = open_scene(), []
+
+    def fill() -> None:
+        dialog = QApplication.activeModalWidget()
+        if not isinstance(dialog, ExportDialog):
+            QTimer.singleShot(50, fill)
+            return
+        dialog.line.setText(str(tmp_path / "large.png"))
+        line = dialog.width_box.lineEdit()
+        dialog.width_box.setFocus()
+        for typed in ("99999", "2400"):
+            line.selectAll()
+            QTest.keyClicks(line, typed)
+            seen.append((line.text(), dialog.told.text(), dialog.save.isEnabled()))
+        # What is out of range when the box is left comes to the nearest in range, as is seen.
+        line.selectAll()
+        QTest.keyClicks(line, "99999")
+        dialog.height_box.setFocus()
+        seen.append((line.text(), dialog.told.text(), dialog.save.isEnabled()))
+        dialog.reject()
+
+    QTimer.singleShot(50, fill)
+    window.menus.actions["Export picture…"].trigger()
+    assert len(seen) == 3
+    assert seen[0][0].removesuffix(" px") == "99999"
+    assert "99999" in seen[0][1]
+    assert "16 to 8192" in seen[0][1]
+    assert not seen[0][2]
+    for (text, told, able), size in zip(seen[1:], ("2400 px", "8192 px"), strict=True):
+        assert (text, able) == (size, True)
+        assert "out of range" not in told

@@ -356,3 +356,14 @@ def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_scene: Any) ->
     QTest.keyClick(line, Qt.Key.Key_Return)
     assert row.property("bad")
     assert window.errors.text
+
+
+def test_a_number_typed_alone_is_in_the_unit_of_its_field(open_scene: Any) -> None:
+    window = open_scene()
+    diameter = editor(window, "weave", "warp_diameter")
+    assert diameter.line.text().endswith("mm")
+    type_into(diameter.line, "0.3")
+    assert window.document.values["weave"]["warp_diameter"] == "0.3 mm"
+    assert window.document.scene.weave.warp_diameter == 0.0003
+    type_into(diameter.line, "200 um")
+    assert window.document.scene.weave.warp_diameter == 0.0002

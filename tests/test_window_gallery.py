@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,14 @@ from window import require_display, settled, wait_until
 require_display()
 
 from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtGui import QColor, QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QMessageBox  # noqa: E402
 
+from spacemap_vtk.app.pipeline import Pipeline  # noqa: E402
 from spacemap_vtk.app.splash import Splash  # noqa: E402
 from spacemap_vtk.draw import thumbnails  # noqa: E402
+from spacemap_vtk.filters.algorithm import Cancelled  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
 
@@ -179,3 +183,56 @@ def test_pictures_that_come_late_are_seen_whole(open_window: Any) -> None:
     # The animal stands in the middle: brown, down to its feet.
     brown = [step for step, c in enumerate(column) if c.red() - c.blue() > 40]
     assert len(brown) > icon.height() // 4
+
+
+@pytest.mark.parametrize("ends", ["drawn", "cancelled"])
+def test_a_scene_that_takes_long_shows_its_picture_meanwhile(
+    ends: str, open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window()
+    view = window.view
+    assert not view.preview.isVisible()
+    go, run = threading.Event(), Pipeline.run
+
+    def slow(pipeline: Pipeline, job: Any) -> Any:
+        while not go.wait(0.05):
+            if pipeline.stopped:
+                raise Cancelled("the run was stopped")
+        return run(pipeline, job)
+
+    monkeypatch.setattr(Pipeline, "run", slow)
+    window.document.open("tartan")
+    wait_until(view.preview.isVisible)
+    assert view.preview.size() == view.size()
+    # It is the scene's own picture, as wide as there is room.
+    seen = view.preview.grab().toImage()
+    scene = QImage(str(thumbnails.file_of("tartan")))
+    middle, its_middle = seen.rect().center(), scene.rect().center()
+    step, its_step = round(0.3 * view.width()), round(0.3 / 0.88 * scene.width())
+    for way in (-1, 0, 1):
+        color = seen.pixelColor(middle.x() + way * step, middle.y())
+        around = [
+            scene.pixelColor(its_middle.x() + way * its_step + x, its_middle.y() + y)
+            for x in range(-4, 5)
+            for y in range(-4, 5)
+        ]
+        for part in (QColor.red, QColor.green, QColor.blue):
+            values = [part(each) for each in around]
+            assert min(values) - 25 <= part(color) <= max(values) + 25
+    if ends == "drawn":
+        go.set()
+        wait_until(lambda: settled(window))
+    else:
+        window.director.cancel()
+        wait_until(lambda: "no picture of this scene yet" in window.errors.text)
+    assert not view.preview.isVisible()
+    go.set()
+
+
+def test_a_scene_of_the_users_has_no_picture(open_window: Any, tmp_path: Path) -> None:
+    file = tmp_path / "tartan.toml"
+    file.write_text("[weave]\nends = 4\npicks = 4\n")
+    window = open_window()
+    window.document.open(str(file))
+    QTest.qWait(500)
+    assert not window.view.preview.isVisible()

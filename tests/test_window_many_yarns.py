@@ -15,8 +15,9 @@ require_display()
 
 from spacemap_vtk.app import pipeline  # noqa: E402
 from spacemap_vtk.app.job import Job, Pull, Swing  # noqa: E402
+from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.draw import near  # noqa: E402
-from spacemap_vtk.draw.camera import Seen, Viewpoint  # noqa: E402
+from spacemap_vtk.draw.camera import Seen, Viewpoint, projected  # noqa: E402
 from spacemap_vtk.draw.frame import Frame  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -186,3 +187,40 @@ def test_many_facets_are_fewer_while_the_camera_moves(
     view.steer(False)
     wait_until(lambda: not view.steering)
     assert [actor.GetVisibility() for actor in actors] == [1, 0]
+
+
+@pytest.mark.parametrize("way_back", ["untick", "undo"])
+def test_a_sheet_lies_flat_again_without_its_motion(
+    way_back: str, open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
+    file = tmp_path / "still.toml"
+    file.write_text("[weave]\nends = 24\npicks = 24\n")
+    window = open_window(str(file))
+    view, document = window.view, window.document
+    flat = view.frame.surface.GetBounds()
+
+    document.switch("modal", True)
+    document.set_many("modal", {"youngs_modulus": "1 kPa", "gravity": [0, 0, 0]})
+    document.set("response", "gravity", [0, 0, -9.8])
+    window.times.go(0.3)
+    wait_until(lambda: settled(window) and view.frame.time == 0.3)
+    moved = view.frame.surface.GetBounds()
+    depth = moved[5] - moved[4]
+    assert depth > 2 * (flat[1] - flat[0])  # it has fallen far
+    # Look so closely at its lower end that nothing of it is in sight where it lies flat.
+    view.plotter.camera.SetFocalPoint(0.0, 0.0, moved[4])
+    view.plotter.camera.SetPosition(0.5 * depth, 0.0, moved[4])
+
+    if way_back == "untick":
+        document.switch("modal", False)
+    else:
+        document.undo.setIndex(0)
+    wait_until(lambda: settled(window) and view.frame.cage is None)
+    assert view.frame.surface.GetBounds() == flat
+    # The view is not left empty.
+    x, y, _, w = projected(
+        view.plotter.camera, points_of(view.frame.surface), view.width() / view.height()
+    ).T
+    assert (abs(x) <= w).all()
+    assert (abs(y) <= w).all()

@@ -14,7 +14,7 @@ require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QFileDialog, QToolButton  # noqa: E402
+from PySide6.QtWidgets import QFileDialog, QToolButton, QWhatsThis  # noqa: E402
 
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
@@ -223,16 +223,15 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     # At t = 0 nothing is deformed: it is the whole motion that is told of.
     assert window.times.time == 0.0
     angle = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
-    for told in (window.told.whole, window.told.toolTip()):
-        assert angle in told
-        assert "times as long" in told
-        assert "[transient]" in told
+    assert angle in window.told.whole
+    for words in (angle, "times as long", "[transient]"):
+        assert words in window.told.toolTip()
     # What there is no room for ends in dots, and the link is there as long as its words are.
-    window.told.resize(window.told.fontMetrics().horizontalAdvance(window.told.whole) // 2, 20)
+    window.told.resize(3 * window.told.fontMetrics().horizontalAdvance(window.told.whole) // 4, 20)
     assert window.told.text().endswith("…")
     assert angle in window.told.text()
     window.told.resize(window.told.fontMetrics().horizontalAdvance(window.told.whole) + 20, 20)
-    assert '<a href="rotation">a section [rotation]</a>' in window.told.text()
+    assert '<a href="rotation">switch on Rotation strain</a>' in window.told.text()
     # A click on its words does what they say.
     for x in range(0, window.told.width(), 8):
         QTest.mouseClick(
@@ -244,7 +243,36 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     assert "times as long" in window.told.whole
     window.menus.actions["Undo"].trigger()
     wait_until(lambda: settled(window) and "lengths change" in window.told.whole)
+    # The first words say it, all is behind the button.
+    assert len(window.told.whole.split()) < 25
+    assert window.details.isVisible()
     # A motion that stays small is not.
     window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
     wait_until(lambda: settled(window) and "turns" not in window.told.whole)
     assert window.told.toolTip() == ""
+    assert not window.details.isVisible()
+
+
+def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_scene()
+    window.tabs.setCurrentWidget(window.modes)
+    assert "⚠" not in window.told.whole
+    assert (window.details.isVisible(), window.details.text()) == (True, "Notes")
+    # Its own change is its author's to answer for.
+    window.document.set("weave", "warp_diameter", "0.24 mm")
+    wait_until(lambda: settled(window) and "⚠" in window.told.whole)
+    told = window.told.whole.partition("⚠")[2]
+    assert "too stiffly" in told
+    assert len(told.split()) <= 16
+    assert not set('[]="') & set(told)
+    whole = window.told.fontMetrics().horizontalAdvance(window.told.whole)
+    assert whole <= 900  # of a window of 1,280 pixels
+    # All of it is a click away.
+    shown: list[str] = []
+    monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))
+    QTest.mouseClick(window.details, Qt.MouseButton.LeftButton)
+    assert "elements" in shown[0]
+    window.document.undo.undo()
+    wait_until(lambda: settled(window) and "⚠" not in window.told.whole)

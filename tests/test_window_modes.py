@@ -110,6 +110,30 @@ def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
     assert window.modes.table.rowCount() == 5
 
 
+def test_modes_shorter_than_the_cells_resolve_are_marked(open_scene: Any) -> None:
+    """Of the paper's 5 x 5 cells the 7th mode of a sheet is a quarter too high."""
+    window = open_scene()
+    window.tabs.setCurrentWidget(window.modes)
+    warning, table = window.modes.unresolved, window.modes.table
+    wait_until(lambda: table.item(0, 3).text())
+    assert not warning.isVisible()  # of tetrahedra
+    sheet = {"elements": "sheet", "tensile_rigidity": 1e3, "bending_rigidity": 1e-9, "modes": 20}
+    window.document.set_many("modal", sheet)
+    wait_until(warning.isVisible)
+    scene = Scene.read("plain_weave")
+    for name, value in sheet.items():
+        scene.set(f"modal.{name}={value}")
+    report.modes(scene)
+    (told,) = (text for text in scene.warnings if "cells resolve" in text)
+    assert warning.text().split(";")[0].lower() == told.split(";")[0]
+    marked = [row for row in range(20) if table.item(row, 1).text().startswith("≈")]
+    assert marked[0] == 6
+    assert "too high" in table.item(6, 1).toolTip()
+    window.document.set("modal", "modes", 5)
+    wait_until(lambda: settled(window) and table.rowCount() == 5 and table.item(4, 3).text())
+    assert not warning.isVisible()
+
+
 def test_masses_of_the_modes_before_are_grey(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)

@@ -166,7 +166,7 @@ class Director(QObject):
         if moving and self._looking and self._engine.busy:
             self._looking, self._dropped = False, True
             self._engine.cancel()
-        elif not moving and frame is not None and frame.cloth is not None:
+        elif not moving and frame is not None and self._view.wants_more(frame):
             waits = self.held or self._times.playing or self.swing is not None
             asked = self._asked.seen if self._looking and self._asked else frame.seen
             if not waits and self._view.seen not in (asked, frame.seen):

@@ -162,6 +162,13 @@ class Document(QObject):
         drafted = self.source is not None and registry.kind_of(self.source) == "draft"
         return self.source if drafted else None
 
+    @property
+    def example(self) -> str | None:
+        """The name of the program's own scene that was opened; None: another one was."""
+        if self.source is None or self.source.parent != library.folder().resolve():
+            return None
+        return self.source.stem
+
     def told(self, file: Path) -> str:
         """Return what to call a file: one beside the scene as the scene may."""
         return file.name if file.parent == self._folder else self.drafts.told(file)

@@ -18,6 +18,8 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: A run that has taken no longer is one of a drag's.
 _SHORT = 0.1
+#: Seconds between two reports of how far the work beside is.
+_REPORT_INTERVAL = 0.1
 
 
 class Engine(QThread):
@@ -34,6 +36,8 @@ class Engine(QThread):
     cancelled = Signal()
     #: Nothing is left to do.
     idle = Signal()
+    #: The share of the work asked for with `ask_beside` that is done, 0 to 1, now and then.
+    beside_progressed = Signal(float)
     #: What the work that was asked for with `ask_beside` has come to, or its exception.
     beside_ready = Signal(object)
 
@@ -45,7 +49,8 @@ class Engine(QThread):
         self.ending = False
         self._begun: float | None = None
         self._running_values: dict[str, Any] = {}
-        self.beside: Generator[None, None, Any] | None = None
+        self.beside: Generator[float | None, None, Any] | None = None
+        self._reported = 0.0
         # The pipeline must not keep the thread object alive that owns it.
         me = weakref.proxy(self)
         self.pipeline = Pipeline(
@@ -67,8 +72,11 @@ class Engine(QThread):
             if late:
                 self.pipeline.stop()
 
-    def ask_beside(self, work: Callable[[Scene], Generator[None, None, Any]] | None) -> None:
-        """Ask for work on the present scene that is done while no frame is asked for."""
+    def ask_beside(
+        self, work: Callable[[Scene], Generator[float | None, None, Any]] | None
+    ) -> None:
+        """Ask for work on the scene that is done while no frame is asked for; None gives it up."""
+        # It yields the share that is done, or None where it does not know that.
         with self._condition:
             scene = self.pipeline.scene
             self.beside = None if work is None or scene is None else work(scene)
@@ -149,18 +157,22 @@ class Engine(QThread):
                 self.waiting_frame = frame
             self.ready.emit()
 
-    def _go_on(self, beside: Generator[None, None, Any] | None) -> None:
+    def _go_on(self, beside: Generator[float | None, None, Any] | None) -> None:
         """Do a little of the work beside."""
         if beside is None:
             return
         try:
-            next(beside)
+            share = next(beside)
         except StopIteration as end:
             self.beside_ready.emit(end.value)
         except Exception as error:
             # No stage has failed: who asked is told.
             self.beside_ready.emit(error.with_traceback(None))
         else:
+            now = time.perf_counter()
+            if share is not None and now - self._reported > _REPORT_INTERVAL:
+                self._reported = now
+                self.beside_progressed.emit(share)
             return
         with self._condition:
             if self.beside is beside:

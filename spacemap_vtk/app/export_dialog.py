@@ -17,12 +17,11 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QPushButton,
-    QSpinBox,
     QWidget,
 )
 
 from spacemap_vtk.app.ask_file import may_write_over
-from spacemap_vtk.app.widgets import mark, note, row
+from spacemap_vtk.app.widgets import CountBox, mark, note, row
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import endings_with_alpha
 from spacemap_vtk.scenes.settings import Animation
@@ -31,6 +30,12 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 #: Sizes in pixels, by name; that of the window and that of the scene stand before them.
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
 _OTHER, _KEPT = "Other", "export/size"
+#: From where a picture is seen, and what that means.
+_SEEN = {
+    "As in the window": "All that the view shows is written, as large as it fits into this size, "
+    "from the same place, with the same parts and the same background.",
+    "As the scene says": "Camera, parts and background are those of the scene's section [view].",
+}
 
 
 @dataclass
@@ -122,7 +127,7 @@ class ExportDialog(QDialog):
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
         self.width_box, self.height_box = (
-            QSpinBox(minimum=16, maximum=8192, suffix=" px", toolTip=tip)
+            CountBox(minimum=16, maximum=8192, suffix=" px", toolTip=tip)
             for tip in ("Width", "Height")
         )
         self.preset = QComboBox()
@@ -134,7 +139,8 @@ class ExportDialog(QDialog):
         self._show_size(own or drawn.sizes.get(kept, drawn.sizes["Scene"]))
         self.preset.setCurrentText(_OTHER if own else kept)
         self.camera = QComboBox()
-        self.camera.addItems(["As in the window", "As the scene says"])
+        self.camera.addItems(list(_SEEN))
+        self.camera.currentIndexChanged.connect(self._change)
         self.transparent = QCheckBox("None: transparent", checked=drawn.transparent)
         form.addRow("File", row(None, (self.line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
@@ -143,6 +149,7 @@ class ExportDialog(QDialog):
         form.addRow("Background", self.transparent)
         for box in (self.width_box, self.height_box):
             box.valueChanged.connect(self._change)
+            box.strayed.connect(self._change)
 
     def _ask_times(self, form: QFormLayout, animation: Animation) -> None:
         labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
@@ -184,7 +191,12 @@ class ExportDialog(QDialog):
                 words = self._read_times(self.animation)
             if self._drawn is not None:
                 self._show_drawn(self._drawn)
+                for key, box in (("width", self.width_box), ("height", self.height_box)):
+                    if box.complaint:
+                        raise InputError(box.complaint, key=key)
                 self._drawn.check(self.file, self.size_chosen, len(self.times) or 1)
+                told = (words, self._drawn.note, _SEEN[self.camera.currentText()])
+                words = " ".join(filter(None, told))
         except SpacemapError as error:
             words, bad = str(error), True
         mark(self.told, bad)
@@ -219,4 +231,4 @@ class ExportDialog(QDialog):
         words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
         if animation.speed != 1.0:
             words += f"; a second of film is {format_quantity(animation.speed, 's')}"
-        return f"{words}. {self._drawn.note}" if self._drawn and self._drawn.note else words
+        return words if self._drawn is None else f"{words}."

@@ -40,6 +40,9 @@ from spacemap_vtk.scenes.footprint import PictureAsked
 _PATIENCE = 500
 #: Letters of a name at the foot of the window, at most.
 _LONGEST = 16
+#: Parameters of a scene's view that a window may have otherwise: it can be dark, and has axes and a
+#: scale bar of its own.
+_WINDOW = ("background", "background_top", "triad", "scale_bar")
 #: What keeps the folder of the last export.
 _FOLDER = "export/folder"
 
@@ -133,6 +136,7 @@ class Exports(QObject):
             return
         try:
             order = Order(kind, path, (), size, panels, place)
+            order.wireframe = place is not None and self._view.look.wireframe
             order.times = times if order.lasts else [self._times.time]
             self._files = ExitStack()
             folder = self._files.enter_context(whole_folder(path))
@@ -213,18 +217,28 @@ class Exports(QObject):
 
         sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._proposal(ending), scene.view.transparent
-        note = "" if scene.moves else "Nothing moves in this scene: all frames are the same."
-        drawn = Drawn(kind, proposal, filters, sizes, transparent, note, check)
+        notes = []
+        if kind == "film" and not scene.moves:
+            notes.append("Nothing moves in this scene: all frames are the same.")
+        if view.frame is not None and view.frame.swing is not None:
+            notes.append("The scene's own motion is written, not the mode or pull in the view.")
+        drawn = Drawn(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
         animation = scene.animation if kind == "film" else None
         dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
         if not dialog.exec():
             return
         QSettings().setValue(_FOLDER, str(dialog.file.parent))
-        panels, place = (view.panels(scene), view.place) if dialog.as_window else ([], None)
-        more = {"view": {"transparent": dialog.clear}}
+        size = dialog.size_chosen
+        more: dict[str, dict[str, Any]] = {"view": {"transparent": dialog.clear}}
         if dialog.animation is not None:
             more["animation"] = dialog.animation.settings
-        self.start(kind, dialog.file, dialog.size_chosen, panels, place, more=more)
+        if not dialog.as_window:
+            self.start(kind, dialog.file, size, more=more)
+            return
+        shown = view.settings  # with the background of a dark window
+        more["view"] |= {key: shown[key] for key in _WINDOW}
+        panels, place = view.panels(scene), view.place_for(size)
+        self.start(kind, dialog.file, size, panels, place, more=more)
 
     def _read(self) -> None:
         process = self._process

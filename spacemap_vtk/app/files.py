@@ -129,6 +129,7 @@ class Files(QObject):
         height, width, _ = view.image().shape
         times = [view.frame.time]
         order = Order("picture", path, times, (width, height), view.panels(scene), view.place)
+        order.wireframe = view.look.wireframe
         before = scene.view.settings
         try:
             scene.view.configure(**view.settings)

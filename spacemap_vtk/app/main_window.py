@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import html
 import math
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QSettings, QSize, Qt
+from PySide6.QtCore import QPoint, QSettings, QSize, Qt
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QFileDialog,
@@ -17,6 +19,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSplitter,
     QTabWidget,
+    QWhatsThis,
     QWidget,
 )
 
@@ -32,6 +35,7 @@ from spacemap_vtk.app.gallery import Gallery
 from spacemap_vtk.app.job import Pull
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
+from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.pull_tab import PullTab
@@ -39,14 +43,16 @@ from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
-from spacemap_vtk.app.widgets import OneLine, action, column
+from spacemap_vtk.app.widgets import OneLine, action, column, tool_button
 from spacemap_vtk.datasets.modal_model import measures_in
+from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.loaded_cage import DOWN
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.origin import elsewhere
-from spacemap_vtk.scenes.report import motion_told
+from spacemap_vtk.scenes.report import motion_in_short, motion_told
 from spacemap_vtk.scenes.settings import View
 
 #: Of a run that goes on, at most: what has done all of its steps may still put them together.
@@ -57,6 +63,12 @@ _TOLD = 10_000
 _LEAST = 690
 #: How many times as thick a press of a key makes lines and dots.
 _THICKER = 1.25
+
+
+#: A link that switches the stage on: its words are those of the list of stages.
+_SWITCH_ON_ROTATION = "switch on Rotation strain"
+#: Where a warning's first statement ends, and how many words of it stand in the status line.
+_ENDS, _FEW = re.compile(r"[;:]|, so that|, of which"), 16
 
 
 class MainWindow(QMainWindow):
@@ -85,6 +97,9 @@ class MainWindow(QMainWindow):
         self.tabs = QTabWidget(documentMode=True)
         # Its line is white in the dark.
         self.tabs.tabBar().setDrawBase(False)
+        # In a narrow window words are cut: a tab behind a button with an arrow is not found.
+        self.tabs.setUsesScrollButtons(False)
+        self.tabs.setElideMode(Qt.TextElideMode.ElideRight)
         self.draft = DraftTab(self.document)
         self.gallery = Gallery()
         self.plots = PlotsTab(self.document, self.engine)
@@ -205,7 +220,7 @@ class MainWindow(QMainWindow):
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([340, 740, 360])
+        self.splitter.setSizes([320, 780, 340])
         self.setCentralWidget(self.splitter)
         # A narrower window leaves out the tabs, as if they were hidden.
         self.setMinimumWidth(_LEAST)
@@ -219,13 +234,16 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = OneLine()
         self.told.linkActivated.connect(self._switch_stage)
+        self.details = tool_button("Details", "All that there is to doubt")
+        self.details.clicked.connect(self._show_details)
+        self.details.hide()
         self.bar, self.running = QProgressBar(), QLabel()
         self.bar.setFixedWidth(160)
         self.cancel = QPushButton("Cancel")
         self.cancel.clicked.connect(self.director.cancel)
         status = self.statusBar()
         status.addWidget(self.told, 1)
-        for widget in (self.running, self.bar, self.cancel, self.exports.progress):
+        for widget in (self.details, self.running, self.bar, self.cancel, self.exports.progress):
             status.addPermanentWidget(widget)
         self._show_progress("", 0.0, "")
 
@@ -243,6 +261,8 @@ class MainWindow(QMainWindow):
         self.director.failed.connect(self.modes.stop)
         self.director.failed.connect(self.pull.stop)
         self.director.given_up.connect(self._given_up)
+        for ended in (self.director.failed, self.director.given_up):
+            ended.connect(self.view.preview.end)
         self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
         self.pull.pulled.connect(self._pull)
@@ -251,7 +271,9 @@ class MainWindow(QMainWindow):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)
         self.modes.table.cellClicked.connect(self.pull.release)
-        self.view.picked.connect(lambda pick: self.told.tell(pick.text))
+        #: What was shown when the status line described a picked point; None: it does not.
+        self._picked_in: object = None
+        self.view.picked.connect(self._describe)
         self.plots.asked.connect(self._asked)
         self.view.picks_changed.connect(self.plots.show_points)
         self.plots.clear.clicked.connect(self.view.forget_picks)
@@ -348,10 +370,9 @@ class MainWindow(QMainWindow):
         modal, response = self.document.scene.modal, self.document.scene.response
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
-            usual = response.parameters["gravity"].default
             used = self.view.frame.in_use if self.view.frame else {}
-            now = response.gravity or used.get("response", {}).get("gravity", usual)
-            written["gravity"] = list(now if any(now) else usual)
+            now = response.gravity or used.get("response", {}).get("gravity", DOWN)
+            written["gravity"] = list(now if any(now) else DOWN)
         self._try(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:
@@ -379,8 +400,11 @@ class MainWindow(QMainWindow):
     def _begin(self) -> None:
         self.modes.forget()
         self.figures.forget()
+        example = self.document.example
+        self.view.preview.begin(thumbnails.file_of(example) if example else None)
         self.told.tell("")  # of what was there before
         self.told.setToolTip("")
+        self.details.hide()
         # The properties of a stage that another scene lacks would say nothing.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.choose(self.document.scene.source.section)
@@ -413,22 +437,45 @@ class MainWindow(QMainWindow):
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.show_turns(self.document.scene.stage("rotation") is not None)
             self.properties.show_found("modal", measures_in(frame.cage), frame.in_use)
-        if not frame.coarse:
+        # Another view of the same leaves the words on a picked point there.
+        if not frame.coarse and _shown_in(frame) != self._picked_in:
+            self._picked_in = None
             self._tell(frame)
 
+    def _describe(self, pick: Pick) -> None:
+        """Show a picked point in the status line."""
+        frame = self.view.frame
+        self._picked_in = None if frame is None else _shown_in(frame)
+        self.told.tell(pick.text)
+
     def _tell(self, frame: Frame) -> None:
-        """Tell what is drawn and the first of what there is to doubt, all of that as a tip."""
-        doubts = list(frame.warnings)
+        """Show what is drawn and, in a few words, the first of what there is to doubt."""
+        doubts, few, link = list(frame.warnings), "", ""
+        if doubts:
+            few = _headline(doubts[0])
         if frame.motion and frame.motion["large"]:
             doubts.insert(0, f"The motion {motion_told(frame.motion)}")
+            few = f"The motion {motion_in_short(frame.motion)}"
+            # The words of a cure are the click that does it.
+            link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
         warnings = self.document.drafts.told("\n".join(doubts))
-        note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
-        # The words of a cure are the click that does it.
-        self.told.tell(f"{count:,} facets{note}", "a section [rotation]", "rotation")
+        # Whoever has just opened one of the program's own scenes has nothing to answer for: what
+        # there is to know of it is a click away.
+        shown = few and not (self.document.example and self.document.undo.isClean())
+        note = f"  ⚠ {self.document.drafts.told(few)}{link and ': '}{link}" if shown else ""
+        self.told.tell(f"{count:,} facets{note}", link, "rotation")
         # Tips are plain text where nothing looks like a tag: what a file says is no page.
         self.told.setToolTip(warnings.replace("<", "‹"))
+        self.details.setText("Details" if shown else "Notes")
+        self.details.setVisible(bool(warnings))
+
+    def _show_details(self) -> None:
+        """Show all that there is to doubt, until the next click."""
+        paragraphs = (html.escape(line) for line in self.told.toolTip().splitlines())
+        page = "".join(f"<p>{line}</p>" for line in paragraphs)
+        QWhatsThis.showText(self.details.mapToGlobal(QPoint(0, 0)), page, self.details)
 
     def _pull(self, pull: Pull | None) -> None:
         if pull is not None:
@@ -450,3 +497,14 @@ class MainWindow(QMainWindow):
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(min(int(share * 100), _NOT_YET))
+
+
+def _headline(warning: str) -> str:
+    """Return a warning's first statement, in a few words."""
+    words = _ENDS.split(warning, maxsplit=1)[0].split()
+    return " ".join(words[:_FEW]) + " …" * (len(words) > _FEW)
+
+
+def _shown_in(frame: Frame) -> object:
+    """Return what a frame shows, from wherever it is looked at."""
+    return frame.generation, frame.values, frame.time, frame.swing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,13 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.resolution import UNRESOLVED, unresolved_modes
 from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
-_MASS = _HEADINGS.index("Mass")
+_FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
+#: Stands before the frequency of a mode that the cage's cells do not resolve.
+_ROUGHLY = "≈ "
 _TIPS = (
     "",
     "Frequency without damping",
@@ -106,11 +110,15 @@ class ModesTab(QWidget):
         self.response.found.connect(self._found)
         #: What swings: a sheet, with its mass and bending length, or tetrahedra.
         self.sheet = note(name="note")
+        #: Which modes are shorter than the cells resolve.
+        self.unresolved = note(name="note")
+        self.unresolved.hide()
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
         column(
             self,
             self.hint,
             self.sheet,
+            self.unresolved,
             (self.table, 1),
             self.response,
             below,
@@ -138,6 +146,7 @@ class ModesTab(QWidget):
         self.table.setRowCount(0)
         self.hint.clear()
         self.sheet.hide()
+        self.unresolved.hide()
         self.response.forget()
 
     def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
@@ -156,6 +165,7 @@ class ModesTab(QWidget):
         if known == self._known:
             return
         self._known = known
+        self.unresolved.hide()
         if cage is None:
             self.response.forget()
         self.table.setRowCount(len(values))
@@ -212,7 +222,22 @@ class ModesTab(QWidget):
             item.setToolTip(f"Effective mass, {whose}\n" + "\n".join(lines))
             faint = self.palette().brush(QPalette.ColorRole.PlaceholderText)
             item.setForeground(faint if old else QBrush())
+        if not old:
+            self._mark_unresolved(spectrum.errors.tolist())
         self._fit()
+
+    def _mark_unresolved(self, errors: Sequence[float]) -> None:
+        """Mark the frequencies of the modes that are shorter than the cage's cells resolve."""
+        for number, error in enumerate(errors):
+            if error > UNRESOLVED:
+                item = self.table.item(number, _FREQUENCY)
+                item.setText(_ROUGHLY + item.text().removeprefix(_ROUGHLY))
+                item.setToolTip(
+                    f"Shorter than the cage's cells resolve: about {error:.0%} too high"
+                )
+        clause = unresolved_modes(errors)
+        self.unresolved.setText(f"{clause.capitalize()}; set finer divisions of the cage.")
+        self.unresolved.setVisible(bool(clause))
 
     def show_turns(self, turns: bool) -> None:
         """Let amplitudes be angles, or not: where turning stretches, there is no large one."""

@@ -10,14 +10,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.interrupt import Interrupt, Interrupted
 from spacemap_vtk.app.job import Job, Pull, Swing
-from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.detail import Detail, pixels_enough
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import Frame, add_shape, frame_of
 from spacemap_vtk.draw.near import NearYarns
@@ -42,6 +47,8 @@ _FEW_PATCHES = 60_000
 _MOVING_CELLS = 48
 #: Of more patches, all in sight, fibres are too fine for the window; those in view have theirs.
 _FIBRED = 60_000
+#: How many times as many facets as are needed stay while the camera turns.
+_SPARE = 3.0
 #: More quadrilaterals have fewer in their place while the camera moves.
 _HEAVY_QUADS = 150_000
 
@@ -70,6 +77,9 @@ class Pipeline:
         self._swing = vtkTrivialProducer()
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
+        #: What gives near yarns more facets, and pixels of a metre up to which nobody needs them.
+        self._detail: Detail | None = None
+        self._enough = 0.0
         self._sheet: Sheet | None = None
         self._near: NearYarns | None = None
         #: What they were drawn as last, by what made it: they, and fewer facets of them.
@@ -113,8 +123,10 @@ class Pipeline:
             drawn = sheet.ride(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
-            for each in (scene.surface, self._coarse):
-                each.choose(AUTOMATIC_SIDES, fibres)
+            self._coarse.choose(AUTOMATIC_SIDES, fibres)
+            follows = not coarse and swing is None and self._can_follow(scene)
+            detail = self._detail_of(scene, source, job) if follows else None
+            scene.surface.choose(AUTOMATIC_SIDES, fibres, detail)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
             if surface is self._coarse:
@@ -135,9 +147,36 @@ class Pipeline:
         )
         if sheet is not None:
             return self._nearer(scene, job, frame, sheet)
+        if follows:
+            frame = replace(frame, seen=job.seen, enough=self._enough, finer=detail is not None)
         if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
             return self._lighter(scene, source, frame)
         return frame
+
+    def _can_follow(self, scene: Scene) -> bool:
+        """Return whether facets follow what is in view."""
+        # Clearances belong to the facets that they are measured on.
+        automatic = scene.woven and scene.surface.subdivisions is None
+        return automatic and scene.view.color != "clearance"
+
+    def _detail_of(self, scene: Scene, source: Stage, job: Job) -> Detail | None:
+        """Return what gives yarns near the camera more facets; None where nobody would see them."""
+        grid, cloth = source.GetOutputDataObject(0), scene.weave.cloth
+        points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
+        self._enough = pixels_enough(cloth, points, patches)
+        if job.seen is None:
+            self._detail = None
+            return None
+        new = Detail.of_cloth(cloth, job.seen)
+        wanted = new(points, patches)
+        # What has as many, and not far more, stays: nothing is made again for a small turn.
+        present = (
+            np.full(1, AUTOMATIC_SIDES) if self._detail is None else self._detail(points, patches)
+        )
+        few = np.square(present, dtype=float).sum() <= _SPARE * np.square(wanted, dtype=float).sum()
+        if not ((present >= wanted).all() and few):
+            self._detail = new if wanted.max(initial=0) > AUTOMATIC_SIDES else None
+        return self._detail
 
     def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: Sheet) -> Frame:
         """Return a sheet's frame with the yarns that are seen near."""

@@ -14,6 +14,7 @@ from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
 
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point, read_sheet
+from spacemap_vtk.app.preview import Preview
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.draw.annotations import MOST_LABELS
 from spacemap_vtk.draw.camera import (
@@ -22,14 +23,18 @@ from spacemap_vtk.draw.camera import (
     aim,
     half_height,
     nearer,
+    projected,
+    refitted,
     seen_from,
     stand_upright,
     upward,
 )
+from spacemap_vtk.draw.form import pixels_per_metre
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of
-from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
-from spacemap_vtk.draw.surface_actor import rgb
+from spacemap_vtk.draw.lighting import FINE_SAMPLES
+from spacemap_vtk.draw.scene_view import Look, SceneView, cells_shown, extent_of
+from spacemap_vtk.draw.surface_actor import rgb, scale_share
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 
@@ -68,8 +73,10 @@ class View3D(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
+        #: Shown in place of a scene that is not drawn yet.
+        self.preview = Preview(self)
         #: What is drawn, but for what the mouse takes hold of and where it has picked.
-        self.scene_view = SceneView(self.plotter.renderer, shades=False)
+        self.scene_view = SceneView(self.plotter.renderer, shades=False, samples=FINE_SAMPLES)
         self.plotter.front.AddActor(self.scene_view.loads.through)
         self._place_signs = self.scene_view.annotations.led()
         self.plotter.shade.clear = self.scene_view.annotations.boxes
@@ -110,15 +117,19 @@ class View3D(QWidget):
         self.plotter.painting.connect(self._prepare)
         self._observe_camera()
         self._made: tuple[object, float] = None, 0.0  # by what, and how large it is
+        #: The values of the scene that was drawn last.
+        self._drawn_values: dict[str, Any] | None = None
         #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
         self._aimed_for = 0.0, False, False
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
+        self.preview.end()
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame, self._left = frame, False
         self._take(view)
         if first:
+            self._drawn_values = frame.values  # the camera will be aimed at it below
             self.last_cut = None
             self.forget_picks()
         self.refresh(render=False)
@@ -175,7 +186,7 @@ class View3D(QWidget):
         """Draw what takes little time while the camera is held, and for a moment afterwards."""
         self._held = held
         self._stir()
-        if self.frame is None or self.frame.light is None:
+        if self.frame is None or (self.frame.light is None and not self.wants_more(self.frame)):
             return
         if not self.steering:
             self.steering = True
@@ -185,6 +196,17 @@ class View3D(QWidget):
             self._rest.stop()
         else:
             self._rest.start()
+
+    def wants_more(self, frame: Frame) -> bool:
+        """Return whether what is drawn of a frame depends on what is in view."""
+        if frame.cloth is not None:
+            return True
+        seen = self.seen
+        if frame.enough == 0.0 or seen is None:
+            return False
+        # Facets that were chosen for another view may be too few in this one, or too many.
+        scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
+        return scale > frame.enough or frame.finer
 
     def _come_to_rest(self) -> None:
         self.steering, frame = False, self.frame
@@ -222,6 +244,7 @@ class View3D(QWidget):
         if moving and self._moved:
             self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
         self._moved = moving
+        self.scene_view.surface.sample(1 if moving else FINE_SAMPLES)
         renderer.SetUseFXAA(self._quick or not moving)
         renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
 
@@ -267,6 +290,10 @@ class View3D(QWidget):
             before, self._made = self._made[1], (made, size)
             if not 0.7 * size < before < 1.4 * size:
                 self._keep_whole()
+        if frame.values != self._drawn_values and self._out_of_sight:
+            # A change of the scene may have moved it all away from where the user looks.
+            self.reset_camera(None)
+        self._drawn_values = frame.values
         if render:
             self.render()
 
@@ -340,6 +367,7 @@ class View3D(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the whole in sight."""
         super().resizeEvent(event)
+        self.preview.setGeometry(self.rect())
         self._keep_whole()
 
     def _keep_whole(self) -> None:
@@ -349,6 +377,16 @@ class View3D(QWidget):
         (name, before), now = self._aimed, self.place
         if before[:3] == now[:3]:
             self.reset_camera(name)
+
+    @property
+    def _out_of_sight(self) -> bool:
+        """Whether the whole scene lies beyond one side of the picture."""
+        points = self._extent
+        if self._aimed is None or points is None:
+            return False
+        aspect = max(1, self.plotter.width()) / max(1, self.plotter.height())
+        x, y, _, w = projected(self.plotter.camera, points, aspect).T
+        return any(bool(side.all()) for side in (x < -w, x > w, y < -w, y > w))
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection."""
@@ -362,6 +400,20 @@ class View3D(QWidget):
     def place(self) -> Viewpoint:
         """Where the camera stands."""
         return Viewpoint.of(self.plotter.camera)
+
+    def place_for(self, size: tuple[int, int]) -> Viewpoint:
+        """Return where a picture of some size shows what this view shows, as large as it fits."""
+        frame, seen = self.frame, self.seen
+        if frame is None or seen is None:
+            return self.place
+        # The scale stands beside what is shown, not over it.
+        room = scale_share(size) if seen.aside else 0.0
+        aspect, other = (
+            (1.0 - share) * width / height
+            for share, (width, height) in ((seen.aside, seen.size), (room, size))
+        )
+        shown = cells_shown(frame, self._view or View(), self.look)
+        return refitted(self.place, shown, aspect, other)
 
     @property
     def settings(self) -> dict[str, Any]:

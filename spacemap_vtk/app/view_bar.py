@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtCore import QSettings, QSize, Qt, Signal
-from PySide6.QtGui import QAction, QActionGroup, QIcon
-from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton, QWidget
+from PySide6.QtGui import QAction, QActionGroup, QIcon, QResizeEvent
+from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QSizePolicy, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
@@ -40,6 +40,10 @@ _CAMERA_KEYS = {
     "lying": "5",
     "face": "6",
 }
+#: Pixels that the choice of colours takes at most.
+_WIDEST = 220
+#: What marks a menu where there is room.
+_MENU_MARK = " ▾"
 #: Normal of the plane that cuts at first.
 _ACROSS = (-1.0, 0.0, 0.0)
 
@@ -65,6 +69,9 @@ class ViewBar(QToolBar):
         more.setText("»")
         more.setToolTip("What has no room here")
         self._view = view
+        #: Menus of the bar, and how much of what helps to read it has no room: see `resizeEvent`.
+        self._menus: list[QAction] = []
+        self._left_out = 0
         self._possible: list[str] = []
         #: Signs that the scene itself asks for.
         self._asked: list[str] = []
@@ -84,8 +91,11 @@ class ViewBar(QToolBar):
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
         self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
         self.addAction(self.hang)
-        self.addSeparator()
-        self.coloring = narrow(QComboBox(), 16)  # whatever a scene has to show
+        # Narrow at first, so that nothing of the bar has to hide in a window of 1280 pixels; where
+        # there is room, it is wider.
+        self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
+        self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.coloring.setMaximumWidth(_WIDEST)
         #: The same for the menu: a narrow window has no room for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
@@ -104,11 +114,11 @@ class ViewBar(QToolBar):
         )
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
-        label = QLabel("Colour by")
-        label.setBuddy(self.coloring)
-        row(named, label, self.coloring, margins=(4, 0, 4, 0))
+        named.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self._label = QLabel("Colour by")
+        self._label.setBuddy(self.coloring)
+        row(named, self._label, self.coloring, margins=(4, 0, 4, 0))
         self.addWidget(named)
-        self.addSeparator()
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
         for name, key in _CAMERA_KEYS.items():
@@ -148,6 +158,25 @@ class ViewBar(QToolBar):
             for name, colors in BACKGROUNDS.items()
         }
         self._menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Name the choice of colours, and mark menus as such, as far as there is room."""
+        super().resizeEvent(event)
+        mark = self.fontMetrics().horizontalAdvance(_MENU_MARK) * len(self._menus)
+        between = self._label.parentWidget().layout().spacing()
+        label = self._label.sizeHint().width() + between
+        saved = (0, label, label + mark)
+        whole = self.sizeHint().width() + saved[self._left_out]
+        fitting = [k for k in range(3) if whole - saved[k] <= self.width()]
+        left_out = min(fitting, default=2)
+        if left_out != self._left_out:
+            self._left_out = left_out
+            self._label.setVisible(left_out < 1)
+            for opening in self._menus:
+                opening.setIconText(opening.text() + _MENU_MARK * (left_out < 2))
+            # What has just found room comes out from behind the bar's arrow.
+            self.layout().invalidate()
+            self.layout().activate()
 
     def show_scene(self, scene: Scene) -> None:
         """Show what a scene's colours mean, and what else they could."""
@@ -240,7 +269,8 @@ class ViewBar(QToolBar):
         # actions.
         menu = QMenu(self)
         opening = action(self, name, tip=tip)
-        opening.setIconText(f"{name} ▾")
+        opening.setIconText(name + _MENU_MARK)
+        self._menus.append(opening)
         opening.setMenu(menu)
         self.addAction(opening)
         self.widgetForAction(opening).setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)

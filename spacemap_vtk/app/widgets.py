@@ -6,8 +6,17 @@ import html
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from PySide6.QtCore import QObject, QSize, Qt, QTimer
-from PySide6.QtGui import QAction, QKeySequence, QPaintDevice, QPainter, QResizeEvent
+from PySide6.QtCore import QObject, QSize, Qt, QTimer, Signal
+from PySide6.QtGui import (
+    QAction,
+    QFocusEvent,
+    QKeyEvent,
+    QKeySequence,
+    QPaintDevice,
+    QPainter,
+    QResizeEvent,
+    QValidator,
+)
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QBoxLayout,
@@ -15,6 +24,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QLayout,
+    QSpinBox,
     QTableWidget,
     QToolButton,
     QVBoxLayout,
@@ -93,6 +103,53 @@ def narrow(box: QComboBox, letters: int) -> QComboBox:
     box.setMinimumContentsLength(letters)
     box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     return box
+
+
+class CountBox(QSpinBox):
+    """A whole number that can be typed whole, also where it is out of range."""
+
+    # Qt's own refuses the digit that leads out of the range: of 99999 it keeps 999 without a word.
+
+    #: What is typed is out of range, in words; empty once it no longer is.
+    strayed = Signal(str)
+
+    def __init__(self, **look: Any) -> None:
+        super().__init__(**look)
+        self.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
+        self.lineEdit().textEdited.connect(lambda: self.strayed.emit(self.complaint))
+
+    @property
+    def complaint(self) -> str:
+        """Why what is typed cannot be; empty where it can."""
+        typed = self.cleanText().strip()
+        if typed.isdecimal() and self.minimum() <= int(typed) <= self.maximum():
+            return ""
+        allowed = f"{self.minimum()} to {self.maximum()}{self.suffix()}"
+        return f"{typed or 'nothing'} is out of range: allowed is {allowed}"
+
+    def validate(self, text: str, place: int) -> object:
+        """Let any digits be typed."""
+        digits = text.removesuffix(self.suffix()).strip()
+        if digits.isdecimal() and int(digits) > self.maximum():
+            return QValidator.State.Intermediate, text, place
+        return super().validate(text, place)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Bring what was typed into the range with Enter."""
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self._bound()
+        super().keyPressEvent(event)
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        """Bring what was typed into the range as the box is left."""
+        self._bound()
+        super().focusOutEvent(event)
+
+    def _bound(self) -> None:
+        # Qt itself would take the least for what is too large.
+        typed = self.cleanText().strip()
+        if self.complaint and typed.isdecimal():
+            self.setValue(min(max(int(typed), self.minimum()), self.maximum()))
 
 
 def table(name: str, headings: Sequence[str]) -> QTableWidget:

@@ -193,16 +193,25 @@ def carried_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
 
     with progress(scene, doing, quiet) as tell:
         told = carry_out(order, scene, tell, lose=lose)
-    tell_warnings(scene, quiet)
+    tell_warnings(scene, quiet, brief=order.what == "picture")
     if not quiet and told:
         print(f"{order.output}: {told}")
 
 
-def tell_warnings(scene: Scene, quiet: bool) -> None:
-    """Print what the stages say of their trustworthiness."""
-    if not quiet:
-        for text in scene.warnings:
-            print("spacemap: warning:", printable(text, "\n"), file=sys.stderr)
+def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
+    """Print what the stages say of their trustworthiness; briefly, of a draft one line at most."""
+    if quiet:
+        return
+    texts = scene.warnings
+    if brief and len(texts) > 1 and scene.woven and scene.weave.draft is not None:
+        of_draft = [text for text in texts if text in scene.weave.cloth.warnings]
+        others = [text for text in texts if text not in of_draft]
+        shown = others or of_draft[:1]
+        if hidden := len(texts) - len(shown):
+            shown[-1] += f" (and {hidden} more: spacemap info {scene.file})"
+        texts = shown
+    for text in texts:
+        print("spacemap: warning:", printable(text, "\n"), file=sys.stderr)
 
 
 def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:

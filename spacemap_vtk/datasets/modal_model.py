@@ -25,6 +25,9 @@ MODE_NAME = "mode_{:03d}"
 _SOLID = ("elasticity",)
 _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickness_stiffness")
 
+#: Name of the field array that is 1 where a sheet resists by its thickness at each place.
+_LOCAL = "local_thickness"
+
 #: Of the gravity that a cage hangs under, or shall once it is let go [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"
 
@@ -73,6 +76,9 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     field = grid.GetFieldData()
     for name, part in zip(_SHEET if model.plate else _SOLID, model.parts, strict=True):
         add_array(field, name, np.atleast_1d(part))
+    field.RemoveArray(_LOCAL)
+    if model.plate is not None:
+        add_array(field, _LOCAL, np.array([model.plate.local], dtype=np.uint8))
     add_array(field, "density", np.array([model.density]))
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
     if model.displacement is not None:
@@ -123,7 +129,11 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
     else:
         membrane, bending, shear, thickness = (array_of(field, name, _OWNER) for name in _SHEET)
         material = Plate(
-            membrane.reshape(3, 3), bending.reshape(3, 3), shear.reshape(2, 2), thickness[0]
+            membrane.reshape(3, 3),
+            bending.reshape(3, 3),
+            shear.reshape(2, 2),
+            float(thickness[0]),
+            bool(array_of(field, _LOCAL, _OWNER)[0]),
         )
     fitted = {
         key: array_of(table, name, _OWNER)

@@ -13,7 +13,9 @@ from vtkmodules.vtkRenderingCore import (
     vtkPolyDataMapper2D,
     vtkProp,
     vtkRenderer,
+    vtkRenderWindow,
     vtkTextActor,
+    vtkTextRenderer,
 )
 
 from spacemap_vtk.datasets.arrays import to_array, to_points, to_ragged
@@ -217,7 +219,13 @@ class Annotations:
         """Return where words begin that are written at the corner, and how large they are."""
         ends = np.zeros(4)
         self._write(number, words, np.zeros(2))
-        self._texts[number].GetBoundingBox(self._renderer, ends)
+        if isinstance(self._renderer.GetRenderWindow(), vtkRenderWindow):
+            self._texts[number].GetBoundingBox(self._renderer, ends)
+        else:  # which asks a window of VTK's how large letters are
+            look, box = self._texts[number].GetTextProperty(), [0, 0, 0, 0]
+            dpi = round(72 * self._pixels)
+            vtkTextRenderer.GetInstance().GetBoundingBox(look, words, box, dpi)
+            ends[:4] = box
         begin, end = ends.reshape(2, 2).T / self._pixels
         return begin, end - begin
 

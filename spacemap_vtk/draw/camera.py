@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.ndarrays import AnyFloats, Floats, Singles
+from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints, Singles
 from spacemap_vtk.scenes.settings import CAMERAS, FLAT
 
 #: How much of what is up must be seen of it: nearer to a pole no camera turns.
 _POLE = 0.01
+#: Full opening of the lens, in degrees.
+VIEW_ANGLE = 24.0
 
 
 def upward(name: str) -> int:
@@ -48,25 +50,37 @@ class Viewpoint(NamedTuple):
     up: tuple[float, float, float]
     parallel_scale: float = 0.0
     """Half the height of what a parallel projection shows; 0 for perspective."""
+    angle: float = VIEW_ANGLE
+    """Full opening of the lens over the height of the picture, in degrees."""
 
     @classmethod
     def of(cls, camera: vtkCamera) -> Viewpoint:
         """Return where a camera stands."""
         scale = camera.GetParallelScale() if camera.GetParallelProjection() else 0.0
-        return cls(camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp(), scale)
+        stands = camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()
+        return cls(*stands, scale, camera.GetViewAngle())
+
+    @classmethod
+    def from_json(cls, numbers: Sequence[Any]) -> Viewpoint:
+        """Return the viewpoint that a JSON list holds; older ones lack the angle."""
+        position, focus, up = [(float(x), float(y), float(z)) for x, y, z in numbers[:3]]
+        return cls(position, focus, up, *map(float, numbers[3:]))
 
     def take(self, camera: vtkCamera) -> None:
         """Let a camera stand here."""
         camera.SetPosition(*self.position)
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.up)
+        camera.SetViewAngle(self.angle)
         camera.SetParallelProjection(bool(self.parallel_scale))
         if self.parallel_scale:
             camera.SetParallelScale(self.parallel_scale)
 
-
-#: Full opening of the lens, in degrees.
-VIEW_ANGLE = 24.0
+    def widened(self, factor: float) -> Viewpoint:
+        """Return the same place and perspective with a picture that shows more, or below 1 less."""
+        slope = factor * np.tan(np.radians(self.angle / 2))
+        angle = float(np.degrees(2 * np.arctan(slope)))
+        return self._replace(parallel_scale=factor * self.parallel_scale, angle=angle)
 
 
 class Seen(NamedTuple):
@@ -78,11 +92,15 @@ class Seen(NamedTuple):
     #: Width and height in pixels.
     size: tuple[int, int]
 
+    @classmethod
+    def through(cls, camera: vtkCamera, size: tuple[int, int]) -> Seen:
+        """Return what a picture of some size looks at through a camera."""
+        return cls(Viewpoint.of(camera), camera.GetWindowCenter()[0], size)
+
     @property
     def camera(self) -> vtkCamera:
         """A camera of its own that sees the same."""
         camera = vtkCamera()
-        camera.SetViewAngle(VIEW_ANGLE)
         self.place.take(camera)
         camera.SetWindowCenter(self.aside, 0.0)
         return camera
@@ -104,6 +122,12 @@ LIGHTS = (
 def lit_renderer() -> vtkRenderer:
     """Return a renderer that lights what it draws."""
     renderer = vtkRenderer()
+    add_lights(renderer)
+    return renderer
+
+
+def add_lights(renderer: vtkRenderer) -> None:
+    """Light what a renderer draws."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in LIGHTS:
         light = vtkLight()
@@ -112,7 +136,6 @@ def lit_renderer() -> vtkRenderer:
         light.SetIntensity(intensity)
         light.SetColor(*color)
         renderer.AddLight(light)
-    return renderer
 
 
 def set_background(renderer: vtkRenderer, below: Sequence[int], above: Sequence[int]) -> None:
@@ -218,3 +241,30 @@ def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
     matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
     table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
     return np.column_stack([points, np.ones(len(points))]) @ table.T
+
+
+def refitted(
+    place: Viewpoint, things: Sequence[tuple[AnyFloats, Ints]], aspect: float, other: float
+) -> Viewpoint:
+    """Return a viewpoint whose picture of another aspect shows what one of the first shows."""
+    # Things are the corners of cells, and of each cell its first one. What is seen of them is as
+    # large in the new picture as it fits, and what is in the middle stays there; where nothing is
+    # seen of them, the height stays.
+    camera = vtkCamera()
+    place.take(camera)
+    reach = np.zeros(2)
+    for points, first in things:
+        if not len(points):
+            continue
+        at = projected(camera, points, aspect)
+        w = at[:, 3:]
+        # What is behind the camera is taken to reach beyond all edges.
+        xy = np.where(w > 0.0, at[:, :2] / np.where(w > 0.0, w, 1.0), [[np.inf, np.inf]])
+        low, high = (op.reduceat(xy, first, axis=0) for op in (np.minimum, np.maximum))
+        seen = ((low < 1.0) & (high > -1.0)).all(axis=1)
+        far = np.minimum(np.maximum(-low, high), 1.0)[seen]
+        reach = np.maximum(reach, far.max(axis=0, initial=0.0))
+    largest = float(reach.max())
+    if largest == 0.0:
+        return place
+    return place.widened(max(float(reach[0]) * aspect / other, float(reach[1])) / largest)

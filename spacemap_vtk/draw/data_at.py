@@ -33,7 +33,9 @@ def data_at(
     if what in ("moving", "painted"):
         from spacemap_vtk.draw.moving import moving
 
-        return moving(scene, [time], tolerance, lambda *_: None, span)
+        # a .ply, unlike a .glb, has the facets that the scene asks for
+        sides = 0 if what == "moving" else None
+        return moving(scene, [time], tolerance, lambda *_: None, span, sides=sides)
     if what in ("draft", "analysis"):  # a draft needs no room for its yarns
         return scene.data(what)
     from spacemap_vtk.datasets.arrays import copied

@@ -28,7 +28,7 @@ import PIL.Image
 from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
-from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_facets, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
@@ -67,15 +67,22 @@ class FilmJob:
     size: tuple[int, int]
     panels: tuple[str, ...]
     place: Viewpoint | None
+    wireframe: bool = False
 
     @classmethod
     def of(
-        cls, scene: Scene, size: tuple[int, int], panels: Iterable[str], place: Viewpoint | None
+        cls,
+        scene: Scene,
+        size: tuple[int, int],
+        panels: Iterable[str],
+        place: Viewpoint | None,
+        wireframe: bool = False,
     ) -> FilmJob:
         """Return the job of filming a scene."""
         settings = {name: part.settings for name, part in scene.parts.items()}
         times = tuple(scene.animation.frame_times())
-        return cls(scene.file, settings, scene.given, times, size, tuple(panels), place)
+        seen = size, tuple(panels), place, wireframe
+        return cls(scene.file, settings, scene.given, times, *seen)
 
     @property
     def asked(self) -> PictureAsked:
@@ -91,7 +98,8 @@ class FilmJob:
     def picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
         """Return what draws the frames of its scene."""
         seen = self.size, self.panels, self.place, extent
-        return Picture(scene, self.times, *seen, clear=scene.view.transparent)
+        clear = scene.view.transparent
+        return Picture(scene, self.times, *seen, clear=clear, wireframe=self.wireframe)
 
     @property
     def digest(self) -> str:
@@ -343,7 +351,8 @@ def _drawn_by(
     count: int, scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield what reads each."""
-    prepare_offscreen()
+    if draws_without_opengl():
+        scene.warn(WITHOUT_OPENGL)
     # What is solved here they find in the cache.
     choose = partial(choose_facets, scene, job.size, job.panels, job.place, False)
     extent = over_motion(scene, job.times, _sheet(scene, job), choose)

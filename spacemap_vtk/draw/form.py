@@ -12,7 +12,8 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.camera import pixels_of
-from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
+from spacemap_vtk.draw.graphics import draws_without_opengl
+from spacemap_vtk.draw.sheet_actor import LONGEST_ROW, add_directions, sheet_of
 from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of, yarn_settings
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.cloth import Cloth
@@ -22,11 +23,18 @@ from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.face import face_pixels
 from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
 
 #: Below so many pixels a yarn is not seen as one.
 SMALLEST_YARN = 2.0
+#: Below so many pixels a yarn of a face shows no more than its place, its light and its colour.
+RESOLVED_YARN = 8.0
+#: Share by which the yarns of a family may differ there.
+_EQUAL = 0.1
+#: To draw so many patches takes 5 s and more.
+_LONG = 1_500_000
 #: A cloth of fewer patches is drawn yarn by yarn, however small it is seen: that takes no time.
 _MANY_PATCHES = 300_000
 #: More quadrilaterals are a mistake in their number: they take minutes.
@@ -90,12 +98,35 @@ class Sheet:
     @classmethod
     def required(cls, scene: Scene, asked: PictureAsked) -> Sheet | None:
         """Return the sheet for pictures, as `of` does; refuse too large ones."""
-        sheet = cls.of(scene, fits_picture(scene, asked))
+        # Only a sheet has the exact mean colour of all that a pixel shows: the face of a still
+        # cloth becomes one however few its yarns are, where they are too thin to be seen.
+        # Without OpenGL there are no sheets: few yarns are drawn, if less exactly.
+        thin = not draws_without_opengl() and face_pixels(scene, asked.size) < SMALLEST_YARN
+        sheet = cls.of(scene, fits_picture(scene, asked), few=0 if thin else None)
         if sheet is None:
             require_picture(scene, asked)
         else:
             require_sheet(scene, asked)
         return sheet
+
+    def resolves(self, size: tuple[int, int]) -> bool:
+        """Return whether a picture shows yarns so small and so many that a shader draws them."""
+        # The shader compares the heights of end and pick at each place. So nothing may hide behind
+        # anything else: only a still cloth of one layer is drawn so, and only from its face.
+        scene, cloth = self._scene, self.cloth
+        few = self.patches < _LONG or scene.surface.subdivisions is not None
+        if few or cloth.layers is not None or cloth.axis == "spline":
+            return False
+        if max(cloth.size) > LONGEST_ROW:
+            return False  # a texel is no crossing then
+        if COLORINGS[scene.view.color].numbers or scene.view.look.outline:
+            return False
+        # The shader knows one diameter and one spacing of each family.
+        for yarns in cloth.yarns:
+            for measure in (yarns.diameter, np.diff(yarns.position)):
+                if np.ptp(measure) > _EQUAL * np.mean(measure):
+                    return False
+        return SMALLEST_YARN <= face_pixels(scene, size) < RESOLVED_YARN
 
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
@@ -120,8 +151,7 @@ class Sheet:
         """Return where the sheet is at a time [s]."""
         scene = self._scene
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
-        if scene.moves:
-            self._move(scene.deformed_cage)
+        self._move(scene.deformed_cage if scene.moves else None)
         return self.moved
 
     def update(self, time: float) -> vtkPolyData:
@@ -131,13 +161,16 @@ class Sheet:
         return self.moved
 
     def ride(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
-        """Return the sheet where a cage takes it; without one it lies still."""
-        if cage is not None:
-            self._move(cage)
+        """Return the sheet where a cage takes it; without a cage it lies flat."""
+        self._move(cage)
         self._cross(cage, coarse)
         return self.moved
 
-    def _move(self, cage: vtkUnstructuredGrid) -> None:
+    def _move(self, cage: vtkUnstructuredGrid | None) -> None:
+        if cage is None:
+            # Not where it was last: the scene may have moved until just now.
+            self.moved = self._flat
+            return
         settings = dict(self._scene.warp.settings)
         # A mode's cage has no velocity that could ride along.
         there = (cage.GetPointData(), cage.GetCellData())
@@ -202,11 +235,19 @@ def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
     return pixels_of(camera, height) * camera.GetDistance() / near
 
 
+def plies_seen(cloth: Cloth, scale: float) -> int:
+    """Return how many plies the outlines of yarns are made of, where a metre is so many pixels."""
+    plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
+    return plies if _widest(cloth) * scale > _PLIED else 1
+
+
+def _widest(cloth: Cloth) -> float:
+    # A flattened yarn's diameter is its height: seen is its width.
+    return max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
+
+
 def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
     """Return what `PatchTessellator.choose` takes: facets, and whether fibres are seen."""
     thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
-    plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
-    # A flattened yarn's diameter is its height: seen is its width.
-    widest = max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
-    sides = sides_seen(thickest * scale, plies if widest * scale > _PLIED else 1)
-    return sides, widest * scale > _STRANDS
+    sides = sides_seen(thickest * scale, plies_seen(cloth, scale))
+    return sides, _widest(cloth) * scale > _STRANDS

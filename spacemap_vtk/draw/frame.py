@@ -67,8 +67,13 @@ class Frame:
     #: Of a sheet, the yarns that are seen near, and the sheet where these are not.
     yarns: vtkPolyData | None = None
     around: vtkPolyData | None = None
-    #: The view that these were chosen for.
+    #: The view that these, or the facets of all yarns, were chosen for.
     seen: Seen | None = None
+    #: Pixels of a metre up to which a view needs no more facets than yarns out of sight have; 0
+    #: where facets do not follow the view.
+    enough: float = 0.0
+    #: Whether yarns near the camera have more facets than these.
+    finer: bool = False
     #: What is drawn in its place while the camera moves; None: itself.
     light: Frame | None = None
     #: How far its motion turns and stretches, see `spacemap_vtk.scenes.report.motion`.

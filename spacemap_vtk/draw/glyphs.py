@@ -74,6 +74,8 @@ class OutlineActor(PlainActor):
     def __init__(self) -> None:
         super().__init__()
         self.GetMapper().SetVBOShiftScaleMethod(0)
+        #: By how much it is wider, as shares of half the picture's sides; and at most [m].
+        self.wider, self.most = (0.0, 0.0), 0.0
         self.GetProperty().FrontfaceCullingOn()
         shader = self.GetShaderProperty()
         shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
@@ -87,7 +89,8 @@ class OutlineActor(PlainActor):
         self.GetMapper().SetInputData(surface)
         self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
         uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
-        uniforms.SetUniform2f("wider", [2.0 * pixels / side for side in size])
+        self.wider, self.most = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
+        uniforms.SetUniform2f("wider", self.wider)
         uniforms.SetUniformf("most", most)
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.styles import Style
 
 #: Most lamps of a style.
@@ -50,7 +52,7 @@ vec3 seen(vec3 hue, vec4 light, float line)
 """
 
 #: In a fragment shader, in place of VTK's lights.
-_FRAGMENT = """
+_LINE = """
   vec3 eye = cameraParallel == 1 ? vec3(0.0, 0.0, 1.0) : normalize(-vertexVC.xyz);
   float line = 0.0;
   if (lineWidth > 0.0)
@@ -61,6 +63,8 @@ _FRAGMENT = """
     line = 1.0 - smoothstep(lineWidth - 0.7, lineWidth + 0.7, 0.5 * front / max(slope, 1e-6));
     line *= 1.0 - smoothstep(rim, 1.1 * rim, front);
   }
+"""
+_FRAGMENT = f"""{_LINE}
   gl_FragData[0] = vec4(seen(diffuseColor, lit(normalVCVSOutput, eye), line), opacity);
 """
 
@@ -70,6 +74,17 @@ def light_of(style: Style, point: float = 1.0) -> str:
     """Return what a shader needs to light something in a style; a point is so many pixels."""
     # Constants: uniforms take software OpenGL half as long again for a picture. The lamps turn with
     # the camera, so that nothing of this changes while it does.
+    triples, numbers = _named(style, point)
+    lines = []
+    for key, triple in triples.items():
+        x, y, z = map(float, triple)
+        lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
+    lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
+    return "\n".join(["", *lines, _FUNCTIONS])
+
+
+def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
+    """Return colours and ways, and numbers, by the names that shaders have for them."""
     places, colors = np.zeros((2, _LAMPS, 3))
     for number, lamp in enumerate(style.lamps):
         places[number] = np.array(lamp.place) / np.linalg.norm(lamp.place)
@@ -94,12 +109,21 @@ def light_of(style: Style, point: float = 1.0) -> str:
         # The cosine as far from the edge as a line is wide at most.
         "rim": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),
     }
-    lines = []
-    for key, triple in triples.items():
-        x, y, z = map(float, triple)
-        lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
-    lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
-    return "\n".join(["", *lines, _FUNCTIONS])
+    return triples, numbers
+
+
+@lru_cache(32)
+def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
+    """Return the same as tables, for `spacemap_vtk.draw.raster_loops`."""
+    # Rows: ways to the lamps, their colours, then what the lists below say.
+    triples, numbers = _named(style, point)
+    ways = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_LAMPS)]
+    rows = [*ways, "sky", "earth", "halfway", "dark", "pale", "ink"]
+    names = ("wrap", "gloss", "glossPower", "sheen", "facing", "colored", "lineWidth", "rim")
+    return (
+        np.array([triples[name] for name in rows], np.float64),
+        np.array([numbers[name] for name in names], np.float64),
+    )
 
 
 def light_by_shader(actor: vtkActor, light: str) -> None:
@@ -110,9 +134,14 @@ def light_by_shader(actor: vtkActor, light: str) -> None:
 
 
 # Two sizes of strands lie along the fibres' helices: each tilts the normal and has a tone of its
-# own, as staple yarns have, and goes where it would be finer than two pixels. Of plies that are too
-# few pixels wide to be made, the normals alone are theirs.
+# own, as staple yarns have, and goes where it would be finer than two samples. Of plies too
+# few pixels wide to be made the normals alone are theirs. A pixel takes `fine` samples a side: a
+# picture, whose pixels are means of smaller ones, one in each, and a window as many as it has time
+# for, so that both show fibres of the same width.
 _IN, _OUT = "strandsMC", "strandsVSOutput"
+_FINE = "fine"
+#: Samples a side that a window takes at rest: as many as a picture's block has.
+FINE_SAMPLES = 2
 
 # Gradients of what varies over the surface come from its differences between pixels, as M. S.
 # Mikkelsen has bump maps without texture coordinates (J. Graphics Tools 15, 2010).
@@ -125,42 +154,68 @@ vec3 growing(vec2 slope, vec3 right, vec3 up) {{
   vec3 way = slope.x * right + slope.y * up;
   return way * inversesqrt(max(dot(way, way), 1e-30));
 }}
+// how far fibres tilt the normal where the phase grows by so much in a sample, and their tone
+vec2 fibresAt(vec3 strands, float width) {{
+  float tilt = 0.0, light = 1.0;
+  // fibres wander, in parabolas, and come and go: they are short
+  float along = fract(0.366 * strands.z) - 0.5;
+  float wander = strands.x + 0.11 * along * (1.0 - 2.0 * abs(along));
+  for (int size = 0; size < 2; size++) {{
+    float count = size == 0 ? 13.0 : 47.0, seen = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
+    if (seen > 0.0) {{
+      float place = count * wander, first = floor(place), side = 2.0 * (place - first) - 1.0;
+      float own = tone(mod(first, count)), square = side * side;
+      float strength = seen * abs(2.0 * fract(own + (0.17 + 0.3 * own) * strands.z) - 1.0);
+      tilt += (size == 0 ? 0.6 : 1.0) * strength * side * (1.0 - square);
+      light *= 1.0 + strength * (0.16 * own - 0.08 - 0.10 * square * square);
+    }}
+  }}
+  return vec2(tilt, light);
+}}
+// likewise of a groove between two plies: steep beside it, and dark in it
+vec2 grooveAt(float phase, float width) {{
+  if (width == 0.0) {{ return vec2(0.0, 1.0); }}
+  float seen = clamp(2.0 - 4.0 * width, 0.0, 1.0), way = fract(phase + 0.5) - 0.5;
+  return vec2(seen * 2.4 * way, 1.0 - seen * 6.0 * way * way * way * way);
+}}
 """
 _SHADED = f"""
-vec3 strands = {_OUT}, strandsX = dFdx(vertexVC.xyz), strandsY = dFdy(vertexVC.xyz);
+vec3 strandsX = dFdx(vertexVC.xyz), strandsY = dFdy(vertexVC.xyz);
 vec3 right = cross(strandsY, normalVCVSOutput), up = cross(normalVCVSOutput, strandsX);
 if (dot(strandsX, right) < 0.0) {{ right = -right; up = -up; }}
-vec2 slope = vec2(dFdx(strands.x), dFdy(strands.x));
-float width = abs(slope.x) + abs(slope.y), tilt = 0.0, light = 1.0;
-// fibres wander, in parabolas, and come and go: they are short
-float along = fract(0.366 * strands.z) - 0.5;
-float wander = strands.x + 0.11 * along * (1.0 - 2.0 * abs(along));
-for (int size = 0; size < 2; size++) {{
-  float count = size == 0 ? 13.0 : 47.0, seen = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
-  if (seen > 0.0) {{
-    float place = count * wander, first = floor(place), side = 2.0 * (place - first) - 1.0;
-    float own = tone(mod(first, count)), square = side * side;
-    float strength = seen * abs(2.0 * fract(own + (0.17 + 0.3 * own) * strands.z) - 1.0);
-    tilt += (size == 0 ? 0.6 : 1.0) * strength * side * (1.0 - square);
-    light *= 1.0 + strength * (0.16 * own - 0.08 - 0.10 * square * square);
+vec3 byX = dFdx({_OUT}), byY = dFdy({_OUT});
+vec3 acrossFibres = growing(vec2(byX.x, byY.x), right, up);
+vec3 acrossPlies = growing(vec2(byX.y, byY.y), right, up);
+// in each of the samples
+vec2 widths = (abs(byX.xy) + abs(byY.xy)) / float({_FINE});
+"""
+#: In place of what lights a smooth surface, see `_FRAGMENT`.
+_LIT_FIBRES = f"""
+  // what is far finer than a sample, or far wider than a pixel, needs no more than one
+  float finest = 47.0 * widths.x * float({_FINE});
+  int side = 13.0 * widths.x < 0.5 && finest > 0.1 ? {_FINE} : 1;
+  vec3 mean = vec3(0.0);
+  for (int down = 0; down < side; down++)
+  {{
+    for (int across = 0; across < side; across++)
+    {{
+      vec2 aside = (vec2(float(across), float(down)) + 0.5) / float(side) - 0.5;
+      vec3 strands = {_OUT} + aside.x * byX + aside.y * byY;
+      vec2 fibre = fibresAt(strands, widths.x), groove = grooveAt(strands.y, widths.y);
+      vec3 bent = normalVCVSOutput + fibre.x * acrossFibres + groove.x * acrossPlies;
+      vec3 hue = diffuseColor * fibre.y * groove.y;
+      mean += seen(hue, lit(normalize(bent), eye), line);
+    }}
   }}
-}}
-vec3 bent = normalVCVSOutput + tilt * growing(slope, right, up);
-slope = vec2(dFdx(strands.y), dFdy(strands.y));
-width = abs(slope.x) + abs(slope.y);
-if (width > 0.0) {{
-  // a groove between two plies: steep beside it, and dark in it
-  float seen = clamp(2.0 - 4.0 * width, 0.0, 1.0), way = fract(strands.y + 0.5) - 0.5;
-  bent += seen * 2.4 * way * growing(slope, right, up);
-  light *= 1.0 - seen * 6.0 * way * way * way * way;
-}}
-normalVCVSOutput = normalize(bent);
-diffuseColor *= light;
+  gl_FragData[0] = vec4(mean / float(side * side), opacity);
 """
 
 
-def show_fibres(actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool) -> None:
+def show_fibres(
+    actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool, sampled: bool = False
+) -> None:
     """Shade fibres, on a surface whose points say where they run; else forget those points."""
+    # Where they are `sampled`, `sample_fibres` says how finely.
     if not wanted:
         mapper.RemoveVertexAttributeMapping(_IN)
         return
@@ -170,5 +225,12 @@ def show_fibres(actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool) -> Non
     vertex = f"{declared}\nin vec3 {_IN};\nout vec3 {_OUT};\n"
     shader.AddVertexShaderReplacement(declared, True, vertex, False)
     shader.AddVertexShaderReplacement(made, True, f"{made}\n  {_OUT} = {_IN};\n", False)
-    shader.AddFragmentShaderReplacement(declared, True, declared + _DECLARED, False)
+    fine = "" if sampled else f"const int {_FINE} = 1;\n"
+    shader.AddFragmentShaderReplacement(declared, True, declared + fine + _DECLARED, False)
     shader.AddFragmentShaderReplacement(made, True, made + _SHADED, False)
+    shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _LINE + _LIT_FIBRES, False)
+
+
+def sample_fibres(actor: vtkActor, side: int) -> None:
+    """Take so many samples a side in each pixel of an actor whose fibres are sampled."""
+    actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi(_FINE, side)

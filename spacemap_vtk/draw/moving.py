@@ -34,8 +34,10 @@ from spacemap_vtk.draw.surface_actor import (
 )
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric import weave
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.patch_tessellator import estimate_bytes
 from spacemap_vtk.io.polygons import require_work, triangle_count
 from spacemap_vtk.io.registry import SMALLER
 from spacemap_vtk.memory import require
@@ -62,7 +64,7 @@ _TOGETHER, _PART = 8, 2**14
 #: told before they are made.
 _POINTS, _LARGE = 500_000, 2**26
 #: What makes a file smaller: of what stands still, of a motion, of modes.
-_COARSER = "Lower surface.subdivisions, or weave.ends and weave.picks."
+_COARSER = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
 _SMALLER = {
     "tolerance": SMALLER,
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
@@ -85,19 +87,21 @@ def moving(
     most: int = 2**32,
     numbers: bool = False,
     strands: str = "yarns",
-    sides: int = 0,
+    sides: int | None = 0,
     say: Say | None = None,
 ) -> MovingSurface:
     """Return a scene's surface at the first of some times, and its motion from there on."""
     # Of one time its colours may be those of a scale, with the ends `span`; or it has the numbers
     # that colours stand for, at all times. It takes at most so many bytes in single precision.
+    # Patches are subdivided by `sides`; 0: so that the file is not too large; None: as a picture's.
     say = say or scene.warn
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
     if lasts and not numbers:
         _settle_colors(scene)
-    if lasts:
+    if sides is not None:
         _subdivide(scene, sides, say)
+    _require_patches(scene, most)
     scene.update(times[0])
     still, rows = _still(scene, scene.polygons, most, span, numbers)
     seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers, strands)
@@ -159,6 +163,7 @@ def mode_shapes(
     say = say or scene.warn
     _settle_colors(scene)
     _subdivide(scene, sides, say)
+    _require_patches(scene, most)
     scene.warp.carried = ""  # a mode has no velocity that could ride along
     figures = modes(scene)["modes"]
     tell(0, len(figures))
@@ -346,10 +351,30 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
         if not sides and chosen < usual:
             say(
                 f"patches are subdivided by {chosen}, not by {usual} as a picture's: "
-                f"{patches * usual**2 / 1e6:.1f} million points would be many to play "
+                f"{patches * usual**2 / 1e6:.1f} million points would be many to show "
                 f"(--subdivisions {usual})"
             )
         scene.take({"surface": {"subdivisions": chosen}})
+
+
+def _require_patches(scene: Scene, most: int) -> None:
+    """Refuse a weave that would not fit into memory, or into a file, before any memory is taken."""
+    if scene.source is not scene.weave or scene.stages[-1] is not scene.surface:
+        return
+    counts, sides = estimate_counts(scene.weave.cloth), scene.surface.sides
+    points, triangles = counts.patches * (sides + 1) ** 2, 2 * counts.patches * sides**2
+    # Of closed tubes there are as many points as quadrilaterals, once neighbours share theirs.
+    least = int(0.9 * counts.patches * sides**2)
+    _require_fitting(24 * least + 12 * triangles, f"{least} points", most, _COARSER)
+    size = estimate_bytes(counts.patches, sides) + weave.estimate_bytes(
+        scene.weave.cloth, scene.weave.single
+    )
+    size += max(int(np.dot(each, (points, triangles))) for each in (_ALIKE, _CORNERS))
+    require(
+        size,
+        f"a surface of {points / 1e6:.3g} million points, as triangles with colours,",
+        cure=_COARSER,
+    )
 
 
 def _settle_colors(scene: Scene) -> None:

@@ -9,13 +9,14 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
+from spacemap_vtk.draw.detail import facets_seen
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre
 from spacemap_vtk.draw.pieces import cells_in_sight, run_of, yarns_in
 from spacemap_vtk.draw.yarn_tiles import OwnStages, yarn_settings
 from spacemap_vtk.fabric.partition import cropped
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.patch_tessellator import MOST_SIDES, PatchTessellator
 from spacemap_vtk.scenes.scene import Scene
 
 #: Most patches and quadrilaterals of what is in sight: made in two seconds, drawn in one.
@@ -75,9 +76,11 @@ class NearYarns:
             self._scene.weave.lend(self._own.weave, yarns_in(sheet, *part))
         if self.part is not None:
             self._own.borrow(yarns_in(sheet, *self.part), sheet.crimp)
-        sides, strands = form_seen(sheet.cloth, scale)
-        sides = max(1, min(sides, isqrt(_MOST_QUADS // self._patches)))
-        self._own.surface.choose(sides, strands)
+        most = max(1, isqrt(_MOST_QUADS // self._patches))
+        sides, strands, detail = facets_seen(sheet.cloth, scale, seen, most)
+        if detail is not None and self._scene.view.color == "clearance":
+            sides, detail = MOST_SIDES, None
+        self._own.surface.choose(min(sides, most), strands, detail)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
             self._own.ride(cage)

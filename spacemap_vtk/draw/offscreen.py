@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 # VTK finds the classes that draw and that write letters once these modules are loaded.
 import vtkmodules.vtkRenderingFreeType
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
@@ -11,9 +13,28 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRend
 
 from spacemap_vtk.datasets.quiet import silent_vtk
 from spacemap_vtk.draw.camera import front_of, lit_renderer
-from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER, prepare_offscreen
+from spacemap_vtk.draw.graphics import (
+    DRIVERS,
+    NO_DRIVER,
+    draws_without_opengl,
+    prepare_offscreen,
+)
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.ndarrays import Bytes, Singles
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.software import SoftwareWindow
+
+
+def open_offscreen(
+    size: tuple[int, int], samples: int = 0, pixels: int = 1
+) -> Offscreen | SoftwareWindow:
+    """Open a window that nobody sees: of OpenGL, or without it where its libraries are missing."""
+    if draws_without_opengl():
+        from spacemap_vtk.draw.software import SoftwareWindow
+
+        return SoftwareWindow(size, samples, pixels)
+    return Offscreen(size, samples, pixels)
 
 
 class Offscreen:
@@ -41,6 +62,10 @@ class Offscreen:
         self.renderer.GradientBackgroundOff()
         self.renderer.SetBackground(0.0, 0.0, 0.0)
         self.renderer.SetBackgroundAlpha(0.0)
+
+    def take_samples(self, samples: int) -> None:
+        """Take so many samples of each pixel."""
+        self.render_window.SetMultiSamples(samples)
 
     @property
     def camera(self) -> vtkCamera:

@@ -76,6 +76,8 @@ class Order:
     panels: Sequence[str] = ()
     #: Where a picture or film is seen from; by default as the scene says.
     place: Viewpoint | None = None
+    #: Whether only the edges of the fabric's facets are drawn in a picture or film.
+    wireframe: bool = False
     #: What moves a storyboard's scene, row by row: keys of `spacemap_vtk.scenes.motions.MOTIONS`;
     #: none: as the scene says, its cage above its fabric.
     motions: Sequence[str] = ()
@@ -109,9 +111,7 @@ class Order:
         try:
             given = dict(told)
             if given.get("place"):
-                *ends, scale = given["place"]
-                position, focus, up = [(float(x), float(y), float(z)) for x, y, z in ends]
-                given["place"] = Viewpoint(position, focus, up, float(scale))
+                given["place"] = Viewpoint.from_json(given["place"])
             for key in ("times", "point"):
                 given[key] = [float(value) for value in given.get(key, ())]
             if given.get("size"):
@@ -155,7 +155,8 @@ class Order:
             ending = self.output.suffix.lower()
             if not self.what and ending in written():
                 self.what = writer(self.output).holds[0]
-            check_output(self.output, written(), self.numbered)
+            wanted = None if ending in written() or self.what not in DATA else self.what
+            check_output(self.output, written(wanted), self.numbered)
             if ending not in written(self.what):
                 raise InputError(
                     f"{ending} files do not hold that",
@@ -242,12 +243,12 @@ def _record(order: Order, scene: Scene) -> Record:
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     from spacemap_vtk.draw.picture import Picture
-    from spacemap_vtk.scenes.face import fill, picture_size
+    from spacemap_vtk.scenes.face import draw_beginning, picture_size
 
     size = order.size or picture_size(scene)
     _fill_background(order, scene, "picture")
     if order.place is None:
-        fill(scene, size)
+        draw_beginning(scene, size)
     time = order.times[0] if order.times else scene.view.time
     if order.samples:
         from spacemap_vtk.draw.raytrace import raytraced
@@ -256,7 +257,9 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     tell(0, 1)
     times = scene.animation.frame_times() if order.framed else [time]
     clear = scene.view.transparent
-    picture = Picture(scene, times, size, order.panels, order.place, clear=clear)
+    picture = Picture(
+        scene, times, size, order.panels, order.place, clear=clear, wireframe=order.wireframe
+    )
     image = picture.draw(time)
     picture.close()
     tell(1, 1)
@@ -317,12 +320,18 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     from spacemap_vtk.draw.filming import FilmJob, KeptFrames, write_film
     from spacemap_vtk.scenes.face import picture_size
 
+    if not scene.moves:
+        raise InputError(
+            "nothing in this scene moves, and all frames of its film would be the same",
+            cure="Add a section [response], as --set response.alpha=1 does, or draw a picture: "
+            "spacemap render.",
+        )
     scene.check()
     width, height = order.size or picture_size(scene)
     if order.size is None and order.output.suffix.lower() == ".gif":
         width, height = max(16, width // 2), max(16, height // 2)
     _fill_background(order, scene, "frames" if order.numbered else "film")
-    job = FilmJob.of(scene, (width, height), order.panels, order.place)
+    job = FilmJob.of(scene, (width, height), order.panels, order.place, order.wireframe)
     kept = KeptFrames(order.output, job.digest, order.again)
     with telling_refusals(order.output, "" if whole else order.output.name), kept.held():
         with _file(order, whole) as file:

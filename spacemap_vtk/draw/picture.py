@@ -5,24 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Viewpoint, aim, metres_from, pixels_of, upward
+from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, metres_from, pixels_of, upward
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.compose import Background, Shaded, composed, gradient, nothing
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
+from spacemap_vtk.draw.detail import facets_seen, near_quads
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
-from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
+from spacemap_vtk.draw.offscreen import Offscreen, open_offscreen
 from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade, part_with
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
@@ -35,6 +37,9 @@ from spacemap_vtk.scenes.footprint import (
     widths_of,
 )
 from spacemap_vtk.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.software import SoftwareWindow
 
 Image = Bytes
 #: Points that span a motion, (n, 3), and the ends of its scale.
@@ -51,12 +56,14 @@ _USUAL, _LEAST = 960, 0.6
 class _Panel(NamedTuple):
     """A window, what is in it, and whether there are soft shadows."""
 
-    window: Offscreen
+    window: Offscreen | SoftwareWindow
     shown: SceneView
     look: Look
     shaded: bool
     #: What is seen where nothing is.
     behind: Background
+    #: Width and height of its picture.
+    size: tuple[int, int]
 
 
 class Picture:
@@ -82,6 +89,8 @@ class Picture:
         no scale, and pictures have a fourth number, how much of a pixel is covered.
     clear : bool
         Whether there is no background, likewise, but a scale.
+    wireframe : bool
+        Whether only the edges of the fabric's facets are drawn.
 
     Raises
     ------
@@ -101,14 +110,23 @@ class Picture:
         extent: Extent | None = None,
         bare: bool = False,
         clear: bool = False,
+        wireframe: bool = False,
     ) -> None:
-        prepare_offscreen()  # a machine that cannot draw need not solve
+        if draws_without_opengl():  # a machine that cannot draw need not solve
+            scene.warn(WITHOUT_OPENGL)
+        self._wireframe = wireframe
         self._place, self._bare, self._clear = place, bare, bare or clear
         self.scene = scene
         width, height = size or picture_size(scene)
         panels = panels_of(scene, show)
         self._asked = PictureAsked((width, height), len(times), panels)
         sheet = Sheet.required(scene, self._asked)
+        #: Whether the sheet's shader shows each yarn, and none is made.
+        self._resolved = (
+            sheet is not None
+            and not (wireframe or draws_without_opengl())
+            and sheet.resolves((width, height))
+        )
         choose = partial(choose_facets, scene, (width, height), show, place, bare)
         room, self._span = extent or over_motion(scene, times, sheet, choose)
         self._relief = relief_of(scene)
@@ -119,27 +137,30 @@ class Picture:
         self.sheet = sheet
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
-        self._choose_form(room, height, begun=extent is None)
+        self._choose_form(room, begun=extent is None)
         self._cut = cut_of(scene.view, scene.patches if sheet is None else sheet.moved)
 
-    def _choose_form(self, room: Floats, height: int, begun: bool) -> None:
+    def _choose_form(self, room: Floats, begun: bool) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
         if not scene.woven:
             return
-        strands, pixels = _choose_facets(scene, room, camera, height)
+        seen = Seen.through(camera, self.panels[-1].size)
+        pixels, near = _choose_facets(scene, room, seen)
         fine = pixels < _FINE
-        asked = self._asked._replace(sides=scene.surface.sides, fine=fine)
+        quads = near_quads(seen.size) if near else 0
+        asked = self._asked._replace(sides=scene.surface.sides, fine=fine, near_quads=quads)
         if fine:
-            self.panels[-1].window.render_window.SetMultiSamples(SAMPLES)
+            self.panels[-1].window.take_samples(SAMPLES)
         if scene.view.color == "clearance":
             self._tell_of_facets()
         if self.sheet is None:
             require_picture(scene, asked._replace(begun=begun))
-        elif scene.surface.subdivisions is None and pixels < SMALLEST_YARN:
-            scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
-        else:
-            self.pieces = DrawnPieces(scene, scene.surface.sides, strands)
+        elif self._resolved:
+            for panel in self.panels:
+                panel.shown.sheet.resolve(True)
+        elif scene.surface.subdivisions is not None or pixels >= SMALLEST_YARN:
+            self.pieces = DrawnPieces(scene)
             require_picture(scene, asked, self.pieces.count)
 
     def _tell_of_facets(self) -> None:
@@ -172,7 +193,7 @@ class Picture:
         return np.concatenate([self._drawn(panel, frame) for panel in self.panels], axis=1)
 
     def _drawn(self, panel: _Panel, frame: Frame) -> Image:
-        window, shown, look, shaded, behind = panel
+        window, shown, look, shaded, behind, _ = panel
         view, pieces = self.scene.view, self.pieces if look.fabric else None
         shown.show(frame, view, look, self._span, self._cut)
         self._choose_range(window, pieces)
@@ -205,7 +226,7 @@ class Picture:
         shade = self._shade(panel, *depths) if depths else None
         return composed(window.pixels(), behind, shade)
 
-    def _choose_range(self, window: Offscreen, pieces: DrawnPieces | None) -> None:
+    def _choose_range(self, window: Offscreen | SoftwareWindow, pieces: DrawnPieces | None) -> None:
         window.renderer.ResetCameraClippingRange()
         if pieces is not None:
             # One range for all: what is drawn first must not be farther for what comes later.
@@ -234,14 +255,18 @@ class Picture:
 
     def _panel(self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats) -> _Panel:
         view = scene.view
-        look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
+        fabric, cage = panel != "cage", panel != "fabric"
+        look = Look(fabric, cage, self._wireframe, scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
         block, samples = grain_of(panel, shaded, size)
-        window = Offscreen((size[0] * block, size[1] * block), samples, block)
+        if self._resolved:
+            block, samples = 1, SAMPLES  # the shader looks at many places in each pixel
+        window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
+        shown.sheet.fit_pixels(block)
         shown.floor = float(extent[:, upward(camera_of(scene))].min())
         window.leave_background()
         if view.loads:
@@ -249,10 +274,11 @@ class Picture:
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None or self._bare else scale_share(size)
         _aim(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
+        window.camera.SetWindowCenter(room, 0.0)
         behind = gradient(size, view.look.below, view.look.above)
         if self._clear:
             behind = nothing(size)
-        return _Panel(window, shown, look, shaded, behind)
+        return _Panel(window, shown, look, shaded, behind, size)
 
     def close(self) -> None:
         """Free the windows."""
@@ -269,14 +295,16 @@ def _aim(
         place.take(camera)
 
 
-def _choose_facets(
-    scene: Scene, room: Floats, camera: vtkCamera, height: int
-) -> tuple[bool, float]:
-    """Choose facets by what is seen of a yarn; return whether fibres are, and a yarn's pixels."""
-    cloth, scale = scene.weave.cloth, pixels_per_metre(camera, room, height)
-    sides, strands = form_seen(cloth, scale)
-    scene.surface.choose(sides, strands)
-    return strands, scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+def _choose_facets(scene: Scene, room: Floats, seen: Seen) -> tuple[float, bool]:
+    """Choose facets by what is seen; return a yarn's pixels, and whether near ones have more."""
+    cloth, scale = scene.weave.cloth, pixels_per_metre(seen.camera, room, seen.size[1])
+    sides, strands, detail = facets_seen(cloth, scale, seen)
+    if detail is not None and scene.view.color == "clearance":
+        # Tiles in which clearances are measured have as many facets in each patch.
+        sides, detail = MOST_SIDES, None
+    scene.surface.choose(sides, strands, detail)
+    near = detail is not None and scene.surface.subdivisions is None
+    return scale * max(threads.mean_spacing(0.0) for threads in cloth.threads), near
 
 
 def choose_facets(
@@ -294,7 +322,8 @@ def choose_facets(
     scaled = COLORINGS[scene.view.color].numbers and not bare
     share = scale_share((width, size[1])) if scaled else 0.0
     _aim(scene, camera, room, (1 - share) * width / size[1], place)
-    return _choose_facets(scene, room, camera, size[1])[1]
+    camera.SetWindowCenter(share, 0.0)
+    return _choose_facets(scene, room, Seen.through(camera, (width, size[1])))[0]
 
 
 def over_motion(

@@ -34,13 +34,13 @@ _LEAST_TILE = 8
 class DrawnPieces:
     """The yarns of a scene, piece by piece, in stages of their own."""
 
-    def __init__(self, scene: Scene, sides: int, strands: bool) -> None:
-        self._scene, self._cloth = scene, scene.weave.cloth
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._cloth, sides = scene, scene.weave.cloth, scene.surface.sides
         patches = estimate_counts(self._cloth).patches
         wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
         self.count = min(ceil(wanted), sum(self._cloth.size))
         self._stages = OwnStages(scene)
-        self._stages.surface.choose(sides, strands)
+        self._stages.surface.choose(*scene.surface.chosen)
 
     def in_sight(
         self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float

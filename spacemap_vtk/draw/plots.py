@@ -18,7 +18,8 @@ from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import as_csv, write
-from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.mechanics.energy import Balance, balance
+from spacemap_vtk.mechanics.response import Motion, Response
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
@@ -33,8 +34,17 @@ SAMPLES = 2000
 #: Factor on frequencies that meet an undamped mode exactly.
 ASIDE = 1 + 1e-9
 QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
-#: The columns of `spacemap_vtk.mechanics.response.Motion.energies`.
-ENERGY_NAMES = ("kinetic", "strain", "dissipated", "total")
+#: Names of the parts of a `Balance`, in files.
+ENERGY_NAMES = (
+    "kinetic energy",
+    "strain energy",
+    "potential energy",
+    "dissipated energy",
+    "work of loads",
+    "total energy",
+)
+#: A part of a balance below this share of the largest is rounding, and is not plotted.
+_NEGLIGIBLE = 1e-9
 NO_FREQUENCIES = "A motion by steps has no frequency response, which is one of modes."
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
@@ -70,7 +80,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
         _over_frequency(below, linear, weights, natural, (unit, size, row))
     else:
         scene.warn(NO_FREQUENCIES)
-        _energy_over_time(below, times, motion.energies(times))
+        _energy_over_time(below, times, balance_of(motion, times))
     write_figure(figure, file)
 
 
@@ -88,7 +98,7 @@ def write_figure(figure: Figure, file: Path) -> None:
         panel.spines[["top", "right"]].set_visible(False)
         if panel.get_legend_handles_labels()[0]:
             # Over the panel, where no curve runs.
-            panel.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
+            panel.legend(frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 0.98))
     registry.writer(file, "plot").write(file, figure)
 
 
@@ -129,10 +139,35 @@ def _over_frequency(
             panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
 
 
-def _energy_over_time(panel: Axes, times: Floats, energies: Floats) -> None:
-    unit, size = handy("J", float(abs(energies).max()))
-    for column, name, color in zip(energies.T, ENERGY_NAMES, (*_COLORS, "#26323e"), strict=True):
-        panel.plot(times, column / size, color=color, label=name, linewidth=1.3)
+def balance_of(motion: Motion, times: Floats) -> Balance:
+    """Return the energies of a motion over time, with a total that is conserved."""
+    at_start = motion.energies(np.zeros(1))[0, 3]
+    return balance(motion.energies(times), motion.potential(times), float(at_start))
+
+
+def energy_curves(balance: Balance) -> list[tuple[str, Floats, str]]:
+    """Return label, values [J] and colour of what is plotted of a balance; the total comes last."""
+    largest = float(np.nanmax(np.abs(balance), initial=0.0))
+
+    def matters(part: Floats) -> bool:
+        return bool((abs(part) > _NEGLIGIBLE * largest).any())
+
+    curves = [("kinetic", balance.kinetic, "#2c7fb8"), ("strain", balance.strain, "#d9642c")]
+    for label, part, color in (
+        ("potential", balance.potential, "#2f8f5b"),
+        ("dissipated", balance.dissipated, "#8a94a3"),
+        ("work of loads", balance.work, "#8e5ea2"),
+    ):
+        if matters(part):
+            curves.append((label, part, color))
+    total = "total \N{MINUS SIGN} work" if matters(balance.work) else "total"
+    return [*curves, (total, balance.total, "#26323e")]
+
+
+def _energy_over_time(panel: Axes, times: Floats, balance: Balance) -> None:
+    unit, size = handy("J", float(np.nanmax(np.abs(balance))))
+    for label, values, color in energy_curves(balance):
+        panel.plot(times, values / size, color=color, label=label, linewidth=1.3)
     panel.set(xlabel="time [s]", ylabel=f"energy [{unit}]", xlim=(0, times[-1]))
 
 

@@ -7,6 +7,7 @@ shine by and crossings are dark by; nothing here says where.
 from __future__ import annotations
 
 import math
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -61,14 +62,32 @@ _MITSUBA, _POINT, _PIXEL = 120_000_000, 190, 400
 #: Narrower than so many pixels fibres are fewer and thicker: else they are noise.
 _NARROWEST = 0.7
 
+#: How system libraries are installed that Mitsuba's wheel does not bring along.
+_PACKAGES = {
+    "libatomic.so.1": 'On Debian or Ubuntu: "apt-get install libatomic1"; '
+    'on Fedora: "dnf install libatomic"'
+}
+
 
 def require_mitsuba() -> None:
-    """Refuse what cannot be traced because nobody has installed what traces."""
+    """Refuse to trace rays where Mitsuba, or a system library that it needs, is missing."""
     if find_spec("mitsuba") is None:
         raise MissingLibraryError(
             "--raytrace needs the package mitsuba",
             cure="Run: pip install 'spacemap_vtk[raytrace]', or leave --raytrace out.",
         )
+    try:
+        import_module("mitsuba")
+    except Exception as error:
+        # Mitsuba's own modules fail over the first error, so that a NameError comes out of it.
+        first: BaseException = error
+        while first.__context__ is not None:
+            first = first.__context__
+        package = _PACKAGES.get(str(first).partition(":")[0])
+        raise MissingLibraryError(
+            f"--raytrace: mitsuba cannot be loaded: {first}",
+            cure=f"{package}, or leave --raytrace out." if package else "Leave --raytrace out.",
+        ) from None
 
 
 def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:

@@ -25,11 +25,12 @@ from spacemap_vtk.draw.glyphs import (
     OutlineActor,
     SupportActor,
     moved_points,
+    rest_of,
 )
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, natural_span, scale_share
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 
@@ -65,11 +66,13 @@ class SceneView:
 
     # What shines through, `loads.through`, is for a renderer in front, if the caller has one.
 
-    def __init__(self, renderer: vtkRenderer, shades: bool) -> None:
+    def __init__(self, renderer: vtkRenderer, shades: bool, samples: int = 0) -> None:
         self.renderer = renderer
         #: Whether the caller shades what is drawn, as pictures are.
         self.shades = shades
-        self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
+        #: See `SurfaceActor`: pictures, whose pixels are means of many, need none.
+        self.surface = SurfaceActor(samples)
+        self.face, self.ghost = CutFaceActor(), GhostActor()
         self.sheet, self.light, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
         self.ground = GroundActor()
         #: How high the ground is [m]: nothing that has been shown of a scene is below.
@@ -322,8 +325,33 @@ def extent_of(frame: Frame, loads: bool) -> Floats:
     # Of many, some thousand are enough.
     clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
     if frame.cage is not None:
-        # At rest and moved: a swing should not leave the picture at once.
-        clouds += [points_of(frame.cage), moved_points(frame.cage)]
+        # At rest and moved: a swing should not leave the picture at once. What hangs rests where it
+        # hangs, and is never seen where it was made.
+        rest, hangs = points_of(frame.cage), frame.cage.GetPointData().GetArray("equilibrium")
+        if hangs is not None:
+            rest = rest + vtk_to_numpy(hangs)
+        clouds += [rest, moved_points(frame.cage)]
     if loads and frame.arrows is not None:
         clouds.append(frame.arrows.reach)
     return np.concatenate(clouds)
+
+
+def cells_shown(frame: Frame, view: View, look: Look) -> list[tuple[AnyFloats, Ints]]:
+    """Return points of what is shown, and the first point of each cell that they make."""
+    shown, points = [], []
+    if look.fabric:
+        polygons = frame.surface.GetPolys()
+        if polygons.GetNumberOfCells():
+            corners = vtk_to_numpy(polygons.GetConnectivityArray())
+            first = vtk_to_numpy(polygons.GetOffsetsArray())[:-1].astype(np.int64)
+            shown.append((points_of(frame.surface)[corners], first))
+        else:
+            points.append(points_of(frame.surface))
+        if view.ghost:
+            points.append(rest_of(frame.surface))
+    if look.cage and frame.cage is not None:
+        points.append(moved_points(frame.cage))
+    if view.loads and frame.arrows is not None:
+        points.append(frame.arrows.reach)
+    # Of these, each point is a cell of its own.
+    return shown + [(each, np.arange(len(each))) for each in points]

@@ -3,6 +3,11 @@
 The sheet is lit as its yarns would be. A tube's half that is seen holds normals all round its axis,
 so that its mean light is not that of a plane: it is summed up over the part of the half that its
 neighbour does not hide, at each vertex, for tubes of both families, on top and between others.
+
+A pixel shows the exact mean of the crossings in it, each weighted by the area that lies in the
+pixel, in linear light: half black and half white gives the sRGB value 188. OpenGL's own filters
+cannot be used for that: the levels of a texture whose size is no power of two leave out rows and
+columns, so that one of two alternating colours can vanish, and they blur over several pixels.
 """
 
 from __future__ import annotations
@@ -39,17 +44,29 @@ from spacemap_vtk.ndarrays import Bytes, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import Style
 
-#: Layers of `spacemap_vtk.fabric.faces.layers`, as the shader calls them.
-_LAYERS = ("warpOver", "weftOver", "warpUnder", "weftUnder")
+#: The textures: colours of the yarns that lie on top, 0 elsewhere; and colours of all, with an
+#: alpha of 1 where they lie on top. A single texel needs the last two only.
+_LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
+#: Halvings of a texture that are exact means: its sides are multiples of 2 to this power.
+_LEVELS = 6
+#: Most texels in a row of a texture, a power of 2: older graphics cards take no more.
+LONGEST_ROW = 8192
+#: Texels that a pixel sums up before it takes those of half the width and height.
+_MOST_TEXELS = 1024
+#: Places along each side of a pixel where yarns of some pixels are looked for.
+_POINTS = 4
+#: How much darker is what lies as deep as the middle of the cloth.
+_SHADOW = 0.8
 
 _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec3 warpMC;
 in vec3 weftMC;
-out vec4 lightVS[4];  // the root of what falls on it, and what shines white
+out vec4 lightVS[4];  // the mean of what falls on it, and what shines white
 out vec4 coverVS;  // of warp and weft, on top and between
 out vec2 tiltVS;
 out float heightVS;
+out vec3 warpVS, weftVS, eyeVS;
 """
 
 _VERTEX_FUNCTIONS = """
@@ -90,8 +107,7 @@ vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope
       float first = 2.0 * (x + flat_);
       float sine = clamp(first < s ? first : max(s, 2.0 * (x - flat_)), -1.0, 1.0);
       vec3 n = sqrt(1.0 - sine * sine) * seen + sine * aside;
-      vec4 light = lit(n, eye);
-      sum += weight * vec4(sqrt(light.rgb), light.a) / float(SAMPLES);
+      sum += weight * lit(n, eye) / float(SAMPLES);
     }
   }
   return sum / weights;
@@ -116,6 +132,9 @@ _VERTEX = """
   lightVS[2] = tubes(warp, up, eye, a.x, a.z, slopes.z, coverVS.z);
   lightVS[3] = tubes(weft, up, eye, a.y, a.w, slopes.w, coverVS.w);
   heightVS = 0.5 + 0.5 * place.y / place.w;
+  warpVS = warp;
+  weftVS = weft;
+  eyeVS = eye;
 """
 
 _FRAGMENT_DECLARATIONS = """
@@ -124,32 +143,187 @@ in vec4 lightVS[4];
 in vec4 coverVS;
 in vec2 tiltVS;
 in float heightVS;
+in vec3 warpVS, weftVS, eyeVS;
 """
 
+_FRAGMENT_FUNCTIONS = (
+    f"""
+const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
+"""
+    + """
+// sRGB to linear light, and back.
+vec3 decoded(vec3 code)
+{
+  return mix(code / 12.92, pow((code + 0.055) / 1.055, vec3(2.4)), step(0.04045, code));
+}
+
+vec3 encoded(vec3 light)
+{
+  return mix(12.92 * light, 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light));
+}
+"""
+)
+
+_RESOLVED_FUNCTIONS = (
+    f"""
+const int POINTS = {_POINTS};
+const float SHADOW = {_SHADOW};
+"""
+    + """
+// How high yarns along an axis are at a place between two crossings, and the slope there.
+vec2 axis_at(float along, float pitch, float flat_, float here, float next)
+{
+  float room = max(pitch - 2.0 * flat_, 1e-3 * pitch);
+  float part = 3.14159265 * clamp((abs(along) * pitch - flat_) / room, 0.0, 1.0);
+  float slope = (next - here) * 0.5 * sin(part) * 3.14159265 / room;
+  return vec2(mix(here, next, 0.5 - 0.5 * cos(part)), along < 0.0 ? -slope : slope);
+}
+
+// The sine of a section's normal at a place across it, its cosine, and whether it is there.
+vec3 section_at(float across, float halfWidth, float radius)
+{
+  float beyond = max(abs(across) - (halfWidth - radius), 0.0) / radius;
+  float sine = min(beyond, 1.0);
+  return vec3(across < 0.0 ? -sine : sine, sqrt(1.0 - sine * sine), beyond <= 1.0 ? 1.0 : 0.0);
+}
+
+// The light of what lies on top at a place, by the heights of both yarns.
+vec3 yarn_at(vec2 place, vec3 hue, vec3 warp, vec3 weft, vec3 up, vec3 eye, vec3 open)
+{
+  ivec2 last = ivec2(crossings) - 1;
+  ivec2 at = clamp(ivec2(floor(place)), ivec2(0), last);
+  vec2 away = place - vec2(at) - 0.5;
+  ivec2 end = ivec2(clamp(at.x + (away.x < 0.0 ? -1 : 1), 0, last.x), at.y);
+  ivec2 pick = ivec2(at.x, clamp(at.y + (away.y < 0.0 ? -1 : 1), 0, last.y));
+  vec4 ofWarp = texelFetch(warpColors, at, 0), ofWeft = texelFetch(weftColors, at, 0);
+  float side = gl_FrontFacing ? 1.0 : -1.0;
+  float over = side * (2.0 * ofWarp.a - 1.0);
+  float overEnd = side * (2.0 * texelFetch(warpColors, end, 0).a - 1.0);
+  float overPick = side * (2.0 * texelFetch(warpColors, pick, 0).a - 1.0);
+  vec2 flat_ = sections.xz - sections.yw;
+  vec2 a = axis_at(away.y, pitches.y, flat_.y, over * rises.x, overPick * rises.x);
+  vec2 b = axis_at(away.x, pitches.x, flat_.x, -over * rises.y, -overEnd * rises.y);
+  vec3 acrossWarp = section_at(away.x * pitches.x, sections.x, sections.y);
+  vec3 acrossWeft = section_at(away.y * pitches.y, sections.z, sections.w);
+  if (acrossWarp.z + acrossWeft.z == 0.0) return open;
+  float warpTop = acrossWarp.z > 0.0 ? a.x + sections.y * acrossWarp.y : -1e9;
+  float weftTop = acrossWeft.z > 0.0 ? b.x + sections.w * acrossWeft.y : -1e9;
+  bool warpSeen = warpTop >= weftTop;
+  vec3 along = warpSeen ? warp : weft, across = warpSeen ? weft : warp;
+  vec2 bent = warpSeen ? a : b;
+  vec3 round_ = warpSeen ? acrossWarp : acrossWeft;
+  vec3 n = normalize(round_.y * normalize(up - bent.y * along) + round_.x * across);
+  // Contact shadows are the deeper, the farther a yarn lies below where it lies on top.
+  float rise = warpSeen ? rises.x : rises.y;
+  float shade = 1.0 - shaded * SHADOW * clamp(0.5 - 0.5 * bent.x / max(rise, 1e-6), 0.0, 1.0);
+  vec3 own = hue * encoded(warpSeen ? ofWarp.rgb : ofWeft.rgb);
+  return decoded(shade * seen(own, lit(n, eye), lined));
+}
+
+// The mean over a pixel.
+vec3 yarns_in(vec2 place, vec2 right, vec2 above_, vec3 hue, vec3 open)
+{
+  vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
+  vec3 up = normalize(cross(weft, warp));
+  up = dot(up, eye) < 0.0 ? -up : up;
+  vec3 sum = vec3(0.0);
+  for (int j = 0; j < POINTS; ++j)
+    for (int i = 0; i < POINTS; ++i)
+    {
+      vec2 share = grain * ((vec2(i, j) + 0.5) / float(POINTS) - 0.5);
+      sum += yarn_at(place + share.x * right + share.y * above_, hue, warp, weft, up, eye, open);
+    }
+  return sum / float(POINTS * POINTS);
+}
+"""
+)
+
 _FRAGMENT = """
-  vec4 texels[4] = vec4[4](
-    texture(warpOver, tcoordVCVSOutput, 2.5), texture(weftOver, tcoordVCVSOutput, 2.5),
-    texture(warpUnder, tcoordVCVSOutput, 2.5), texture(weftUnder, tcoordVCVSOutput, 2.5));
-  for (int k = 0; k < 4; ++k)  // each is multiplied by its share
+  // The pixel of the finished picture, in crossings: its middle, and half of its width and height.
+  // Where it is turned against the yarns, a rectangle with the same spread along both.
+  vec2 place = tcoordVCVSOutput * crossings, right = dFdx(place), above_ = dFdy(place);
+  vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
+  place += aside.x * right + aside.y * above_;
+  vec3 open_ = decoded(mix(below, above, heightVS));
+  if (resolved > 0.5)
   {
-    vec4 light = vec4(lightVS[k].rgb * lightVS[k].rgb, lightVS[k].a);
-    vec3 hue = diffuseColor * texels[k].rgb / max(texels[k].a, 1e-3);
-    texels[k].rgb = texels[k].a * seen(hue, light, lined);
+    gl_FragData[0] = vec4(encoded(yarns_in(place, right, above_, diffuseColor, open_)), 1.0);
   }
+  else
+  {
+  vec2 reach = 0.5 * grain * sqrt(right * right + above_ * above_);
+  vec2 low = clamp(place - reach, vec2(0.0), crossings - 0.001);
+  vec2 high = clamp(place + reach, low + 0.001, crossings);
+  // Many crossings are summed up in blocks, which are the exact means of theirs.
+  int level = int(clamp(ceil(0.5 * log2(4.0 * reach.x * reach.y / MOST_TEXELS)), 0.0, LEVELS));
+  low /= float(1 << level);
+  high /= float(1 << level);
+  ivec2 first = ivec2(floor(low)), end = ivec2(ceil(high));
+  vec4 texels[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+  if (level == 0 && averaged == 0)
+  {
+    for (int y = first.y; y < end.y; ++y)
+    {
+      float tall = min(high.y, float(y + 1)) - max(low.y, float(y));
+      for (int x = first.x; x < end.x; ++x)
+      {
+        float area = tall * (min(high.x, float(x + 1)) - max(low.x, float(x)));
+        vec4 warp = texelFetch(warpColors, ivec2(x, y), 0);
+        vec4 weft = texelFetch(weftColors, ivec2(x, y), 0);
+        texels[0] += area * warp.a * vec4(warp.rgb, 1.0);
+        texels[1] += area * weft.a * vec4(weft.rgb, 1.0);
+        texels[2] += area * weft.a * vec4(warp.rgb, 1.0);
+        texels[3] += area * warp.a * vec4(weft.rgb, 1.0);
+      }
+    }
+  }
+  else
+  {
+    // Of a block, the mean of products is not the product of means.
+    for (int y = first.y; y < end.y; ++y)
+    {
+      float tall = min(high.y, float(y + 1)) - max(low.y, float(y));
+      for (int x = first.x; x < end.x; ++x)
+      {
+        float area = tall * (min(high.x, float(x + 1)) - max(low.x, float(x)));
+        vec4 warpOn = texelFetch(warpOver, ivec2(x, y), level);
+        vec4 weftOn = texelFetch(weftOver, ivec2(x, y), level);
+        texels[0] += area * warpOn;
+        texels[1] += area * weftOn;
+        vec3 warp = texelFetch(warpColors, ivec2(x, y), level).rgb;
+        vec3 weft = texelFetch(weftColors, ivec2(x, y), level).rgb;
+        texels[2] += area * vec4(warp - warpOn.rgb, weftOn.a);
+        texels[3] += area * vec4(weft - weftOn.rgb, warpOn.a);
+      }
+    }
+  }
+  float area = texels[0].a + texels[1].a;  // one of the two lies on top at each crossing
   int top = gl_FrontFacing ? 0 : 2;  // what lies under on one face lies on top on the other
   // Contact shadows are the deeper, the rarer a family lies on top.
-  float often = texture(warpOver, tcoordVCVSOutput, 5.0).a;
-  often = gl_FrontFacing ? often : 1.0 - often;
-  vec2 q = vec2(often, 1.0 - often), tilted = 1.0 - 0.22 * min(tiltVS, 0.5);
+  vec2 there = tcoordVCVSOutput * crossings / vec2(textureSize(warpOver, 0));
+  vec2 q = vec2(texture(warpOver, there, 5.0).a, texture(weftOver, there, 5.0).a);
+  q /= q.x + q.y;
+  q = gl_FrontFacing ? q : q.yx;
+  vec2 tilted = 1.0 - 0.22 * min(tiltVS, 0.5);
   vec2 over = tilted * (1.0 - 0.26 * (1.0 - q) * (1.0 - q)), under = tilted * (0.36 + 0.6 * q);
   over = mix(vec2(1.0), over, shaded);
   under = mix(vec2(1.0), under, shaded);
+  vec4 shades = vec4(over, under);
+  for (int k = 0; k < 4; ++k)  // each is multiplied by its share
+  {
+    int seen_as = (k + top) % 4;
+    vec3 hue = diffuseColor * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
+    vec3 own = decoded(shades[seen_as] * seen(hue, lightVS[seen_as], lined));
+    texels[k] = texels[k].a / area * vec4(own, 1.0);
+  }
   vec2 k = coverVS.xy, between = coverVS.zw;
-  vec4 yarns = over.x * k.x * texels[top] + over.y * k.y * texels[top + 1]
-    + under.x * (1.0 - k.y) * between.x * texels[2 - top]
-    + under.y * (1.0 - k.x) * between.y * texels[3 - top];
-  float open = dot(q, (1.0 - k) * (1.0 - between.yx));
-  gl_FragData[0] = vec4(yarns.rgb + open * mix(below, above, heightVS), 1.0);
+  vec4 yarns = k.x * texels[top] + k.y * texels[top + 1]
+    + (1.0 - k.y) * between.x * texels[2 - top] + (1.0 - k.x) * between.y * texels[3 - top];
+  // Seen aslant, gaps close sooner than what both families cover says.
+  float aslant = 1.0 - 0.5 * max(tiltVS.x, tiltVS.y);
+  float open = aslant * dot(q, (1.0 - k) * (1.0 - between.yx));
+  gl_FragData[0] = vec4(encoded(yarns.rgb + open * open_), 1.0);
+  }
 """
 
 
@@ -165,12 +339,23 @@ class SheetActor(SurfaceActor):
         self._shown: tuple[Any, ...] | None = None
         self._crossings: NDArray[Any] | None = None
         self.behind((255, 255, 255), (255, 255, 255))
+        self.fit_pixels(1)
+        self.resolve(False)
 
     def behind(self, below: Sequence[int], above: Sequence[int]) -> None:
         """Take the colours of the background, which is seen between yarns."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform3f("below", [part / 255 for part in below])
         uniforms.SetUniform3f("above", [part / 255 for part in above])
+
+    def fit_pixels(self, grain: int) -> None:
+        """Average over so many drawn pixels along each side: those of one in the picture."""
+        self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("grain", float(grain))
+
+    def resolve(self, resolved: bool) -> None:
+        """Draw each yarn as it lies over and under others, where it is some pixels wide."""
+        uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniformf("resolved", float(resolved))
 
     def show_sheet(
         self,
@@ -198,21 +383,38 @@ class SheetActor(SurfaceActor):
         warp, weft = tubes(cloth)
         vertex = self.GetShaderProperty().GetVertexCustomUniforms()
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
+        fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
+        halvings = _halvings(max(cloth.size))
+        fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
+        fragment.SetUniformi("averaged", halvings > 0)
+        ends, picks = cloth.families
+        unit = ends.spacing
+        fragment.SetUniform2f("pitches", [1.0, picks.spacing / unit])
+        sections = [
+            0.5 * size / unit for each in (ends, picks) for size in (each.width, each.diameter)
+        ]
+        fragment.SetUniform4f("sections", sections)
+        fragment.SetUniform2f("rises", [0.5 * each.height / unit for each in (ends, picks)])
         slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
         vertex.SetUniform4f("slopes", slopes)
         if crossings is None:
             colors = _colors(cloth, color)
         else:
             colors = _of_crossings(crossings, color, wanted[2])
-        for name, pixels in zip(
-            _LAYERS, layers(cloth.drawdown, *colors, cloth.layers), strict=True
-        ):
+        warp_over, weft_over, warp_under, weft_under = layers(cloth.drawdown, *colors, cloth.layers)
+        for all_of, over in ((warp_under, warp_over), (weft_under, weft_over)):
+            all_of[..., :3] += over[..., :3]
+            all_of[..., 3] = over[..., 3]
+        textures = warp_over, weft_over, warp_under, weft_under
+        for name, pixels in zip(_LAYERS, textures, strict=True):
             texture = self.GetProperty().GetTexture(name)
             if texture is None:
                 texture = _texture()
                 self.GetProperty().SetTexture(name, texture)
             # the same one for good, see `SurfaceActor`
-            texture.SetInputData(to_image(pixels))
+            for _ in range(halvings):
+                pixels = _halved(pixels)
+            texture.SetInputData(to_image(_padded(pixels, _LEVELS)))
 
     def shade(self, depth: float) -> None:
         """Have the contact shadows of yarns, so deep."""
@@ -230,7 +432,10 @@ class SheetActor(SurfaceActor):
         ):
             shader.AddVertexShaderReplacement(tag, True, text, False)
         for tag, text in (
-            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS + light),
+            (
+                "//VTK::TCoord::Dec",
+                _FRAGMENT_DECLARATIONS + _FRAGMENT_FUNCTIONS + light + _RESOLVED_FUNCTIONS,
+            ),
             ("//VTK::Light::Impl", _FRAGMENT),
             ("//VTK::TCoord::Impl", ""),
         ):
@@ -310,8 +515,36 @@ def _of_crossings(crossings: NDArray[Any], color: str, span: Span | None) -> tup
     return found[0], found[-1]
 
 
+def _padded(pixels: Bytes, levels: int) -> Bytes:
+    """Return an image with empty texels beside it, so that it is halved without a remainder."""
+    more = [(0, -count % 2**levels) for count in pixels.shape[:2]]
+    return np.pad(pixels, (*more, (0, 0)))
+
+
+def _halvings(count: int) -> int:
+    """Return how often an image must be halved until OpenGL takes so many texels in a row."""
+    return max(0, (count - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
+
+
+def _halved(pixels: Bytes) -> Bytes:
+    """Return the means of two by two texels, in linear light."""
+    even = _padded(pixels, 1)
+    share = np.arange(256, dtype=np.float32) / 255
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    made = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
+    for channel in range(4):
+        table = share if channel == 3 else light
+        parts = [table[even[row::2, column::2, channel]] for row in (0, 1) for column in (0, 1)]
+        mean = 0.25 * sum(parts)
+        if channel < 3:
+            mean = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
+        made[..., channel] = np.rint(255 * mean)
+    return made
+
+
 def _texture() -> vtkTexture:
     texture = vtkTexture()
+    texture.UseSRGBColorSpaceOn()  # fetched and halved as linear light
     texture.SetColorModeToDirectScalars()
     texture.InterpolateOn()
     texture.MipmapOn()

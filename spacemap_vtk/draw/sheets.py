@@ -20,7 +20,8 @@ from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.compose import composed, gradient
 from spacemap_vtk.draw.frame import add_shape
-from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
+from spacemap_vtk.draw.offscreen import open_offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion, together
 from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -168,12 +169,14 @@ class _Drawing:
     """Draws one shape after the other from one place, with room for the swing to every side."""
 
     def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
+        if draws_without_opengl():
+            scene.warn(WITHOUT_OPENGL)
         self._scene, self._moved = scene, copied(cage)
         vertices = points_of(self._moved)
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
         size = _CELL[0] * 2, _CELL[1] * 2
-        self._window = Offscreen(size, samples=4)
+        self._window = open_offscreen(size, samples=4)
         self._window.leave_background()
         self._behind = gradient(_CELL, (255, 255, 255), (238, 242, 246))
         self._solid = SurfaceActor()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -15,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTextProp
 
 from spacemap_vtk.datasets.arrays import colors_in, to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
-from spacemap_vtk.draw.lighting import light_by_shader, light_of, show_fibres
+from spacemap_vtk.draw.lighting import light_by_shader, light_of, sample_fibres, show_fibres
 from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -39,17 +40,31 @@ _FONT_FILE = 4
 PLATE = 0.8
 
 
+class Dress(NamedTuple):
+    """What light falls on a surface."""
+
+    #: Whether it falls on sides, and whether fibres catch it.
+    faced: bool
+    fibres: bool
+    style: Style
+    #: A point, in which lines are measured, is so many pixels.
+    point: float
+
+
 class SurfaceActor(vtkActor):
     """A fabric's or object's surface; `bar` is the scale of its colours."""
 
-    def __init__(self) -> None:
+    def __init__(self, samples: int = 0) -> None:
         super().__init__()
+        #: Samples of fibres along each side of a pixel; 0: one, for good.
+        self._samples = samples
         self._mapper = vtkPolyDataMapper()
         # Shaders compare lengths with those of the room, and outlines share what OpenGL has.
         self._mapper.SetVBOShiftScaleMethod(0)
         self.SetMapper(self._mapper)
-        #: What its shader is made for.
+        #: What its shader is made for, and what light that is; None before it is shown.
         self._worn: tuple[object, ...] = ()
+        self.dress: Dress | None = None
         self._texture: vtkTexture | None = None
         self._table = vtkLookupTable()
         self.bar = scale_bar()
@@ -106,13 +121,22 @@ class SurfaceActor(vtkActor):
         )
         # Fibres are those that catch light: lines are of smooth yarns, and numbers are no cloth.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
+        self.dress = Dress(faced, fibres, style, point)
         worn = faced, fibres, light_of(style, point)
         if worn != self._worn:
             self._worn = worn
             self.GetShaderProperty().ClearAllShaderReplacements()
             if faced:
                 light_by_shader(self, worn[2])
-            show_fibres(self, self._mapper, fibres)
+            show_fibres(self, self._mapper, fibres, self._samples > 0)
+            if fibres and self._samples:
+                sample_fibres(self, self._samples)
+
+    def sample(self, side: int) -> None:
+        """Take so many samples of fibres along each side of a pixel."""
+        if side != self._samples:
+            self._samples = side
+            sample_fibres(self, side)
 
     def _paint(self, picture: vtkImageData | None) -> None:
         if picture is None:

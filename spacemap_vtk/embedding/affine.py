@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.embedding.interpolation import Points, Riding, Work, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.memory import is_streamed
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import WORTHWHILE, blocks, loops
 
@@ -90,10 +91,19 @@ class AffineInterpolation(Riding):
     def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
         if self._loops is None:
             return super()._mover(table, points, moved, shift)
-        maps, displace = self._maps(table), self._loops.displace
-        return lambda block: displace(
-            maps, self._tetrahedron[block], points[block], moved[block], shift[block]
-        )
+        # Of each map the origin, the displacement there and its slopes, four numbers each.
+        maps = np.zeros((len(self._cells), 5, 4))
+        maps[:, 0, :3] = self._origins
+        maps[:, 1, :3] = table[self._cells[:, 0]]
+        maps[:, 2:, :3] = self._slopes(table)
+        displace, streamed = self._loops.displace, is_streamed(moved, shift)
+        rows = np.ascontiguousarray(points)
+
+        def move(block: slice) -> None:
+            flat = (array[block].reshape(-1) for array in (rows, moved, shift))
+            displace(maps.reshape(-1), self._tetrahedron[block], *flat, streamed)
+
+        return move
 
     def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
         moved, shift = super().displace(points, displacement)

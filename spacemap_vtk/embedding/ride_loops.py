@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import compiled
+from spacemap_vtk.simd import map_point, stream_line
+
+#: Points that `displace` writes at a time: whole lines of the cache.
+_BUFFER = 128
 
 
 @compiled
@@ -52,13 +56,26 @@ def displace(
     points: NDArray[Any],
     moved: NDArray[Any],
     shift: NDArray[Any],
+    streamed: bool,
 ) -> None:
     """Write displacement and new position of points, by the affine maps of tetrahedra."""
-    for point in range(len(tetrahedron)):
-        row = maps[np.intp(tetrahedron[point])]
-        x, y, z = points[point, 0] - row[0], points[point, 1] - row[1], points[point, 2] - row[2]
-        for axis in range(3):
-            k = 3 + 4 * axis
-            shift[point, axis] = row[k] + row[k + 1] * x + row[k + 2] * y + row[k + 3] * z
-            # of the rounded displacement, so that the two agree to the last bit
-            moved[point, axis] = points[point, axis] + shift[point, axis]
+    # Arrays of points are flat; `maps` is as `map_point` reads it. What is streamed begins at
+    # borders of 64 bytes.
+    # Some points at a time, to memory that stays in the cache: from there whole lines are copied.
+    own_shift = np.empty(3 * _BUFFER + 8, points.dtype)
+    own_moved = np.empty(3 * _BUFFER + 8, points.dtype)
+    line = 64 // points.itemsize
+    for first in range(0, len(tetrahedron), _BUFFER):
+        count = min(_BUFFER, len(tetrahedron) - first)
+        for point in range(count):
+            cell = np.intp(tetrahedron[first + point])
+            map_point(maps, cell, points, 3 * (first + point), own_shift, own_moved, 3 * point)
+        whole = 3 * count // line * line if streamed else 0
+        for k in range(0, whole, line):
+            stream_line(shift, 3 * first + k, own_shift, k)
+        for k in range(0, whole, line):
+            stream_line(moved, 3 * first + k, own_moved, k)
+        if whole < 3 * count:
+            rest = slice(3 * first + whole, 3 * (first + count))
+            shift[rest] = own_shift[whole : 3 * count]
+            moved[rest] = own_moved[whole : 3 * count]

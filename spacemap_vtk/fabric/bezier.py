@@ -47,7 +47,18 @@ def rational_handles(angle: Floats | float) -> tuple[Floats, Floats]:
 
 
 def quadrilateral_order(p: int, q: int) -> Ints:
-    """Return where the points of a tensor-product patch stand in VTK's Bézier quadrilateral."""
+    """Return where the points of a tensor-product patch stand in VTK's Bézier quadrilateral.
+
+    Parameters
+    ----------
+    p, q : int
+        Degrees along u and v.
+
+    Returns
+    -------
+    ndarray of int, shape ((p + 1) (q + 1),)
+        Columns of a cell's connectivity, u fastest.
+    """
     # VTK lists the four corners first, then the insides of the four edges, then the inside of the
     # face.
     if min(p, q) < 1:

@@ -22,6 +22,8 @@ from spacemap_vtk.ndarrays import Floats, Ints
 #: Crossings along both sides of the weave round a crossing: where a yarn bends is told by it and
 #: the crossings beside it.
 _LOCAL = 3
+#: Codes of local weaves up to which they are numbered by a table.
+_MOST_CODES = 2**22
 #: Crossings along both sides of a crop: so many times the root of the number of weaves that are
 #: looked for, of which a crop of a cloth without order then holds nearly all; and at least.
 _PER_WEAVE, _LEAST = 4.0, 12
@@ -165,7 +167,7 @@ def whole_bounds(cloth: Cloth) -> Floats:
 
 
 def telling_parts(
-    cloth: Cloth, most: int, edges: bool = True
+    cloth: Cloth, most: int, edges: bool = True, local: int = _LOCAL
 ) -> tuple[list[tuple[slice, slice]], Ints, bool]:
     """Return some parts of a cloth in which each of its local weaves occurs.
 
@@ -177,13 +179,16 @@ def telling_parts(
         Crossings in all parts, at most.
     edges : bool
         Whether crossings at the cloth's edges are others than those within.
+    local : int, optional
+        Crossings along both sides of a local weave: 3, each crossing and those round it; or 2, each
+        and those after it.
 
     Returns
     -------
     parts : list of (slice, slice)
         Ends and picks of each.
     weaves : (picks, ends) int64
-        Number of the weave of the 3 x 3 crossings round each, with the yarns' own measures.
+        Number of the local weave of each crossing, with the yarns' own measures.
     complete : bool
         Whether that many crossings hold all of them.
 
@@ -197,11 +202,10 @@ def telling_parts(
     >>> len(parts), int(weaves.max()) + 1, complete
     (4, 14, True)
     """
-    codes = _codes(cloth)
+    codes = _codes(cloth, local)
     if not edges and min(cloth.size) >= _LOCAL:
         codes = np.pad(codes[1:-1, 1:-1], 1, mode="edge")
-    first, weaves = np.unique(codes, return_index=True, return_inverse=True)[1:]
-    weaves = weaves.reshape(cloth.drawdown.shape)
+    first, weaves = _numbered(codes)
     left = first.copy()
     found: list[tuple[slice, slice]] = []
     while len(left):
@@ -250,17 +254,31 @@ def _telling(cloth: Cloth, number: int) -> Ints:
     return np.array(sorted(telling))
 
 
-def _codes(cloth: Cloth) -> Ints:
-    """Return a number for the yarns and the weave of the 3 x 3 crossings round each crossing."""
-    state = cloth.drawdown + 1
+def _numbered(codes: Ints) -> tuple[Ints, Ints]:
+    """Return where each code comes first, in ascending order of codes, and the number of each."""
+    flat = codes.ravel()
+    bound = int(flat.max()) + 1
+    if bound > _MOST_CODES:
+        first, numbers = np.unique(flat, return_index=True, return_inverse=True)[1:]
+        return first, numbers.reshape(codes.shape)
+    # By a table of all codes: to sort those of four million crossings takes half a second.
+    places = np.full(bound, -1)
+    places[flat[::-1]] = np.arange(flat.size)[::-1]
+    used = places >= 0
+    return places[used], (np.cumsum(used) - 1)[codes]
+
+
+def _codes(cloth: Cloth, local: int) -> Ints:
+    """Return a number for the yarns and the local weave of each crossing."""
+    state, states = cloth.drawdown + 1, 3
     if cloth.layers is not None:
-        state = state + 2 * cloth.layers.own + 4 * cloth.layers.above
+        state, states = state + 2 * cloth.layers.own + 4 * cloth.layers.above, 9
     state = np.pad(state, 1)  # 0: past the edge
     rows, columns = cloth.drawdown.shape
     codes = np.zeros((rows, columns), np.int64)
-    for i in range(_LOCAL):
-        for j in range(_LOCAL):
-            codes *= 9
+    for i in range(_LOCAL - local, _LOCAL):
+        for j in range(_LOCAL - local, _LOCAL):
+            codes *= states
             codes += state[i : i + rows, j : j + columns]
     for number in (0, 1):
         kinds = _kinds(cloth, number)

@@ -32,6 +32,9 @@ from spacemap_vtk.parallel import BLAS_SERIAL
 # wait for the interpreter's lock: half of this takes a quarter longer in two threads.
 _CHUNK_BYTES = 2**23
 
+#: Patches of which x, y and z fill whole lines of the cache, in single and in double precision.
+_LINES = 16
+
 #: |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
 #: error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
 SUSPECT = 1e-4
@@ -60,6 +63,7 @@ def cut_into_chunks(patches: AnyInts, rows: int, *, narrow: bool = True) -> list
     count, size = patches.shape
     floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)
     width = max(8, _CHUNK_BYTES // (4 * floats))
+    width -= width % _LINES if width > _LINES else 0
     result = []
     for first in range(0, count, width):
         part = patches[first : first + width]
@@ -212,6 +216,8 @@ class Bicubic:
         scale: float,
         positions: AnyFloats,
         normals: AnyFloats | None = None,
+        *,
+        streamed: bool = False,
     ) -> Ints:
         """Write the points of a chunk and their unit normals, or the points alone."""
         kind = positions.dtype
@@ -219,7 +225,7 @@ class Bicubic:
         curve[1] /= scale
         suspects = np.empty(positions.size // 3, np.int64)
         count = self._loops.evaluate(
-            np.ascontiguousarray(points[chunk.rows]),
+            np.ascontiguousarray(points[chunk.rows]).reshape(-1),
             chunk.gather,
             curve.astype(kind),
             kind.type(1 / scale),
@@ -227,13 +233,16 @@ class Bicubic:
             positions.reshape(-1),
             None if normals is None else normals.reshape(-1),
             suspects,
+            streamed and chunk.patch_count % _LINES == 0,
         )
         return suspects[:count]
 
-    def interpolate(self, chunk: Chunk, columns: NDArray[Any], values: AnyFloats) -> None:
+    def interpolate(
+        self, chunk: Chunk, columns: NDArray[Any], values: AnyFloats, *, streamed: bool = False
+    ) -> None:
         """Write an array of the control points, carried over to the points of a chunk."""
         if columns.shape[1] == 3:  # as places are, each patch from its own first control point
-            self.evaluate(chunk, columns, 1.0, values)
+            self.evaluate(chunk, columns, 1.0, values, streamed=streamed)
             return
         origin = columns[0].astype(values.dtype)
         origin[~np.isfinite(origin)] = 0

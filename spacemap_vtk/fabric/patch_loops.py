@@ -3,9 +3,12 @@
 Patches go through in groups whose control points lie side by side, so that each operation is done
 on a whole group, in vector registers. A patch is a tensor product: its four curves along u are
 evaluated first, then those along v from their points, 320 multiplications for a coordinate of 16
-samples where one matrix product takes 768. What is left is memory: of 35 ms that 240,000 patches
-take in one thread, gathering takes 14, writing 11 and all arithmetic 2. The innermost loops are
-long, x, y and z in one, for each costs as much to enter as a hundred multiplications.
+samples where one matrix product takes 768. The innermost loops are long, x, y and z in one, for
+each costs as much to enter as a hundred multiplications.
+
+What is left is memory. A control point is gathered by vector instructions, three coordinates at
+once. A large result is written past the cache, in whole lines: otherwise the processor reads each
+line before it writes it, and the write takes as long as everything else together.
 
 Needs Numba; see `spacemap_vtk.parallel`.
 """
@@ -19,9 +22,24 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import compiled
+from spacemap_vtk.simd import LINE, stream_line, subtract_point
 
-_GROUP = 32  # patches; 16 and 64 are slower
+_GROUP = 64  # patches; 32 and 128 are slower
 _ROW = 3 * _GROUP  # their x, y and z, patch after patch as they are written
+
+
+@compiled
+def write(
+    target: NDArray[Any], begin: int, source: NDArray[Any], count: int, streamed: bool
+) -> None:
+    """Copy the first numbers of an array to a place in another."""
+    if streamed:
+        for k in range(0, count, LINE // source.itemsize):
+            stream_line(target, begin + k, source, k)
+    else:
+        to = target[begin : begin + count]
+        for k in range(count):
+            to[k] = source[k]
 
 
 @compiled
@@ -34,34 +52,38 @@ def evaluate(
     positions: NDArray[Any],
     normals: NDArray[Any] | None,
     suspects: Ints,
+    streamed: bool,
 ) -> int:
     """Write the points of some patches and their unit normals, if these are asked for."""
+    # `points` is flat. What is streamed begins at borders of 64 bytes, and so does each sample's
+    # row of patches.
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
     count, steps, found = gather.shape[1], curve.shape[1], 0
     # In the points' own precision, as long as the numbers are large: all first control points,
     # and those that are gathered.
-    first = np.zeros(_ROW, points.dtype)
-    other = np.zeros(_ROW, points.dtype)
+    # One more than there is room for: `subtract_point` writes four numbers.
+    first = np.zeros(_ROW + 1, points.dtype)
     origin = np.zeros(_ROW, kind)
-    net = np.zeros((4, 4 * _ROW), kind)  # along u, then along v, patch and axis
+    net = np.zeros((4, 4 * _ROW + 1), kind)  # along u, then along v, patch and axis
+    nets = net.reshape(-1)
     lines = np.zeros((steps, 4 * _ROW), kind)  # points of the curves along u
     slopes = np.zeros((steps, 4 * _ROW), kind)  # their derivatives
     point, du, dv = np.zeros((3, _ROW), kind)
     square, limit = np.zeros((2, _GROUP), kind)
     for start in range(0, count, _GROUP):
         width = min(_GROUP, count - start)
+        for patch in range(width):
+            row = np.intp(gather[0, start + patch])
+            for axis in range(3):
+                first[3 * patch + axis] = points[3 * row + axis]
+                origin[3 * patch + axis] = points[3 * row + axis]
+        # In this order what is written too much is written again, with what belongs there.
         for place in range(16):
+            line = (place & 3) * (4 * _ROW + 1) + (place >> 2) * _ROW
+            rows = gather[place, start : start + width]
             for patch in range(width):
-                row = np.intp(gather[place, start + patch])
-                other[3 * patch] = points[row, 0]
-                other[3 * patch + 1] = points[row, 1]
-                other[3 * patch + 2] = points[row, 2]
-            if place == 0:
-                first[:] = other
-                origin[:] = other
-            line = net[place & 3, (place >> 2) * _ROW :]
-            for lane in range(_ROW):
-                line[lane] = other[lane] - first[lane]
+                row = np.intp(rows[patch])
+                subtract_point(points, 3 * row, first, 3 * patch, nets, line + 3 * patch)
         if normals is not None:
             limit[:] = 0  # from the size of a patch: its other corners as seen from the first
             for along, across in ((3, 0), (0, 3), (3, 3)):
@@ -96,9 +118,7 @@ def evaluate(
                         du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
                         dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
                 at = (j * steps + i) * count + start
-                to = positions[3 * at : 3 * (at + width)]
-                for lane in range(3 * width):
-                    to[lane] = point[lane]
+                write(positions, 3 * at, point, 3 * width, streamed)
                 if normals is None:
                     continue
                 for patch in range(_GROUP):
@@ -120,9 +140,7 @@ def evaluate(
                         if square[patch] <= limit[patch]:
                             suspects[found] = at + patch
                             found += 1
-                to = normals[3 * at : 3 * (at + width)]
-                for lane in range(3 * width):
-                    to[lane] = du[lane]
+                write(normals, 3 * at, du, 3 * width, streamed)
     return found
 
 

@@ -16,6 +16,8 @@ sections have flattened plies (L. R. G. Treloar, "The Geometry of Multi-ply Yarn
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
+from functools import lru_cache
 from math import pi
 from typing import Any
 
@@ -54,6 +56,29 @@ def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     root = np.sqrt((1.0 - middle) ** 2 - (middle * sin) ** 2)
     reach = middle * cos + root
     return reach, -middle * sin * (1.0 + middle * cos / root) * by_phase
+
+
+@lru_cache
+def sharpness(plies: int) -> float:
+    """Return how many times as curved an outline of plies is as the circle that is about them.
+
+    Parameters
+    ----------
+    plies : int
+        How many.
+
+    Returns
+    -------
+    float
+        1 for singles.
+    """
+    if plies == 1:
+        return 1.0
+    step = 1e-4
+    phase = np.arange(0.0, 1.0 / plies + 3 * step, step)
+    angle, (reach, _) = 2.0 * pi * phase, outline(phase, np.full(len(phase), float(plies)))
+    curve = np.stack([reach * np.cos(angle), reach * np.sin(angle)])
+    return float(np.linalg.norm(np.diff(curve, 2), axis=0).max() / (2.0 * pi * step) ** 2)
 
 
 def frames(rings: AnyFloats) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
@@ -120,6 +145,11 @@ class Strands:
         # looms do not turn bobbins alike: plies beside each other begin anywhere
         begin = turns * places[:, 0] + APART * places[:, 3]
         self._turned = begin - np.floor(begin), turns * self._along[1]
+        self._most = int(plies.max(initial=1))
+        self._winds = float(np.abs((plies > 1) * plies * self._turned[1]).max(initial=0.0))
+        self._sample(sides)
+
+    def _sample(self, sides: int) -> None:
         t = np.linspace(0.0, 1.0, sides + 1)
         self._u, self._v = np.tile(t, sides + 1), np.repeat(t, sides + 1)
         curve, slope = bernstein(3, t), bernstein_derivative(3, t)
@@ -127,18 +157,49 @@ class Strands:
         self._basis = np.concatenate(
             [np.kron(curve, curve), np.kron(curve, slope), np.kron(slope, curve)]
         )
-        most = int(plies.max(initial=1))
-        winds = float(np.abs((plies > 1) * plies * self._turned[1]).max(initial=0.0))
         #: Whether plies are made; where there are too few samples they can only be shaded.
-        self.made = most > 1 and 4 * sides >= _LEAST_SAMPLES * most and sides >= 2.0 * winds
+        self.made = self.makes_plies(sides)
 
-    def coordinates(self, which: slice) -> AnyFloats:
+    def makes_plies(self, sides: int) -> bool:
+        """Return whether plies are made, and not only shaded.
+
+        Parameters
+        ----------
+        sides : int
+            Quadrilaterals along each side of a patch.
+
+        Returns
+        -------
+        bool
+            False where there are too few samples.
+        """
+        most, winds = self._most, self._winds
+        return most > 1 and 4 * sides >= _LEAST_SAMPLES * most and sides >= 2.0 * winds
+
+    def with_sides(self, sides: int) -> Strands:
+        """Return the same strands on other facets.
+
+        Parameters
+        ----------
+        sides : int
+            Quadrilaterals along each side of a patch.
+
+        Returns
+        -------
+        Strands
+            Sampled so.
+        """
+        other = copy(self)
+        other._sample(sides)
+        return other
+
+    def coordinates(self, which: Ints) -> AnyFloats:
         """Return what shading needs at the samples of some patches.
 
         Parameters
         ----------
-        which : slice
-            Numbers of patches.
+        which : ndarray of int
+            Numbers of patches, in ascending order.
 
         Returns
         -------
@@ -149,9 +210,9 @@ class Strands:
         """
         part = self._part[which]
         found = np.zeros((len(self._u), len(part), 3), np.float32)
-        tubes = max(0, min(self.tubes - which.start, len(part)))
+        tubes = int(np.searchsorted(which, self.tubes))
         part = part[:tubes]
-        phi, turned, along = self._ways(which.start, part)
+        phi, turned, along = self._ways(which[:tubes], part)
         plied = self._plies[part] > 1
         # of plies the fibres run about along the yarn: they are twisted against their singles
         found[:, :tubes, 0] = phi + np.where(plied, 0.0, turned)
@@ -160,9 +221,9 @@ class Strands:
         found[:, :tubes, 2] = along / self._diameter[part]
         return found
 
-    def _ways(self, first: int, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
+    def _ways(self, which: Ints, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
         """Return the way round, turns and the way along at the samples of patches on tubes."""
-        begin, span = self._phi[:, first : first + len(part)]
+        begin, span = self._phi[:, which]
         turned, more = (each[part] for each in self._turned)
         along, further = (each[part] for each in self._along)
         u, v = self._u[:, None], self._v[:, None]
@@ -172,7 +233,7 @@ class Strands:
         self,
         points: NDArray[Any],
         weights: NDArray[Any] | None,
-        views: Iterable[tuple[slice, AnyFloats, AnyFloats]],
+        views: Iterable[tuple[Ints, AnyFloats, AnyFloats]],
     ) -> None:
         """Draw a surface in to its plies.
 
@@ -193,15 +254,15 @@ class Strands:
             ring = np.moveaxis(ring, 3, 1).reshape(len(some), 4, -1)
             middle[some], top[some], side[some] = frames(points[ring].astype(np.float64))
         for which, surface, across in views:
-            stop = min(max(self.tubes - which.start, 0), which.stop - which.start)
+            stop = int(np.searchsorted(which, self.tubes))
             plied = self._plies[self._part[which]] > 1
             on = np.flatnonzero(plied[:stop])
             if len(on):
-                made = self._tube(which.start + on, points, weights, middle)
+                made = self._tube(which[on], points, weights, middle)
                 surface[:, on], across[:, on] = made
             closing = np.flatnonzero(plied[stop:]) + stop
             if len(closing):
-                patch = which.start + closing
+                patch = which[closing]
                 part, ring = self._part[patch], self._ring[patch - self.tubes]
                 axes = (each[part, ring] for each in (middle, top, side))
                 surface[:, closing] = self._cap(surface[:, closing], part, ring, *axes)

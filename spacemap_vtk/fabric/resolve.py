@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, Remark
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.double_weave import LEAST, Layers, find_layers
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
@@ -159,7 +159,7 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
         return cloth
     mend = flattened if asked.thick_yarns == "flatten" else scaled
     cloth, note = mend(cloth, thick)
-    return replace(cloth, warnings=(*cloth.warnings, note)) if note else cloth
+    return replace(cloth, warnings=(*cloth.warnings, Remark(note))) if note else cloth
 
 
 def _layers(
@@ -186,7 +186,7 @@ def _layers(
         )
     if found is None:
         return None, ()
-    return found.cropped(slice(size[0]), slice(size[1])), () if known else (_FOUND,)
+    return found.cropped(slice(size[0]), slice(size[1])), () if known else (Remark(_FOUND),)
 
 
 def _filling(layers: Layers | None) -> float:

@@ -9,26 +9,36 @@ too, as a bundle of fibres is that slide on each other:
   apart resist with B P / (p l). Friction at crossings, which adds to that, is left out;
 - twist: such a rod turns as much about any axis, so that D66 is a quarter of the sum of both
   families' B P / (p l), and a square cloth bends alike in all directions;
-- shear: crossings that are gripped turn as one. Between two of them a yarn is a beam whose ends
-  keep their directions: it leans by V l^3 / (12 B P) under a force V across it, and the angles of
-  warp and weft add up. A yarn is gripped where it changes side, not within a float.
+- shear: between two crossings that are gripped a yarn is a beam whose ends keep their directions:
+  it leans by V l^3 / (12 B P) under a force V across it, and the angles of warp and weft add up. A
+  yarn is gripped where it changes side, not within a float. In series with the beams is the twist
+  of the contacts: yarns pressed together by N resist it with k = 2 (1 - ν) N R = N D/2 (Hertz's
+  contact of crossed cylinders of radius R = D/4, ν = 0, whose modulus cancels), and the cloth leans
+  by p1 p2/k. N is what yarns press with that are straight when free: 12 B h/l^3 for each change of
+  side next to a crossing. A twill has half the changes of plain cloth, and so half the grip.
+
+Limits of shear: crossings do not slip yet; yarns whose crimp is set press less than N, and their
+cloth is softer. All is of the repeat, wrapped round: how much of it is drawn does not count.
 
 Sources: R. G. Livesey, J. D. Owen, "Cloth Stiffness and Hysteresis in Bending", J. Textile Inst. 55
 (1964) T516, for bending without friction; G. A. V. Leaf, A. M. F. Sheta, "The Initial Shear Modulus
-of Plain-woven Fabrics", J. Textile Inst. 75 (1984) 157, for the beams that shear bends.
+of Plain-woven Fabrics", J. Textile Inst. 75 (1984) 157, for the beams that shear bends; K. L.
+Johnson, "Contact Mechanics" (Cambridge 1985), for a contact's size (Hertz) and its twist.
 """
 
 from __future__ import annotations
 
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric import drawdown
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.fabric.peirce import solve
-from spacemap_vtk.mechanics.plates import Plate, stiff_across
+from spacemap_vtk.mechanics.plates import Plate
 
 
 def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
@@ -98,39 +108,70 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     membrane, bending = np.zeros((3, 3)), np.zeros(3)
     stretched = crossings.forces(rest).tangent.sum(axis=(2, 3)) / crossings.cell.sum()
     membrane[:2, :2] = stretched[::-1, ::-1]
-    lean = 0.0
+    lean = pressed = 0.0
     for k, family in enumerate(cloth.families):
-        bent, sheared = np.array(_rods(cloth, k)) * yarns.bending[k] / family.spacing
-        bending[1 - k] = bent
-        lean += 1.0 / sheared
+        rods = _rods(cloth, k)
+        bending[1 - k] = rods.bending * yarns.bending[k] / family.spacing
+        lean += family.spacing / (rods.shear * yarns.bending[k])
+        pressed += rods.pressure * yarns.bending[k] / 2.0
+    if not pressed > 0.0:
+        raise InputError(
+            "yarns that nowhere change sides make no cloth",
+            key="drawdown",
+            cure="Let them interlace",
+        )
+    spacings = [family.spacing for family in cloth.families]
+    lean += spacings[0] * spacings[1] / (pressed * cloth.diameter_sum / 2.0)
     membrane[2, 2] = 1.0 / lean
     bending[2] = bending[:2].sum() / 4.0
-    return stiff_across(Plate(membrane, np.diag(bending), np.eye(2), 1.0))
+    return Plate(membrane, np.diag(bending))
 
 
-def _rods(cloth: Cloth, number: int) -> tuple[float, float]:
-    """Return what a family's mean yarn resists where B is 1: that its cloth bends, and leans."""
-    crossed = cloth.yarns[1 - number]
-    spacing = crossed.spacing
+class _Rods(NamedTuple):
+    """What the mean yarn of a family does whose B is 1."""
+
+    bending: float
+    """It resists bending of the cloth with this."""
+    shear: float
+    """It resists leaning, as beams between the crossings that grip it, with this [1/m²]."""
+    pressure: float
+    """It presses a crossing, in the mean over all of them, with this [1/m²]."""
+
+
+def _rods(cloth: Cloth, number: int) -> _Rods:
+    """Return what the mean yarn of a family does, along whole repeats that are wrapped round."""
+    crossed, repeats = cloth.yarns[1 - number], drawdown.repeat(cloth.drawdown)
+    count, width = (
+        size - size % each
+        for size, each in (
+            (cloth.size[number], repeats[number]),
+            (cloth.size[1 - number], repeats[1 - number]),
+        )
+    )
+    # Behind the last crossing comes the first one again.
+    spacing = np.append(crossed.spacing[: width - 1], crossed.spacing.mean())
+    flat = crossed.flat[:width]
     across = float(spacing.sum())
-    flats = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
-    bending = sheared = 0.0
-    count = cloth.size[number]
+    flats = 0.5 * (flat + np.roll(flat, -1))
+    bending = sheared = pressure = 0.0
     for some in cloth.in_blocks(number, count):
-        upper = cloth.upper(number, some)
+        upper = cloth.upper(number, some)[:, :width]
         arc, height, _ = cloth.passing(number, some)
-        rise = np.abs(np.diff(height, axis=1))
-        length = solve(spacing - flats, rise, arc[:, 1:] + arc[:, :-1]).length + flats
-        # A crossing within a float grips nothing: what lies between two that do is one beam.
-        changes = upper[:, 1:] != upper[:, :-1]
-        gripped = np.zeros(upper.shape, dtype=bool)
-        gripped[:, 0] = True
-        gripped[:, 1:] |= changes
-        gripped[:, 1:-1] |= changes[:, 1:]
-        beam = np.cumsum(gripped[:, :-1].ravel()) - 1
-        beams = np.bincount(beam, length.ravel())
-        yarn = np.arange(len(length)).repeat(length.shape[1])[np.flatnonzero(gripped[:, :-1])]
-        cubes = np.bincount(yarn, beams**3)
+        arc, height = arc[:, :width], height[:, :width]
+        rise = np.abs(np.roll(height, -1, axis=1) - height)
+        arcs = arc + np.roll(arc, -1, axis=1)
+        length = solve(spacing - flats, rise, arcs).length + flats
+        changes = upper != np.roll(upper, -1, axis=1)
+        # A crossing within a float grips nothing: what lies between two that do is one beam. What
+        # comes before the first that does goes on from the last beam.
+        gripped = changes | np.roll(changes, 1, axis=1)
+        beam = np.cumsum(gripped, axis=1)
+        beam = np.where(beam == 0, beam[:, -1:], beam)
+        beam += (width + 1) * np.arange(len(beam))[:, None]
+        beams = np.bincount(beam.ravel(), length.ravel(), len(beam) * (width + 1))
+        cubes = (beams.reshape(len(beam), -1) ** 3).sum(axis=1)
         bending += float((across / length.sum(axis=1)).sum())
         sheared += float((12.0 * across / cubes).sum())
-    return bending / count, sheared / count
+        # each change of side presses the crossings at both of its ends
+        pressure += float((2.0 * changes * 12.0 * rise / length**3).mean(axis=1).sum())
+    return _Rods(bending / count, sheared / count, pressure / count)

@@ -26,7 +26,7 @@ from spacemap_vtk.fabric.patch_chunks import (
     multiply,
     narrowed,
 )
-from spacemap_vtk.memory import Recycler
+from spacemap_vtk.memory import Recycler, is_streamed
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 
@@ -177,11 +177,12 @@ class Tessellation:
         if points.dtype not in (np.float32, np.float64):
             points = points.astype(np.float64)
         bicubic = self.bicubic if rational is None else None
+        streamed = is_streamed(positions, normals)
 
         def do(chunk: Chunk) -> None:
             surface, across = self._part(positions, chunk), self._part(normals, chunk)
             if bicubic is not None:
-                found = bicubic.evaluate(chunk, points, scale, surface, across)
+                found = bicubic.evaluate(chunk, points, scale, surface, across, streamed=streamed)
             else:
                 found = by_products(chunk, surface, across)
             if len(found):
@@ -243,12 +244,13 @@ class Tessellation:
         matrix = matrices[: len(with_origin)]
         result = self._recycler.empty((self.point_count, columns.shape[1]), kind)
         bicubic = self.bicubic if rational is None else None
+        streamed = is_streamed(result)
 
         # What is the same at all control points comes out the same at all others, to the last bit.
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)
             if bicubic is not None:
-                bicubic.interpolate(chunk, columns, part)
+                bicubic.interpolate(chunk, columns, part, streamed=streamed)
                 return
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 for start in range(0, columns.shape[1], 3):

@@ -117,8 +117,8 @@ def _largest(feasible: Callable[[float], bool]) -> float | None:
 def _too_thick(cloth: Cloth, thick: Thick) -> str:
     spacings = _named(thick, cloth.warp.spacing, cloth.weft.spacing)
     return (
-        f"the draft's yarns, {_diameters(cloth, thick)} thick at spacings of "
-        f"{spacings}, are too thick to interlace"
+        f"the draft's yarns are too thick to interlace: {_diameters(cloth, thick)} thick at "
+        f"spacings of {spacings}"
     )
 
 

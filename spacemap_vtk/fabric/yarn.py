@@ -35,6 +35,8 @@ _NUMBER = r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+))?"
 _WORD = "|".join(_INDIRECT)
 _TWIST = re.compile(r"\s*([SZsz](?=[\s\d.]))?\s*(.*?\d.*?)\s*(?<![A-Za-z])([SZsz])?\s*")
 _COUNT = re.compile(rf"\s*(?:({_WORD})\s*{_NUMBER}|{_NUMBER}\s*({_WORD}))\s*", re.IGNORECASE)
+#: A count and its plies without a system.
+_PLIED = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+)\s*")
 
 
 def linear_density(text: str) -> float:
@@ -45,7 +47,8 @@ def linear_density(text: str) -> float:
     text : str
         ``"30 tex"``, ``"150 den"`` or ``"300 dtex"``; ``"40 Ne"`` or ``"20 Nm"``, also before the
         number. Of two numbers, as in ``"Ne 30/2"`` and ``"2/60 Nm"``, the larger is the count of
-        the single yarn and the smaller how many are twisted together. A bare number is kg/m.
+        the single yarn and the smaller how many are twisted together. ``"20/2"`` without a system
+        is a cotton count, ``"Ne 20/2"``, as handweavers write it. A bare number is kg/m.
 
     Returns
     -------
@@ -63,8 +66,16 @@ def linear_density(text: str) -> float:
     29.53
     >>> linear_density("Nm 60/2") == linear_density("Nm 30")
     True
+    >>> linear_density("20/2") == linear_density("Ne 10")
+    True
     """
-    match = _COUNT.fullmatch(text)
+    if (plied := _PLIED.fullmatch(text)) and float(plied[1]) < float(plied[2]):
+        # Worsted spinners write the plies first, and count in other hanks.
+        raise InputError(
+            "plies stand before the count, which is no cotton count",
+            cure=f'Name the system: "Nm {plied[2]}/{plied[1]}" or "Ne {plied[2]}/{plied[1]}".',
+        )
+    match = _COUNT.fullmatch(f"Ne {text}" if plied else text)
     if match is None:
         return parse_quantity(text, "kg/m")
     before, *found, after = match.groups()

@@ -355,9 +355,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             self._idle = [
                 f"{self.section}.{name} does not count: {why}; it does where "
                 f"{self.parameter(name).counts}"
-                for name in self.parameters  # in this order, whatever order they were set in
+                for name, value in self.given.items()
                 # A zero, or what is off, contradicts nothing.
-                if self._values.get(name) and (why := self.idle(name))
+                if value and (why := self.idle(name))
             ]
         self._warnings += self._idle
         if self.replicated and self._piece.of > 1:

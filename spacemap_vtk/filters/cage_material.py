@@ -23,7 +23,7 @@ from spacemap_vtk.mechanics.shell import THIN
 from spacemap_vtk.mechanics.supports import is_thin
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, Real, Vector
-from spacemap_vtk.units import GRAVITY
+from spacemap_vtk.units import GRAVITY, parse_quantity, split_quantity
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
 DENSITY = 300.0
@@ -60,6 +60,27 @@ _CONSTANTS = (
     "twisting_rigidity",
     "areal_mass",
 )
+
+
+class ShearRigidity(Real):
+    """A sheet's stiffness in shear: force per width over an angle."""
+
+    @property
+    def units(self) -> list[str]:
+        """The units, less the one that leaves open per which angle."""
+        return [unit for unit in super().units if unit != "gf/cm"]
+
+    def parse(self, text: str) -> float:
+        """Return N/m for a radian; ask per which angle where the unit leaves that open."""
+        found = split_quantity(text)
+        if found is not None and found[1] == "gf/cm":
+            number, per_radian = found[0], parse_quantity(text, self.unit)
+            raise InputError(
+                "Kawabata's shear stiffness is per degree, and the unit does not say so",
+                cure=f'Write "{number:g} gf/(cm.deg)", or "{per_radian:.6g} N/m" if the figure is '
+                "per radian.",
+            )
+        return parse_quantity(text, self.unit)
 
 
 class CageMaterial(CageStage):
@@ -137,6 +158,8 @@ class CageMaterial(CageStage):
         "fabric.",
         unit="m",
         above=0.0,
+        plausible=(1e-6, 0.05),
+        usual_units="mm",
         automatic="the cage's extent along z",
         when={"material": tuple(FABRICS), "elements": ("auto", "tetrahedra")},
     )
@@ -154,10 +177,11 @@ class CageMaterial(CageStage):
         group="Sheet",
         when=_SHEET,
     )
-    shear_rigidity = Real(
+    shear_rigidity = ShearRigidity(
         None,
-        "What a sheet resists shear in its plane with: force per width over the angle. A woven "
-        "fabric's is far less than what follows from its tensile rigidity.",
+        "What a sheet resists shear in its plane with: force per width over the angle; Kawabata's "
+        "figure is per degree, gf/(cm.deg). A woven fabric's is far less than what follows from "
+        "its tensile rigidity.",
         unit="N/m",
         trade="gf/cm.deg",
         above=0.0,
@@ -197,6 +221,8 @@ class CageMaterial(CageStage):
             unit="m",
             trade="cm",
             above=0.0,
+            plausible=(1e-4, 0.5),
+            usual_units="mm, cm",
         ),
         automatic="from bending_rigidity",
         group="Sheet",
@@ -320,8 +346,8 @@ class CageMaterial(CageStage):
 
     def warn_of_elements(self, sheet: bool) -> None:
         """Warn of what is given for other elements than those that were found to be right."""
-        for name in self.parameters:  # in this order, whatever order they were set in
-            if name in self._values and (why := self.idle_as(name, sheet)):
+        for name in self.given:
+            if why := self.idle_as(name, sheet):
                 self.warn(
                     f"{self.section}.{name} does not count: {why}; "
                     f'elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
@@ -365,7 +391,7 @@ class CageMaterial(CageStage):
     def _given(self) -> dict[str, Any]:
         """Return the constants and measures that are given by name, or say which do not count."""
         # In this order, whatever order they were set in: the first that does not count is told.
-        given = {key: self._values[key] for key in _CONSTANTS if key in self._values}
+        given = {key: self.given[key] for key in _CONSTANTS if key in self.given}
         for key, value in given.items():
             if why := self.idle(key):
                 raise InputError(
@@ -418,7 +444,7 @@ class CageMaterial(CageStage):
         length = long * (long / thick) ** 2 if level else float(extent[up])
         edges = vertices[elements[:, 1:4]] - vertices[elements[:, :1]]
         filled = float(np.abs(np.linalg.det(edges)).sum() / 6.0 / extent.prod())
-        density = self._values.get("density", DENSITY)
+        density = DENSITY if self.density is None else self.density
         found = _STIFFER * density * GRAVITY * length / filled
         self.in_use = {"youngs_modulus": float(f"{found:.2g}")}
 

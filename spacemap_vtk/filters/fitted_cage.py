@@ -39,8 +39,8 @@ class FittedCage(CageMaterial):
     )
     masses = Masses(
         "",
-        'Masses on places of the cage, shared alike by the vertices there: "sphere(0, 0, 0, 1 mm) '
-        '5 g".',
+        "Masses on places of the cage, each spread evenly over its volume, side or edge: "
+        '"sphere(0, 0, 0, 1 mm) 5 g".',
     )
     stiffness_factors = Text(
         "",

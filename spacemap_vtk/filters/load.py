@@ -153,7 +153,11 @@ class Load(Parameterised):
         "values.",
     )
     frequency = Real(None, "Frequency of a harmonic load.", unit="1/s", above=0.0)
-    phase = Real(None, "Phase of a harmonic load; 90 degrees make a cosine.", unit="deg")
+    phase = Real(
+        None,
+        "Phase of a harmonic load, in degrees where no unit is given; 90 degrees make a cosine.",
+        unit="deg",
+    )
     steady = Flag(False, "A harmonic or periodic load has been going on for ever.")
 
     _sealed = False
@@ -330,9 +334,12 @@ class Loads(Parameter[tuple[Load, ...]]):
     def form(self) -> str:
         """Their keys."""
         others = {*ACTIONS.values(), *(Load.parameters.keys() if self.timed else ())}
+        names = [name for name in Load.parameters if name in others - ACTIONS.keys()]
+        # The one number that is not SI where it has no unit.
+        words = ["phase (in degrees unless it has a unit)" if n == "phase" else n for n in names]
         return (
             f"a list of tables, each with one of {', '.join(self.actions)}, and any of "
-            + ", ".join(name for name in Load.parameters if name in others - ACTIONS.keys())
+            + ", ".join(words)
         )
 
     def text(self, value: tuple[Load, ...]) -> str:

@@ -32,6 +32,10 @@ ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_wo
 _MOTION = ("displacement", "velocity", "acceleration")
 #: What is there only where it is computed.
 _STRESS = {"stress": (True,)}
+#: Damping proportional to mass where nobody says how much is damped [1/s].
+ALPHA = 1.0
+#: Gravity where nobody says, and no object says which way is up [m/s²].
+DOWN = (0.0, 0.0, -GRAVITY)
 #: alpha and beta damp where no ratio is asked for.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
@@ -111,10 +115,11 @@ class LoadedCage(CageStage):
     }
 
     alpha = Real(
-        1.0,
+        None,
         "Damping proportional to mass; slows every mode alike.",
         unit="1/s",
         minimum=0.0,
+        automatic=f"{ALPHA:g} 1/s, or none where damping_ratio or damping_pairs is given",
         when=_RAYLEIGH,
     )
     beta = Real(
@@ -134,12 +139,12 @@ class LoadedCage(CageStage):
         automatic="alpha and beta damp",
     )
     gravity = Vector(
-        (0.0, 0.0, -9.80665),
+        None,
         "Acceleration of gravity, there from t = 0 on. A cage with modal.gravity goes on under "
-        "that where this is the default; where it hangs and this is another, it moves by the "
+        "that where this is automatic; where it hangs and this is another, it moves by the "
         "difference.",
         component=Real(0.0, "", unit="m/s2"),
-        automatic="9.80665 m/s2 down, where the object says which way is up",
+        automatic="9.80665 m/s2 down: along -z, or as the object says, or what the cage hangs by",
     )
     loads = Loads((), "What else acts on the cage, each with its time function.")
     initial = Choice(
@@ -209,7 +214,7 @@ class LoadedCage(CageStage):
                 + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
         if not ways:
-            return Damping(self.alpha, self.beta)
+            return Damping(ALPHA if self.alpha is None else self.alpha, self.beta)
         try:
             if self.damping_pairs is not None:
                 return rayleigh(self.damping_pairs)
@@ -226,8 +231,8 @@ class LoadedCage(CageStage):
         return "" if self._contradicts(name) else super().idle(name)
 
     def _contradicts(self, name: str) -> bool:
-        # The default alpha is no one's wish, and an alpha of zero contradicts nothing.
-        return name in ("alpha", "beta") and bool(self._values.get(name))
+        # Zero contradicts nothing.
+        return name in ("alpha", "beta") and bool(getattr(self, name))
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
         """Return the continuous range of times."""
@@ -239,16 +244,17 @@ class LoadedCage(CageStage):
 
     def gravity_on(self, grid: vtkUnstructuredGrid) -> Floats:
         """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own."""
-        # The default is no one's wish, and ParaView's users write three numbers.
-        field = grid.GetFieldData()
-        if field.HasArray(GRAVITY_IN_FORCE) and self._values.get("gravity") is None:
-            return array_of(field, GRAVITY_IN_FORCE, "the modes")
-        gravity, up = self.gravity, up_axis(grid)
+        field, up, in_use = grid.GetFieldData(), up_axis(grid), {}
+        if self.alpha is None and self.damping_ratio is None and self.damping_pairs is None:
+            in_use["alpha"] = ALPHA
+        gravity = self.gravity
         if gravity is None:
-            gravity = self.parameter("gravity").default
-            if up is not None:
-                gravity = tuple((-GRAVITY * np.eye(3)[up] + 0.0).tolist())
-            self.in_use = {"gravity": gravity}
+            if field.HasArray(GRAVITY_IN_FORCE):
+                gravity = tuple(array_of(field, GRAVITY_IN_FORCE, "the modes").ravel().tolist())
+            else:
+                gravity = DOWN if up is None else tuple((-GRAVITY * np.eye(3)[up] + 0.0).tolist())
+            in_use["gravity"] = gravity
+        self.in_use = in_use
         return np.array(gravity)
 
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:

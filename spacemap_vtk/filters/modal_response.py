@@ -15,7 +15,12 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, largest_rotation
+from spacemap_vtk.mechanics.inverted import warning
+from spacemap_vtk.mechanics.kinematics import (
+    LARGE_ROTATION,
+    TRUSTED_ROTATION,
+    largest_rotation,
+)
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.response import Response
@@ -102,12 +107,25 @@ class ModalResponse(LoadedCage):
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
         gradients = modes.gradient.of(moved)
-        if not self.turned and largest_rotation(gradients) > LARGE_ROTATION:
+        angle = 0.0 if self.turned else largest_rotation(gradients)
+        if angle > TRUSTED_ROTATION:
             self.warn(
-                f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
-                "model stretches what turns: put RotationStrain behind it (a section [rotation]), "
-                "lower the load or raise the modulus to trust the shape"
+                f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
+                "linear motion is not reliable, with or without [rotation]: use [transient] in "
+                "place of [response], or let the cage hang under the load ([modal] gravity, "
+                "dead_loads)"
             )
+        elif angle > LARGE_ROTATION:
+            self.warn(
+                f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees, and a "
+                "linear model stretches what turns: add a section [rotation] (RotationStrain), or "
+                "lower the load"
+            )
+        model = modes.model
+        if not self.turned and (
+            text := warning(model.points, displacement, model.cells, model.pencil.surface)
+        ):
+            self.warn(text)
         output.ShallowCopy(grid)
         self.add_motion(output, (displacement, velocity, acceleration))
         coordinates = state.position[: len(modes.eigenvalues)].copy()

@@ -397,13 +397,13 @@ class ModalSolver(FittedCage):
         else:
             cure = 'set [modal] elements = "sheet" with [cage] divisions = [nx, ny, 1]'
             cure += f", or [cage] order = 2 with {fine}" if linear else f", order = 1, or {fine}"
+        too_stiff = [f"{what}s about {_rounded(times)} times" for what, times in off.items()]
+        too_high = " and ".join(_rounded(math.sqrt(times)) for times in off.values())
         self.warn(
-            f"the cage's {'linear' if linear else 'quadratic'} tetrahedra, "
-            f"{sheet.width / sheet.thickness:.2g} times as wide as it is thick, "
-            + " and ".join(f"{what} about {_rounded(times)} times" for what, times in off.items())
-            + " too stiffly, so that such modes are about "
-            + " and ".join(_rounded(math.sqrt(times)) for times in off.values())
-            + f" times too high in frequency; {cure}"
+            f"the cage {' and '.join(too_stiff)} too stiffly: its "
+            f"{'linear' if linear else 'quadratic'} tetrahedra are "
+            f"{sheet.width / sheet.thickness:.2g} times as wide as the cage is thick, and such "
+            f"modes about {too_high} times too high in frequency; {cure}"
         )
 
     def _warn_of_volume(self, elasticity: Floats) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -25,19 +26,25 @@ from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.surface_extract import Skin
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric import bezier
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.plies import Strands
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parameters import Integer
 
 #: Point array for shading: where fibres run.
 STRANDS = "strands"
 #: Subdivisions where nobody says how many, and nobody knows how large a patch is seen.
 AUTOMATIC_SIDES = 4
-#: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
-_CHORD, _MOST_SIDES = 0.3, 12
+#: The subdivisions of each patch, from control points and patches; see `PatchTessellator.choose`.
+Detail = Callable[[AnyFloats, AnyInts], AnyInts]
+#: How far a facet may be from what is round, in pixels.
+_CHORD = 0.3
+#: Most of them, of a surface that has as many everywhere; nearer, only what is in sight has more.
+MOST_SIDES = 12
 
 
 class PatchTessellator(Stage):
@@ -75,25 +82,33 @@ class PatchTessellator(Stage):
         "Number of quadrilaterals along each side of a patch.",
         minimum=1,
         maximum=64,
-        automatic="as many as can be seen in a picture; 4 in files and in the window",
+        automatic="as many as can be seen in a picture or in the window; 4 in files",
     )
 
     _chosen: int = AUTOMATIC_SIDES
     _strands: bool = False
+    _detail: Detail | None = None
     _kept: _Patches | None = None
     _skin: Skin | None = None
 
     @property
     def tessellation(self) -> Tessellation | None:
-        """What evaluates the patches of the last update; None where there are none."""
-        return None if self._kept is None else self._kept.tessellation
+        """What evaluates the patches of the last update; None where they have not one number."""
+        if self._kept is None or len(self._kept.groups) != 1:
+            return None
+        return self._kept.groups[0].tessellation
 
     @property
     def sides(self) -> int:
         """The subdivisions in force."""
         return self.subdivisions or self._chosen
 
-    def choose(self, sides: int, strands: bool = False) -> None:
+    @property
+    def chosen(self) -> tuple[int, bool, Detail | None]:
+        """What `choose` takes to have the same facets."""
+        return self._chosen, self._strands, self._detail
+
+    def choose(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:
         """Say how many subdivisions automatic ones are, and what shading needs.
 
         Parameters
@@ -103,11 +118,14 @@ class PatchTessellator(Stage):
         strands : bool
             Whether points of yarns get where their fibres run, see
             `spacemap_vtk.fabric.plies.Strands.coordinates`.
+        detail : callable, optional
+            Returns the subdivisions of each patch in place of `sides`, (P,), from the control
+            points and the patches, (P, k). Of two that differ one must divide the other.
         """
-        changed = sides != self._chosen and self.subdivisions is None
+        changed = (sides, detail) != (self._chosen, self._detail) and self.subdivisions is None
         if changed or strands != self._strands:
             self.Modified()
-        self._chosen, self._strands = sides, strands
+        self._chosen, self._strands, self._detail = sides, strands, detail
 
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
@@ -125,19 +143,19 @@ class PatchTessellator(Stage):
             self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
-        if prepared.tessellation.has_earned_loops:
+        if any(group.tessellation.has_earned_loops for group in prepared.groups):
             self.report(0.0, "compiling")
-            prepared.tessellation.compile()
+            for group in prepared.groups:
+                group.tessellation.compile()
         given = grid.GetPointData()
         rational = given.GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
-        positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
-        if (strands := prepared.strands(grid)) is not None:
-            if strands.made:
-                views = prepared.tessellation.views(positions, normals)
-                strands.make(points_of(grid), weights, views)
-            if self._strands:
-                output.GetPointData().AddArray(prepared.coordinates(strands))
+        strands = prepared.strands(grid)
+        surfaces = [group.evaluate(points_of(grid), weights, strands) for group in prepared.groups]
+        positions, normals = map(_joined, zip(*surfaces, strict=True))
+        prepared.close_seams(positions)
+        if strands is not None and self._strands:
+            output.GetPointData().AddArray(prepared.coordinates(strands))
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         at_points, of_cells = output.GetPointData(), output.GetCellData()
@@ -149,7 +167,13 @@ class PatchTessellator(Stage):
                 of_cells.AddArray(prepared.cell_array(label))
                 continue
             # In float32 as the positions are: twice the bytes would say no more.
-            values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
+            numbers = vtk_to_numpy(array)
+            values = _joined(
+                [
+                    group.tessellation.interpolate(numbers, weights, np.float32)
+                    for group in prepared.groups
+                ]
+            )
             at_points.AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             of_cells.AddArray(prepared.cell_array(array))
@@ -163,9 +187,18 @@ class PatchTessellator(Stage):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
     def _prepared(self, grid: vtkUnstructuredGrid) -> _Patches:
-        if self._kept is None or not self._kept.serves(grid, self.sides):
-            self._kept = _Patches(grid, self.sides)
+        sides: int | AnyInts = self.sides
+        if self._detail is not None and self.subdivisions is None:
+            patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
+            each = self._detail(points_of(grid), patches)
+            sides = int(each[0]) if len(each) and (each == each[0]).all() else each
+        if self._kept is None or not self._kept.serves(grid, sides):
+            self._kept = _Patches(grid, sides)
         return self._kept
+
+
+def _joined(parts: Sequence[AnyFloats]) -> AnyFloats:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def sides_seen(pixels: float, plies: int = 1) -> int:
@@ -186,9 +219,9 @@ def sides_seen(pixels: float, plies: int = 1) -> int:
     radius = 0.5 * pixels
     if radius <= _CHORD:
         return 1
-    sides = max(1, min(_MOST_SIDES, math.ceil(math.pi / 4 / math.acos(1.0 - _CHORD / radius))))
+    sides = max(1, min(MOST_SIDES, math.ceil(math.pi / 4 / math.acos(1.0 - _CHORD / radius))))
     if plies > 1:  # the outline is as many times as curved
-        sides = min(_MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
+        sides = min(MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
     return sides
 
 
@@ -245,10 +278,45 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
     return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 180
 
 
+class _Group:
+    """Patches of one number of subdivisions."""
+
+    def __init__(self, patches: AnyInts, numbers: Ints, sides: int) -> None:
+        order = math.isqrt(patches.shape[1])
+        self.numbers, self.sides = numbers, sides
+        self.tessellation = Tessellation(patches[numbers], (order - 1, order - 1), sides)
+        self._strands: tuple[Strands, Strands] | None = None
+
+    def strands(self, whole: Strands) -> Strands:
+        """Return the strands of the whole, sampled as these patches are."""
+        if self._strands is None or self._strands[0] is not whole:
+            self._strands = whole, whole.with_sides(self.sides)
+        return self._strands[1]
+
+    def evaluate(
+        self, points: AnyFloats, weights: AnyFloats | None, whole: Strands | None
+    ) -> tuple[AnyFloats, AnyFloats]:
+        """Return positions and normals, drawn in to the plies."""
+        surface = self.tessellation.evaluate(points, weights=weights)
+        if whole is not None and whole.makes_plies(self.sides):
+            views = self.tessellation.views(*surface)
+            self.strands(whole).make(
+                points, weights, ((self.numbers[which], *parts) for which, *parts in views)
+            )
+        return surface
+
+    def coordinates(self, whole: Strands) -> AnyFloats:
+        """Return where fibres run at the points of these patches."""
+        ways = np.empty((self.tessellation.point_count, 3), np.float32)
+        for which, view in self.tessellation.views(ways):
+            view[:] = self.strands(whole).coordinates(self.numbers[which])
+        return ways
+
+
 class _Patches:
     """What depends on connectivity and subdivisions alone."""
 
-    def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int) -> None:
+    def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> None:
         patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
         order = math.isqrt(patches.shape[1])
         if order**2 != patches.shape[1]:
@@ -257,18 +325,31 @@ class _Patches:
                 allowed="as many control points along both parameters",
             )
         columns = sum(a.GetNumberOfComponents() for a in _numeric_arrays(grid.GetPointData()))
+        sides, counts = np.unique(np.broadcast_to(subdivisions, len(patches)), return_counts=True)
+        need = sum(
+            estimate_bytes(int(count), int(each), columns)
+            for each, count in zip(sides, counts, strict=True)
+        )
         require(
-            estimate_bytes(len(patches), subdivisions, columns),
+            need,
             "this surface",
             key="subdivisions",
-            value=subdivisions,
+            value=int(sides.max(initial=1)),
             cure="Use fewer subdivisions, or fewer yarns.",
         )
+        #: Of each patch, or of all.
         self.subdivisions = subdivisions
         self.cells = Connectivity(grid)
-        self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
-        self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
+        if isinstance(subdivisions, int):
+            self.groups = [_Group(patches, np.arange(len(patches)), subdivisions)]
+        else:
+            numbers = [np.flatnonzero(subdivisions == each) for each in sides]
+            self.groups = [
+                _Group(patches, some, int(each)) for some, each in zip(numbers, sides, strict=True)
+            ]
+        self.polygons: vtkCellArray = to_cells(self._quads())
         self.patches = patches
+        self._seams = _seams(patches, self.groups) if len(self.groups) > 1 else []
         self.told: list[bytes | None] = []
         self.placed: tuple[vtkDataArray, int] | None = None
         self.woven: Strands | None = None
@@ -276,8 +357,23 @@ class _Patches:
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
-    def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
-        return self.subdivisions == subdivisions and self.cells.matches(grid)
+    def _quads(self) -> AnyInts:
+        """Return the points of each facet, group after group."""
+        if len(self.groups) == 1:
+            return self.groups[0].tessellation.quads
+        parts, first = [], 0
+        for group in self.groups:
+            parts.append(group.tessellation.quads + first)
+            first += group.tessellation.point_count
+        return np.concatenate(parts)
+
+    def close_seams(self, positions: AnyFloats) -> None:
+        """Lay edges of many facets on those of few that they share: else light falls between."""
+        for fine, before, after, share in self._seams:
+            positions[fine] = (1.0 - share) * positions[before] + share * positions[after]
+
+    def serves(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> bool:
+        return np.array_equal(self.subdivisions, subdivisions) and self.cells.matches(grid)
 
     def strands(self, grid: vtkUnstructuredGrid) -> Strands | None:
         """Return where fibres and plies run on a whole weave; None on anything else."""
@@ -296,16 +392,13 @@ class _Patches:
                 # not of some patches of a weave
                 with suppress(GeometryError):
                     places = vtk_to_numpy(places)
-                    self.woven = Strands(self.patches, cloth, places, self.subdivisions)
+                    self.woven = Strands(self.patches, cloth, places, self.groups[0].sides)
         return self.woven
 
     def coordinates(self, strands: Strands) -> vtkDataArray:
         """Return where fibres run, as long as the yarns are the same one array."""
         if self.ways is None:
-            ways = np.empty((self.tessellation.point_count, 3), np.float32)
-            for which, view in self.tessellation.views(ways):
-                view[:] = strands.coordinates(which)
-            self.ways = to_array(ways, STRANDS)
+            self.ways = to_array(_joined([g.coordinates(strands) for g in self.groups]), STRANDS)
         return self.ways
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
@@ -329,9 +422,60 @@ class _Patches:
         if kept is not None and kept[0].GetMTime() == kept[1] and _equal(kept[0], array):
             made = kept[2]
         else:
-            made = to_array(np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0), name)
+            values = vtk_to_numpy(array)
+            parts = [np.repeat(values[g.numbers], g.sides**2, axis=0) for g in self.groups]
+            made = to_array(_joined(parts), name)
         self.arrays[name] = array, array.GetMTime(), made
         return made
+
+
+#: Points along edges, the points of a coarser edge before and after each, and its share between
+#: these, (n, 1).
+_Seam = tuple[AnyInts, AnyInts, AnyInts, AnyFloats]
+
+
+def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
+    """Return where edges of more facets meet edges of fewer."""
+    degree = math.isqrt(patches.shape[1]) - 1
+    order = bezier.quadrilateral_order(degree, degree)
+    count, first = int(patches.max()) + 1, 0
+    keys, owners, edges = [], [], []
+    for number, group in enumerate(groups):
+        n = group.sides
+        net = patches[group.numbers][:, order].reshape(-1, degree + 1, degree + 1)
+        numbers = np.arange(group.tessellation.point_count, dtype=np.float64)[:, None]
+        views = [ids[..., 0].T for _, ids in group.tessellation.views(numbers)]
+        samples = np.concatenate(views).astype(np.int64).reshape(-1, n + 1, n + 1)
+        for side in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
+            ends, along = net[side].astype(np.int64)[:, [0, -1]], samples[side] + first
+            turned = ends[:, 0] > ends[:, 1]
+            along = np.where(turned[:, None], along[:, ::-1], along)
+            # What is closed to a point has no edge.
+            keys.append(
+                np.where(ends[:, 0] == ends[:, 1], -1, ends.min(axis=1) * count + ends.max(axis=1))
+            )
+            owners.append(np.full(len(along), number))
+            edges.append(along)
+        first += group.tessellation.point_count
+    key, owner = np.concatenate(keys), np.concatenate(owners)
+    place = np.concatenate([np.arange(len(each)) for each in edges])
+    block = np.repeat(np.arange(len(edges)), [len(each) for each in edges])
+    rows = np.lexsort((owner, key))
+    rows = rows[key[rows] >= 0]
+    begun = np.flatnonzero(np.diff(key[rows], prepend=-1))
+    coarsest = rows[np.repeat(begun, np.diff(begun, append=len(rows)))]
+    apart = owner[rows] > owner[coarsest]
+    fine, coarse = rows[apart], coarsest[apart]
+    seams = []
+    for one, other in np.unique(np.stack([block[fine], block[coarse]]), axis=1).T:
+        which = (block[fine] == one) & (block[coarse] == other)
+        many, few = edges[one][place[fine[which]]], edges[other][place[coarse[which]]]
+        step = np.arange(many.shape[1]) * (few.shape[1] - 1) / (many.shape[1] - 1)
+        left = np.minimum(step.astype(int), few.shape[1] - 2)
+        share = np.broadcast_to((step - left).astype(np.float32), many.shape)
+        parts = many, few[:, left], few[:, left + 1]
+        seams.append((*(part.ravel() for part in parts), share.reshape(-1, 1)))
+    return seams
 
 
 def _told(grid: vtkUnstructuredGrid) -> list[bytes | None]:

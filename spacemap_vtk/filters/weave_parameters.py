@@ -19,12 +19,20 @@ from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Para
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Warp and weft in the words of their parameters: `crossed` is the number of the other family.
 _WORDS = [
-    dict(zip(("name", "yarns", "Yarns", "number", "crossed", "color"), words, strict=True))
+    dict(
+        zip(
+            ("name", "yarns", "Yarns", "number", "crossed", "color", "per_inch"), words, strict=True
+        )
+    )
     for words in (
-        ("warp", "ends", "Ends", 1, 2, "#{:02x}{:02x}{:02x}".format(*WARP_COLOR)),
-        ("weft", "picks", "Picks", 2, 1, "#{:02x}{:02x}{:02x}".format(*WEFT_COLOR)),
+        ("warp", "ends", "Ends", 1, 2, "#{:02x}{:02x}{:02x}".format(*WARP_COLOR), "epi"),
+        ("weft", "picks", "Picks", 2, 1, "#{:02x}{:02x}{:02x}".format(*WEFT_COLOR), "ppi"),
     )
 ]
+
+#: Sizes [m] that a number without a unit may have where it is about yarns: 0.3 is 300 mm, and
+#: whoever writes that means millimetres.
+_YARNS = (1e-6, 0.02)
 
 
 def both(declared: _P) -> tuple[_P, _P]:
@@ -67,25 +75,25 @@ class Pattern(Parameter[Any]):
 class YarnCount(Real):
     """The linear density of a yarn, in any system of yarn counts."""
 
-    def convert(self, value: Any) -> float:
+    def parse(self, text: str) -> float:
         """Return kg/m."""
-        return float(super().convert(linear_density(value) if isinstance(value, str) else value))
+        return linear_density(text)
 
     @property
     def form(self) -> str:
         """The systems, with examples."""
         return (
-            'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"), or in kg/m, '
-            + self.range
+            'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"; "20/2" and '
+            '"8/2" are cotton counts, Ne), or in kg/m, ' + self.range
         )
 
 
 class Twist(Real):
     """The twist of a yarn, in turns per metre."""
 
-    def convert(self, value: Any) -> float:
+    def parse(self, text: str) -> float:
         """Return turns per metre, above 0 for Z."""
-        return float(super().convert(twist(value) if isinstance(value, str) else value))
+        return twist(text)
 
     @property
     def form(self) -> str:
@@ -128,7 +136,7 @@ class WeaveParameters(Stage):
     trim = Flag(
         False,
         "Cut off ends in no heddle at a draft's sides, and picks without a shed at its beginning "
-        "and end.",
+        "and end; of a .wpo they are always cut off.",
         when={"draft": ()},
     )
     ends, picks = both(
@@ -147,6 +155,8 @@ class WeaveParameters(Stage):
                 "Diameter d{number} of the {name} yarns; of flattened yarns, their height.",
                 unit="m",
                 above=0.0,
+                plausible=_YARNS,
+                usual_units="mm",
             ),
             automatic="from the yarn count, the draft's thickness, or half the spacing",
             group="Yarn",
@@ -160,6 +170,8 @@ class WeaveParameters(Stage):
                 unit="kg/m",
                 above=0.0,
                 maximum=1.0,
+                plausible=(1e-7, 1e-2),
+                usual_units="tex, Ne, Nm",
             ),
             automatic="from the diameter",
             group="Yarn",
@@ -181,7 +193,14 @@ class WeaveParameters(Stage):
     )
     warp_spacing, weft_spacing = both(
         PerYarn(
-            Real("0.5 mm", "Distance p{number} between neighbouring {yarns}.", unit="m", above=0.0),
+            Real(
+                "0.5 mm",
+                "Distance p{number} between neighbouring {yarns}.",
+                unit="m",
+                above=0.0,
+                plausible=_YARNS,
+                usual_units="mm",
+            ),
             automatic="from the sett, the draft's spacing, or 0.5 mm",
             group="Spacing",
         )
@@ -189,9 +208,11 @@ class WeaveParameters(Stage):
     warp_sett, weft_sett = both(
         Real(
             None,
-            '{Yarns} in a length, in place of their spacing: "20 /cm" or "50 /in".',
+            '{Yarns} in a length, in place of their spacing: "20 /cm" or "50 {per_inch}".',
             unit="1/m",
             above=0.0,
+            plausible=(200.0, 1e5),
+            usual_units="/cm, {per_inch}",
             automatic="from the spacing",
             group="Spacing",
         )
@@ -201,6 +222,8 @@ class WeaveParameters(Stage):
         "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
         unit="m",
         minimum=0.0,
+        plausible=_YARNS,
+        usual_units="mm",
         automatic="from a crimp, or the middle of the feasible interval",
         group="Crimp",
     )
@@ -258,6 +281,8 @@ class WeaveParameters(Stage):
         "Room between the two cloths of a double weave.",
         unit="m",
         above=0.0,
+        plausible=_YARNS,
+        usual_units="mm",
         automatic="a tenth of d1 + d2",
         group="Layers",
     )
@@ -266,6 +291,8 @@ class WeaveParameters(Stage):
         "How far yarns reach past their last crossing.",
         unit="m",
         above=0.0,
+        plausible=(1e-6, 0.1),
+        usual_units="mm",
         automatic="half the spacing crossed",
         group="Cut ends",
     )

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import add_array, add_number
 from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth, set_patches
 from spacemap_vtk.datasets.extent import tell_bounds
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, Remark
 from spacemap_vtk.fabric import weave
 from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL, Share
@@ -244,7 +244,8 @@ class WeaveSource(WeaveParameters):
             numbers = np.concatenate([numbers[: cloth.size[0]][ends], of_picks[picks]])
             cloth = made_of
         for text in cloth.warnings:
-            self.warn(text)
+            if not isinstance(text, Remark):
+                self.warn(text)
         share = share_of(cloth, self.piece.number, self.piece.of) if self.piece.of > 1 else ALL
         made = weave.build(cloth, share, np.float32 if self.single else np.float64)
         set_patches(output, made)

@@ -10,7 +10,7 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.errors import InputError, MissingLibraryError, Remark
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.fabric.loom import Loom
@@ -47,15 +47,17 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
     if small is draft:
         return draft
     (ends, picks), (more_ends, more_picks) = small.size, draft.size
+    # The threads that can be cut off are in the offer; within the cloth others may float.
+    assert small.loom is not None
+    kept = [text for text in draft.warnings if LOOSE not in text]
+    within = loose_notes(small.loom)
     if trim:
-        assert small.loom is not None
-        told = [text for text in draft.warnings if LOOSE not in text] + loose_notes(small.loom)
-        return replace(small, warnings=tuple(told))
+        return replace(small, warnings=(*kept, *within))
     offer = (
-        f"of {more_ends} x {more_picks} yarns {ends} x {picks} are woven, beyond them are ends in "
-        "no heddle and picks without a shed: weave.trim (convert --trim) cuts them off"
+        f"of {more_ends} x {more_picks} yarns {ends} x {picks} are woven; the others are ends "
+        "in no heddle and picks without a shed. --set weave.trim=true leaves them out"
     )
-    return replace(draft, warnings=(*draft.warnings, offer))
+    return replace(draft, warnings=(*kept, *within, offer))
 
 
 def read_rows(path: Path) -> Draft:
@@ -117,7 +119,9 @@ def parse_liftplan(text: str, title: str = "") -> Draft:
         )
     check_size(most, len(picks))
     loom = Loom(tuple((shaft,) for shaft in range(1, most + 1)), liftplan=tuple(picks))
-    told = f"a liftplan says no threading: one straight draw over its {most} shafts is woven"
+    told = Remark(
+        f"a liftplan says no threading: one straight draw over its {most} shafts is woven"
+    )
     return Draft(loom.drawdown(), loom, title=title, warnings=(told,))
 
 

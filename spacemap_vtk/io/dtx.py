@@ -80,7 +80,7 @@ def read_dtx(path: Path) -> Draft:
         treadles=info["treadles"] if pressed else 0,
     )
     for text in loose_notes(loom):
-        notes.add(sections["threading"].line, text)
+        notes.add(sections["threading"].line, text, doubtful=True)
     palette = _palette(sections.get("color palette"))
     warp, weft = (
         DraftThreads(
@@ -125,7 +125,9 @@ def _refusal(section: _Section, line: int, value: str, allowed: str) -> InputErr
     return InputError(what, key=section.name, value=value[:40], allowed=allowed, cure=_CURE)
 
 
-def _number(section: _Section, line: int, text: str) -> int:
+def _number(section: _Section, line: int, text: str, signed: bool = False) -> int:
+    if signed and text.startswith("-"):
+        return -_number(section, line, text[1:])
     value = whole(text) if re.fullmatch("[0-9]+", text) else MAX_NUMBER + 1
     if value > MAX_NUMBER:
         raise _refusal(section, line, text, f"whole numbers up to {MAX_NUMBER}")
@@ -185,13 +187,14 @@ def _colors(
     """Return each thread's colour; the usual one of the palette where the file gives none."""
     if palette is None:
         return None
-    found = [] if section is None else _lists_of_one(section)
+    found = [] if section is None else _lists_of_one(section, signed=True)
     chosen = np.full(count, found[0] if found else min(usual, len(palette) - 1))
     chosen[: len(found)] = found[:count]
-    if section is not None and chosen.max() >= len(palette):
-        what = f"colours of {section.name} beyond the {len(palette)} of the palette are the first"
-        notes.add(section.line, what)
-        chosen[chosen >= len(palette)] = 0
+    unknown = (chosen < 0) | (chosen >= len(palette))
+    if section is not None and unknown.any():
+        what = f"{section.name} has numbers that are none of the palette's 0 to {len(palette) - 1}"
+        notes.add(section.line, f"{what}; its first colour is used for them", doubtful=True)
+        chosen[unknown] = 0
     return np.asarray(palette[chosen])
 
 
@@ -204,8 +207,9 @@ def _spacing(section: _Section | None, count: int) -> Lengths:
     return float(UNIT * units[0]) if (units == units[0]).all() else UNIT * units
 
 
-def _lists_of_one(section: _Section) -> list[int]:
-    return [_number(section, line, word) for line, text in section.lines for word in text.split()]
+def _lists_of_one(section: _Section, signed: bool = False) -> list[int]:
+    words = [(line, word) for line, text in section.lines for word in text.split()]
+    return [_number(section, line, word, signed) for line, word in words]
 
 
 def losses(draft: Draft) -> list[str]:

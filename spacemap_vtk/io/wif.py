@@ -143,7 +143,10 @@ def _read_loom(text: WifText) -> Loom:
             allowed=f"up to {MAX_CROSSINGS} crossings",
             cure="Cut the draft to one repeat",
         )
-    lifts, tied = tieup if treadled else liftplan, [k for k, (_, found) in tieup.items() if found]
+    lifts = tieup if treadled else liftplan
+    treadles = _treadles(text, tieup, treadling) if treadled else 0
+    # Treadles of the loom that are tied to nothing keep their lines when the draft is written.
+    tied = [treadle for treadle in tieup if treadle <= treadles]
     loom = Loom(
         threading=_filled(text, threading, ends),
         tieup=_dense(tieup, max(tied, default=0)) if treadled else (),
@@ -151,7 +154,7 @@ def _read_loom(text: WifText) -> Loom:
         liftplan=None if treadled else _filled(text, liftplan, picks),
         rising=_is_rising(text),
         shafts=_loom_count(text, "shafts", [*_uses(threading), *_uses(lifts)]),
-        treadles=_treadles(text, tieup, treadling) if treadled else 0,
+        treadles=treadles,
     )
     _note_floats(text, loom, threading, pick_rows, pick_section)
     return loom
@@ -245,7 +248,7 @@ def _treadles(text: WifText, tieup: _Found, treadling: _Found) -> int:
         if any(treadle not in tieup for treadle in pressed):
             loose = next(treadle for treadle in pressed if treadle not in tieup)
             what = f"treadle {loose} is pressed but has no tie-up; it moves no shaft"
-            text.notes.add(entry.line, what, "no tie-up")
+            text.notes.add(entry.line, what, "no tie-up", doubtful=True)
     ties = [(entry, treadle) for treadle, (entry, shafts) in tieup.items() if shafts]
     return _loom_count(text, "treadles", [*ties, *_uses(treadling)])
 
@@ -265,4 +268,5 @@ def _is_rising(text: WifText) -> bool:
 def _note_floats(text: WifText, loom: Loom, threading: _Found, picks: _Found, section: str) -> None:
     for name, first, what in loose_threads(loom):
         found, where = (threading, "THREADING") if name == "end" else (picks, section)
-        text.notes.add(found[first][0].line if first in found else text.line(where), what)
+        line = found[first][0].line if first in found else text.line(where)
+        text.notes.add(line, what, doubtful=True)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass, field
 from decimal import Decimal
 
-from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.errors import InputError, Remark, SizeError
 
 #: Highest number of a thread, shaft or treadle, and most threads in a family.
 MAX_NUMBER = 100_000
@@ -52,18 +52,22 @@ class Notes:
 
     def __init__(self) -> None:
         self._cases: dict[str, list[tuple[int, str]]] = {}
+        self._doubtful: set[str] = set()
 
-    def add(self, line: int, text: str, kind: str = "") -> None:
-        """Keep a warning."""
+    def add(self, line: int, text: str, kind: str = "", doubtful: bool = False) -> None:
+        """Keep a warning where another cloth than meant may be woven; else a remark."""
         self._cases.setdefault(kind or text, []).append((line, text))
+        if doubtful:
+            self._doubtful.add(kind or text)
 
     def texts(self) -> tuple[str, ...]:
-        """Return the warnings in the order of their lines."""
+        """Return the warnings and remarks in the order of their lines."""
         texts = []
-        for cases in sorted(map(sorted, self._cases.values())):
+        for cases, kind in sorted((sorted(cases), kind) for kind, cases in self._cases.items()):
             (line, text), last = cases[0], cases[-1][0]
             more = f" (and {len(cases) - 1} more, the last in line {last})" if cases[1:] else ""
-            texts.append(f"line {line}: {text}{more}")
+            whole = f"line {line}: {text}{more}"
+            texts.append(whole if kind in self._doubtful else Remark(whole))
         return tuple(texts)
 
 

@@ -99,7 +99,7 @@ class _Palette:
         low, high = self.bounds or (0, None)
         if min(color) < low or (high is not None and max(color) > high):
             what = f"colour {entry.value[:40]} is outside of the Range and clipped to it"
-            self.text.notes.add(entry.line, what, "clipped")
+            self.text.notes.add(entry.line, what, "clipped", doubtful=True)
         red, green, blue = color
         return red, green, blue
 
@@ -133,7 +133,7 @@ class _Palette:
         if not items:
             if entry.value:
                 what = f'"{entry.value[:40]}" is not a colour; ignored'
-                self.text.notes.add(entry.line, what, "color")
+                self.text.notes.add(entry.line, what, "color", doubtful=True)
             return None
         if len(items) not in (1, 4):
             what = "numbers after the index of a colour are ignored"
@@ -144,7 +144,7 @@ class _Palette:
         if len(items) == 4:
             return self._checked(entry, items[1:])
         what = f"colour {entry.value[:12]} is not in [COLOR TABLE]; ignored"
-        self.text.notes.add(entry.line, what, f"index {entry.section}")
+        self.text.notes.add(entry.line, what, f"index {entry.section}", doubtful=True)
         return None
 
 
@@ -203,7 +203,7 @@ def _length(text: WifText, entry: Entry, size: Decimal) -> float | None:
     number = decimal(value)
     if number is None:
         what = f'{entry.key} "{value[:40]}" in [{entry.section}] is not a number; ignored'
-        text.notes.add(entry.line, what, f"length {entry.section}")
+        text.notes.add(entry.line, what, f"length {entry.section}", doubtful=True)
         return None
     length = number * size
     if _THINNEST <= length <= _THICKEST:
@@ -212,7 +212,7 @@ def _length(text: WifText, entry: Entry, size: Decimal) -> float | None:
         what = f"{entry.key} of 0 in [{entry.section}] is read as not given"
     else:
         what = f"{entry.key} {value[:40]} in [{entry.section}] is not between 1 µm and 1 m; ignored"
-    text.notes.add(entry.line, what, f"length {entry.section}")
+    text.notes.add(entry.line, what, f"length {entry.section}", doubtful=length != 0)
     return None
 
 
@@ -230,7 +230,7 @@ def _unit(text: WifText, family: str) -> Decimal:
     what = f'Units "{entry.value[:40]}" are not known' if entry else f"[{family}] has no Units"
     other = text.entry("WEFT" if family == "WARP" else "WARP", "units")
     assumed = _unit_word(other) if _unit_word(other) in UNITS else "inches"
-    text.notes.add(line, f"{what}; {assumed} assumed", f"units {family}")
+    text.notes.add(line, f"{what}; {assumed} assumed", f"units {family}", doubtful=True)
     return UNITS[assumed]
 
 

@@ -18,12 +18,14 @@ byte    what
         their red, green and blue, of 255, or of 63 up to version 3.
 ======  ===========================================================================================
 
-A mask has as few bytes as hold a bit for each, the low byte first. What follows (notes, and a
-list of yarns) is not read.
+Ends in no heddle and picks without a shed at the edges of that room are left out: they are no
+cloth. A mask has as few bytes as hold a bit for each, the low byte first. What follows (notes, and
+a list of yarns) is not read.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +120,10 @@ def _read(data: _Bytes, title: str) -> Draft:
         )
         for sett, used, count in zip(head[9:11], colors, size, strict=True)
     )
-    return Draft(loom.drawdown(), loom, warp, weft, title, warnings=(*warnings, *loose_notes(loom)))
+    # The file has room for a canvas, at first 1200 x 1200: edges that are not woven are no cloth.
+    draft = Draft(loom.drawdown(), loom, warp, weft, title).trimmed()
+    assert draft.loom is not None
+    return replace(draft, warnings=(*warnings, *loose_notes(draft.loom)))
 
 
 def _ones(numbers: list[int]) -> Rows:

@@ -53,14 +53,14 @@ class Body:
         #: Linear systems that were solved.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
-        crossings = [_crossings(kind.nodes, self.basis) for kind in strains]
+        found = [crossings(kind.nodes, self.basis) for kind in strains]
         ends = np.cumsum([9 * kind.nodes.size * kind.nodes.shape[1] for kind in strains])
         self._entry = np.concatenate(
-            [found[0] + first for found, first in zip(crossings, [0, *ends[:-1]], strict=True)]
+            [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
         )
-        self._weight = np.concatenate([found[1] for found in crossings])
+        self._weight = np.concatenate([each[1] for each in found])
         size = self.basis.shape[1]
-        keys, slots = np.unique(np.concatenate([f[2] for f in crossings]), return_inverse=True)
+        keys, slots = np.unique(np.concatenate([each[2] for each in found]), return_inverse=True)
         self._slot, self._columns = slots.ravel(), keys % size
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size)
         # Rows with the same neighbours, those of one vertex or pair, are eliminated together.
@@ -71,6 +71,15 @@ class Body:
     def _csr(self, values: NDArray[Any]) -> sp.csr_matrix:
         size = self.basis.shape[1]
         return sp.csr_matrix((values, self._columns, self._starts), shape=(size, size))
+
+    @property
+    def order(self) -> Ints:
+        """Coordinates in the order of elimination."""
+        return self._analysis.order
+
+    def pattern(self) -> sp.csr_matrix:
+        """Return a matrix of ones, of the pattern of every tangent."""
+        return self._csr(np.ones(len(self._columns)))
 
     def matrix(self, blocks: Sequence[NDArray[Any]]) -> sp.csr_matrix:
         """Return Tᵀ M T of matrices (E, 3 n, 3 n) of each kind of element."""
@@ -224,7 +233,7 @@ class Body:
         return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
 
 
-def _crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
+def crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
     """Return entries of elements' matrices, with what weight, and as what Tᵀ K T has them."""
     elements, wide = len(nodes), 3 * nodes.shape[1]
     part = basis[(3 * nodes[:, :, None] + np.arange(3)).ravel()]

@@ -44,6 +44,45 @@ class Energy(NamedTuple):
     """Put in from outside: by the loads, by a base that jumps, and by whoever made the start."""
 
 
+class Balance(NamedTuple):
+    """Energies over time [J], each (t,); their total is the same at all times."""
+
+    kinetic: Floats
+    strain: Floats
+    potential: Floats
+    """Of the loads that never change (weight, for example); 0 at t = 0."""
+    dissipated: Floats
+    """Lost in the dampers since t = 0."""
+    work: Floats
+    """Done since t = 0 by the loads that change with time or with the motion."""
+    total: Floats
+    """kinetic + strain + potential + dissipated - work, which is conserved."""
+
+
+def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balance:
+    """Return the balance of energies over time, with a total that is conserved.
+
+    Parameters
+    ----------
+    energies : ndarray of float64, shape (t, 4)
+        Kinetic, strain and dissipated energy, and the work of all loads, see `Energy` [J].
+    potential : ndarray of float64, shape (t,)
+        Of the loads that never change [J], 0 at t = 0.
+    work_at_start : float
+        What `Energy.work` is at t = 0: the energy of the initial state [J].
+
+    Returns
+    -------
+    Balance
+        With the work of the loads that have no potential apart.
+    """
+    kinetic, strain, dissipated, work = energies.T
+    # A load that never changes does the work that its potential loses.
+    others = work + potential - work_at_start
+    total = kinetic + strain + potential + dissipated - others
+    return Balance(kinetic, strain, potential, dissipated, others, total)
+
+
 class Account:
     """Energies of a motion of mass-normalised modes, at any time."""
 

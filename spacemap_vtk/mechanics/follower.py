@@ -5,10 +5,9 @@ On a face whose nodes are at x, with shape functions N, the forces of a unit pre
     f_a = ∫ N_a x,ξ × x,η dξ dη = Σ_bc t_abc x_b × x_c
     t_abc = ½ ∫ N_a (N_b,ξ N_c,η - N_c,ξ N_b,η) dξ dη
 
-are quadratic in the positions; of a closed surface they are the gradient of its volume. Their mean
-over a straight way from x̄ - Δ/2 to x̄ + Δ/2 is f(x̄) + f(Δ)/12: on it a constant pressure does the
-work p ΔV, whatever the step. Edges of the surface that are free leave the tangent unsymmetric
-(Schweizerhof and Ramm, Computers & Structures 18 (1984) 1099).
+are quadratic in the positions; of a closed surface they are the gradient of its volume. Edges of
+the surface that are free leave the tangent unsymmetric (Schweizerhof and Ramm, Computers &
+Structures 18 (1984) 1099).
 """
 
 from __future__ import annotations
@@ -31,26 +30,21 @@ class Pressed:
     # `places` (V, 3) are those of the vertices at q = 0, `ways` (3V, N) how they move with q.
 
     def __init__(self, faces: Ints, places: Floats, ways: sp.csr_matrix) -> None:
+        self.faces, self.ways = faces, ways.tocsr()
         self._rest, self._table = places[faces], _table(faces.shape[1])
-        self._ways = ways.tocsr()[(3 * faces[:, :, None] + np.arange(3)).ravel()]
-        wide = 3 * faces.shape[1]
-        each = np.arange(faces.size * 3).reshape(len(faces), wide)
-        self._columns = np.repeat(each, wide, axis=0).ravel()
+        self._ways = self.ways[(3 * faces[:, :, None] + np.arange(3)).ravel()]
 
-    def force(self, position: Floats, move: Floats) -> Floats:
-        """Return the mean forces on the way from q to q + Δ, (N,), into the wall."""
-        middle = self._rest + self._moved(position + move / 2)
-        mean = self._forces(middle) + self._forces(self._moved(move)) / 12
-        return -(self._ways.T @ mean.ravel())
+    def force(self, position: Floats) -> Floats:
+        """Return the forces at q, (N,), into the wall."""
+        pushed = self._forces(self._rest + self._moved(position))
+        return -(self._ways.T @ pushed.ravel())
 
-    def tangent(self, position: Floats, move: Floats) -> sp.csr_matrix:
-        """Return the derivative of `force` with respect to Δ, (N, N)."""
-        turned = self._rest + self._moved(position + 2 / 3 * move)
-        arms = np.einsum("abc,fbi->faci", self._table, turned)
-        blocks = np.einsum("jik,faci->fajck", _CROSS, arms)
-        starts = np.arange(len(self._columns) // (n := blocks.shape[1] * 3) + 1) * n
-        matrix = sp.csr_matrix((blocks.ravel(), self._columns, starts))
-        return -(self._ways.T @ matrix @ self._ways)
+    def blocks(self, position: Floats) -> Floats:
+        """Return the derivative of each face's forces with respect to its nodes, (f, 3 k, 3 k)."""
+        turned = self._rest + self._moved(position)
+        arms = 2 * np.einsum("abc,fbi->faci", self._table, turned)
+        found = -np.einsum("jik,faci->fajck", _CROSS, arms)
+        return np.asarray(found.reshape(len(arms), 3 * arms.shape[1], -1))
 
     def _moved(self, q: Floats) -> Floats:
         return (self._ways @ q).reshape(self._rest.shape)

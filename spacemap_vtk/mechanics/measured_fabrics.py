@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.plates import Plate, stiff_across
+from spacemap_vtk.mechanics.plates import Plate
 
 #: Where all of `FABRICS` were measured.
 SOURCE = (
@@ -40,8 +40,7 @@ ASSUMED = (
     "divided by modal.thickness",
     "of a sheet, bending along one direction does nothing along the other (D12 = 0), as in ARCSim: "
     "then D66 follows from the bias, whose B45 = (D11 + D22 + 2 D12 + 4 D66)/4",
-    "of a sheet, thickness and transverse shear resist as much as the stiffer of warp and weft: "
-    "enough to keep its thickness and its normals upright",
+    "a sheet keeps its thickness, and its normals stay upright",
 )
 
 
@@ -96,7 +95,7 @@ class MeasuredFabric(NamedTuple):
         twisting = askew - (along + across) / 4
         stretched = np.array([[c11, c12, 0.0], [c12, c22, 0.0], [0.0, 0.0, c33 / 2]])
         bent = np.diag([along, across, twisting])
-        return stiff_across(Plate(stretched, bent, np.eye(2), 1.0))
+        return Plate(stretched, bent)
 
     def solid(self, thickness: float) -> Solid:
         """Return the solid that is the fabric when it is as thick as given."""

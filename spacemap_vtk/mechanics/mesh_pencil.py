@@ -76,9 +76,10 @@ class MeshPencil(Pencil):
         lumped: bool,
         displacement: Floats | None,
         fittings: Fittings,
+        local: bool,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
-        self.fittings = fittings
+        self.fittings, self._local = fittings, local
         self.surface = mid_surface(points, cells) if len(material) > 1 else None
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
@@ -124,7 +125,7 @@ class MeshPencil(Pencil):
             solid = of_tetrahedra(self._points, self._cells, self.material[0], factors)
             return [solid, *self.springs]
         membrane, bending, shear, thickness = self.material
-        plate = Plate(membrane, bending, shear, float(thickness))
+        plate = Plate(membrane, bending, shear, float(thickness), self._local)
         sheet = of_sheet(self._points, self.surface, plate, of_quads(factors))
         return [*sheet, *self.springs]
 
@@ -293,6 +294,7 @@ def mesh_pencil(
     lumped: bool,
     displacement: Floats | None,
     fittings: Fittings,
+    local: bool = False,
 ) -> MeshPencil:
     """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
     material = [_rounded(part / modulus) for part in parts]
@@ -308,12 +310,12 @@ def mesh_pencil(
     mesh = digest_of(points, cells, len(material), *weights)
     where = [] if displacement is None else [displacement]
     fitted = [part for pair in fittings.given.items() for part in pair]
-    whole = digest_of(mesh, *material, held, lumped, *where, *fitted)
+    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted)
     found = _pencils.get(whole)
     if found is None:
         free = ~held.ravel()
         found = MeshPencil(
-            whole, mesh, points, cells, material, free, lumped, displacement, fittings
+            whole, mesh, points, cells, material, free, lumped, displacement, fittings, local
         )
         _pencils[whole] = found
     return found

@@ -20,9 +20,9 @@ from spacemap_vtk.mechanics.elements import checked_mesh
 from spacemap_vtk.mechanics.fittings import NONE, Fittings
 from spacemap_vtk.mechanics.materials import check_sizes
 from spacemap_vtk.mechanics.mesh_pencil import mesh_pencil
-from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.plates import Plate, upright
 from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by, residual_modes
-from spacemap_vtk.mechanics.shell import of_middle, of_quads
+from spacemap_vtk.mechanics.shell import layer, of_middle, of_quads
 from spacemap_vtk.ndarrays import Bools, Floats
 
 if TYPE_CHECKING:
@@ -85,6 +85,10 @@ class Model:
         self.points, self.cells = checked_mesh(points, cells)
         self.density = float(density)
         self.lumped = bool(lumped)
+        if isinstance(material, Plate) and (material.shear is None or material.thickness is None):
+            sheet = layer(self.points, self.cells)
+            # of no sheet the pencil says that it is none
+            material = upright(material, 1.0 if sheet is None else sheet.cell)
         self.plate = material if isinstance(material, Plate) else None
         self.parts = parts = _parts(material)
         #: Multiplies the stiffness of the pencil: the largest elasticity [Pa], or of a sheet the
@@ -105,6 +109,7 @@ class Model:
                 springs=None if fittings.springs is None else fittings.springs / self.modulus,
                 masses=None if fittings.masses is None else fittings.masses / self.density,
             ),
+            self.plate is not None and self.plate.local,
         )
 
     @property
@@ -423,6 +428,7 @@ class Model:
             return mean, self.stress(mean)
         assert self.plate is not None
         mean, pull = of_middle(pencil.strains, positions, moved, surface, self.plate)
+        pull *= surface.taper(self.points, self.plate)[surface.quads].mean(axis=1)[:, None]
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
         if (factors := of_quads(self.fittings.stiffness_factors)) is not None:
             stress *= factors[:, None]

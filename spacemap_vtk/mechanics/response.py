@@ -21,6 +21,7 @@ from spacemap_vtk.mechanics.energy import Account, Energy
 from spacemap_vtk.mechanics.harmonic import steady
 from spacemap_vtk.mechanics.motion import Drive, ModalMotion, State, base_at
 from spacemap_vtk.mechanics.oscillator import LOST
+from spacemap_vtk.mechanics.timefunctions import is_constant
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: A static shape is warned of where rounding is more than this share of it.
@@ -52,6 +53,9 @@ class Motion(Protocol):
 
     def energies(self, times: Floats) -> Floats:
         """Return kinetic, strain and dissipated energy and external work [J] over time, (t, 4)."""
+
+    def potential(self, times: Floats) -> Floats:
+        """Return the potential energy of loads that never change [J], 0 at t = 0, (t,)."""
 
 
 class Response(Motion):
@@ -248,6 +252,18 @@ class Response(Motion):
         """Return where the energy is over time."""
         states = zip(times, self._states(times), strict=True)
         return np.array([self.energy(t, now) for t, now in states]).reshape(-1, 4)
+
+    def potential(self, times: Floats) -> Floats:
+        """Return the potential energy of the loads that never change over time."""
+        # A hung cage's weight is among them, though it is no load of the modes.
+        dead = self._pull.copy()
+        for drive in self.modal.drives:
+            if not drive.moves_base and is_constant(drive.function):
+                dead += drive.gain * drive.function.value(0.0)
+        start = self.modal.state(0.0)[0]
+        positions = np.array([now.position for now in self._states(times)]).reshape(-1, len(start))
+        result: Floats = -(positions - start) @ dead
+        return result
 
     def _states(self, times: Floats) -> list[State]:
         """Return the states at some times; the last are kept, for other curves over the same."""

@@ -72,7 +72,7 @@ class RotationCoordinates:
         held: Bools | csc_matrix,
         surface: MidSurface | None = None,
     ) -> None:
-        self.points, self._surface = points, surface
+        self.points, self.surface = points, surface
         if surface is None:
             self._legs, self._weights = _of_tetrahedra(points, cells)
         else:
@@ -148,6 +148,24 @@ class RotationCoordinates:
         angles = np.linalg.norm(_axial(gradients), axis=1)
         return float(angles.max()), float(abs(strains).max())
 
+    def rotation(self, linear: Floats) -> float:
+        """Return by how much an element turns at most, less what a free cage turns as a whole.
+
+        Parameters
+        ----------
+        linear : ndarray of float64, shape (V, 3)
+            Displacement of the linear motion [m].
+
+        Returns
+        -------
+        float
+            In rad.
+        """
+        turns = _axial(self._columns(self._of_nodes(linear)) @ self._inverse)
+        if len(self._loose) == 3:  # turning as a whole is exact
+            turns -= np.average(turns, axis=0, weights=self._weights[::3])
+        return float(np.sqrt(np.einsum("ni,ni->n", turns, turns).max()))
+
     def velocity(self, linear: Floats, rate: Floats) -> Floats:
         """Return how fast the vertices go.
 
@@ -209,7 +227,7 @@ class RotationCoordinates:
         return _Turned(linear, self)
 
     def _of_nodes(self, vertices: Floats) -> Floats:
-        return vertices if self._surface is None else self._surface.nodal(vertices)
+        return vertices if self.surface is None else self.surface.nodal(vertices)
 
     def _columns(self, nodal: Floats) -> Floats:
         """Return the legs of each place as columns, (n, 3, 3)."""
@@ -221,14 +239,14 @@ class RotationCoordinates:
         result = np.empty_like(given)
         for axes, system in self._systems:
             result[:, axes] = system.solved(load[:, axes], given[:, axes])
-        places = slice(None) if self._surface is None else slice(len(self._surface.pairs))
+        places = slice(None) if self.surface is None else slice(len(self.surface.pairs))
         result[places, self._loose] += (given - result)[places, self._loose].mean(axis=0)
-        return result if self._surface is None else self._surface.vertices(result)
+        return result if self.surface is None else self.surface.vertices(result)
 
     @cached_property
     def _loose(self) -> Ints:
         """The axes along which nothing is held."""
-        size = len(self.points) if self._surface is None else len(self._surface.pairs)
+        size = len(self.points) if self.surface is None else len(self.surface.pairs)
         places = np.arange(len(self.points)) < size
         push = (places[:, None, None] * np.eye(3)).reshape(-1, 3)
         return np.flatnonzero(abs(push - self._held @ (self._held.T @ push)).max(axis=0) < 1e-9)
@@ -281,6 +299,9 @@ class _Turned(Motion):
 
     def energies(self, times: Floats) -> Floats:
         return self._linear.energies(times)
+
+    def potential(self, times: Floats) -> Floats:
+        return self._linear.potential(times)
 
 
 class _System:

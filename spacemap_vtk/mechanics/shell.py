@@ -89,6 +89,11 @@ class MidSurface(NamedTuple):
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
 
+    def taper(self, points: Floats, plate: Plate) -> Floats:
+        """Return the thickness that counts for a plate at each pair, over the mean, (P,)."""
+        own = self.thickness(points)
+        return own / own.mean() if plate.local else np.ones(len(own))
+
 
 class Layer(NamedTuple):
     """The measures of a lattice of one layer."""
@@ -99,6 +104,8 @@ class Layer(NamedTuple):
     """The axis nearest to the direction across it: 0, 1 or 2."""
     aspect: float
     """How many times wider than thick the cells are."""
+    cell: float
+    """Mean of the cells' shorter sides [m]."""
 
 
 def layer(points: Floats, cells: Ints) -> Layer | None:
@@ -122,7 +129,8 @@ def layer(points: Floats, cells: Ints) -> Layer | None:
     corners = surface.nodal(points)[surface.quads]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     thickness = float(surface.thickness(points).mean())
-    return Layer(thickness, surface.normal, float(sides.mean()) / thickness)
+    shorter = float(sides.min(axis=1).mean())
+    return Layer(thickness, surface.normal, float(sides.mean()) / thickness, shorter)
 
 
 def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
@@ -141,7 +149,7 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
         A quadrilateral for each hexahedron, in their order; None of any other mesh.
     """
     # It lies across the thinnest axis along which no two hexahedra meet.
-    corners = _corners(cells)
+    corners = hexahedra(cells)
     if corners is None or 2 * len(corners) >= len(points):  # of a sheet, P pairs have E < P
         return None
     best, thin = None, np.inf
@@ -169,8 +177,8 @@ def of_quads(factors: Floats | None) -> Floats | None:
     return None if factors is None else factors.reshape(-1, TETRAHEDRA_PER_CELL) @ shares
 
 
-def _corners(cells: Ints) -> Ints | None:
-    """Return the corners x + 2y + 4z of each hexahedron, (E, 8); None where there are none."""
+def hexahedra(cells: Ints) -> Ints | None:
+    """Return the corners x + 2y + 4z of each hexahedron of a lattice, (E, 8); else None."""
     if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
         return None
     groups = cells.reshape(-1, 4 * TETRAHEDRA_PER_CELL)
@@ -221,16 +229,23 @@ def of_sheet(
         for i in range(2):
             turn = along[:, q, i, :, None, None]
             forms[:, q, 6 + i] = turn[:, 0] * natural[0] + turn[:, 1] * natural[1]
+    assert plate.shear is not None
+    assert plate.thickness is not None
     stiffness = np.zeros((8, 8))
     stiffness[:3, :3], stiffness[3:6, 3:6] = plate.membrane, plate.bending
     stiffness[6:, 6:] = plate.shear
     nodes = np.concatenate([surface.quads, surface.quads + count], axis=1)
     rows = np.arange(count, 2 * count)[:, None]
-    corners = _axes(z, _CORNERS, surface.normal)[1] * stiff
+    # Stretch and shear are resisted by the thickness, bending by its cube.
+    taper = surface.taper(points, plate)[surface.quads]
+    there = taper @ np.stack([_shape(at) for at in _GAUSS]).T
+    weights = there[..., None] ** np.array([1, 1, 1, 3, 3, 3, 1, 1])
+    weights *= (area * stiff)[..., None]
+    corners = _axes(z, _CORNERS, surface.normal)[1] * stiff * taper
     share = np.bincount(surface.quads.ravel(), corners.ravel(), count)
     thick = (scale**2).reshape(-1, 1, 1, 1, 1)
     return [
-        _unstrained(nodes, forms, (area * stiff)[..., None, None] * stiffness, nodal),
+        _unstrained(nodes, forms, weights[..., None] * stiffness, nodal),
         _unstrained(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
     ]
 
@@ -307,6 +322,8 @@ def of_middle(
         strain, gradients = part.at(positions)
         found.append(strain + part.changes(gradients, moved))
     mean, thick = found[0].mean(axis=1), found[1].reshape(-1)[surface.quads].mean(axis=1)
+    assert plate.shear is not None
+    assert plate.thickness is not None
     normal = surface.normal
     one, two = (normal + 1) % 3, (normal + 2) % 3
     plane = [one, two, VOIGT[one, two]]

@@ -100,6 +100,13 @@ class Sine(NamedTuple):
 TimeFunction = Pieces | Sine
 
 
+def is_constant(function: TimeFunction) -> bool:
+    """Check whether a function has the same value at all times from 0 on."""
+    if isinstance(function, Sine):
+        return False
+    return not function.slopes.any() and bool((function.values == function.values[0]).all())
+
+
 def step(start: float = 0.0) -> Pieces:
     """Return 0 before a time and 1 from it on.
 

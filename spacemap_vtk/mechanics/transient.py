@@ -1,14 +1,19 @@
 """The motion of a cage however far it turns: implicit steps, and any time between them.
 
-A state is a row of numbers. Between two states the motion is their Hermite interpolation; with the
-midpoint rule (see `spacemap_vtk.mechanics.midpoint`) its cubic has no cubic term, so that the
-acceleration of a step is constant, but for that of directors that are stilled.
+A state is a row of numbers. A step is of fourth order and keeps energy (see
+`spacemap_vtk.mechanics.gauss`); between two states the motion is their cubic Hermite interpolation.
+
+How long a step may be follows from the motion itself: the error in a radian of what vibrates is
+estimated, and bounded by a share of how far the cage has moved since it started, however little
+that is. What vibrates at ω with most of the motion's amplitude takes steps of (ω h)⁴ = 720 times
+that share; what has little of the amplitude may be resolved less.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,22 +24,37 @@ from spacemap_vtk.mechanics.body import Body, Part
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping
 from spacemap_vtk.mechanics.follower import Pressed
-from spacemap_vtk.mechanics.midpoint import Acting, Midpoint
+from spacemap_vtk.mechanics.gauss import STAGES, Acting, Gauss
 from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.response import Motion
-from spacemap_vtk.mechanics.timefunctions import Sine
+from spacemap_vtk.mechanics.timefunctions import Sine, is_constant
 from spacemap_vtk.memory import require
-from spacemap_vtk.ndarrays import Bools, Floats, Progress
+from spacemap_vtk.ndarrays import Floats, Progress
 
 #: The first step, and the shortest, as shares of the longest one.
 FIRST, SHORTEST = 1 / 256, 1e-9
 
 #: Share of the step that the bound allows which is taken, and the most and the least that the next
-#: one is of the last.
-SAFETY, GROWTH, CUT = 0.9, 2.0, 0.1
+#: step is of the last.
+SAFETY, GROWTH, CUT = 0.75, 2.0, 0.1
 
 #: Steps in a period of a sine, at least.
 IN_PERIOD = 20
+
+#: The tolerance is of so many periods.
+PERIODS = 10
+
+#: Errors across the direction in which a node moves, and of nodes that hardly move, may be larger
+#: by this factor than those of what moves.
+OTHERS = 100.0
+
+#: A motion smaller than this share of the cage's diagonal is resolved as if it were as large:
+#: below it, rounding shows.
+SMALLEST = 1e-7
+
+#: A next step that would be longer by no more than this factor is as long as the last: its matrix
+#: need not be factorised again.
+ALIKE = 1.2
 
 #: What a row holds before positions and rates: time, the step to try next, kinetic, strain and
 #: dissipated energy, and external work.
@@ -60,12 +80,10 @@ class Stepped(Motion):
     settled : bool, optional
         Whether it is at rest under its loads, so that a base is where its function starts.
     tolerance : float, optional
-        Largest error of a step [m]; by default 1e-5 of the cage's diagonal.
+        Error after ten periods of what moves, as a share of the largest displacement since t = 0;
+        infinite, all steps are as long as they may be otherwise.
     max_step : float, optional
         Longest step [s].
-    still : bool, optional
-        Whether the directors of a sheet are stilled, which swing across its thickness within some
-        microseconds, whatever moves it: undamped cloth that whips takes far longer steps then.
 
     Raises
     ------
@@ -101,21 +119,25 @@ class Stepped(Motion):
         displacement: Floats | None = None,
         velocity: Floats | None = None,
         settled: bool = False,
-        tolerance: float | None = None,
+        tolerance: float = 1e-4,
         max_step: float = 0.02,
-        still: bool = False,
     ) -> None:
         self.model = model = cage.model
         self.points, self.cells = model.points, model.cells
         self.loads, self._settled = tuple(loads), settled
         _refuse(cage, self.loads)
         size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
-        self.tolerance = 1e-5 * size if tolerance is None else tolerance
+        #: Share of the motion that the error in a radian may be. What swings about where it would
+        #: be at rest goes twice as far from its start.
+        self._share = tolerance / (4 * math.pi * PERIODS)
+        self._smallest = SMALLEST * size
         sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
         self.max_step = min([max_step, *(2 * math.pi / (IN_PERIOD * s.omega) for s in sines)])
         pencil = model.pencil
         # All forces are divided by the model's modulus: the strains are those of a unit one.
         start, forces = pencil.nodes.positions, pencil.nodes.forces
+        #: How far each nodal vector has been from its start, at most.
+        self._farthest = np.zeros_like(start)
         dead = np.zeros_like(start) if forces is None else forces
         body = Body(pencil.strains, pencil.basis, start, dead, lambda _: None)
         mass = (model.density / model.modulus) * pencil.mass
@@ -128,9 +150,8 @@ class Stepped(Motion):
             for load in self.loads
             if load.faces is not None
         ]
-        late = _directors(body, len(pencil.surface.pairs)) if still and pencil.surface else None
         beta, drag = _of_ratios(cage, body, mass, damping)
-        self._rule = Midpoint(body, mass, damping.alpha, beta, pressed, late, drag)
+        self._rule = Gauss(body, mass, damping.alpha, beta, pressed, drag)
         self._dead = body.along_free(dead)
         self._pushes = [
             pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
@@ -146,6 +167,8 @@ class Stepped(Motion):
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
         self._parts: tuple[int, list[Part], list[Floats]] = 0, [], []
+        #: The number of states that `_farthest` is of.
+        self._seen = 1
         self._jump(0.0)
 
     @property
@@ -240,6 +263,20 @@ class Stepped(Motion):
         found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
         return self.model.modulus * np.stack(found, axis=1)
 
+    def potential(self, times: Floats) -> Floats:
+        """Return the potential energy of the loads that never change, linear between the states."""
+        wanted = np.append(np.maximum(np.asarray(times, dtype=np.float64), 0.0), 0.0)
+        self.reach(float(wanted.max()))
+        # A pressure follows the surface it acts on, and has no potential.
+        dead = self._dead.copy()
+        for load, push in zip(self.loads, self._pushes, strict=True):
+            if load.faces is None and load.moves_base is None and is_constant(load.function):
+                dead += load.function.value(0.0) * push
+        table = self.rows
+        lost = table[:, COLUMNS : COLUMNS + len(dead)] @ dead
+        found = -self.model.modulus * np.interp(wanted, table[:, 0], lost)
+        return np.asarray(found[:-1] - found[-1])
+
     def _state(self, time: float) -> Floats:
         """Return q, its rate and its acceleration at a time, (3, N)."""
         self.reach(max(time, 0.0))
@@ -303,18 +340,21 @@ class Stepped(Motion):
         row = self.rows[-1]
         (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
         if self._parts[0] != self._count:
-            last = self.rows[[max(0, self._count - 2), -1], COLUMNS : COLUMNS + len(q)]
-            self._remember(*(self._rule.at(position) for position in last))
+            parts = self._rule.at(q)
+            self._parts = self._count, parts, [part.stress for part in parts]
         _, parts, carried = self._parts
+        for other in self.rows[self._seen :, COLUMNS : COLUMNS + len(q)]:
+            self._farthest = _farther(self._farthest, self._moved(other))
+        self._seen = self._count
         end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
-        step, push = min(step, self.max_step), self._load(time)
+        step = min(step, self.max_step)
         while True:
             # No sliver is left before a corner.
             left = end - time
             span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
-            loads = push, self._load(time + span / 2)
-            guess = self._guess(span)
-            found = self._rule.step(q, v, parts, loads, span, guess, carried)
+            found = self._rule.step(
+                q, v, parts, partial(self._acting, time, span), span, self._guess(span), carried
+            )
             shortest = span <= SHORTEST * self.max_step
             if found is None:
                 if shortest:
@@ -324,44 +364,49 @@ class Stepped(Motion):
                     )
                 step = span / 2
                 continue
-            error = min(found.error, self._missed(found.position - q - guess, span))
-            share = SAFETY * max(error / self.tolerance, 1e-30) ** (-1 / 3)
+            error = self._error(found.error, found.position)
+            share = SAFETY * max(error / self._share, 1e-30) ** (-1 / 4)
             if share >= SAFETY or shortest:
                 break
             step = span * max(share, CUT)
+        longer = 1.0 if SAFETY <= share <= ALIKE else min(share, GROWTH)
         # A step that a corner has cut short does not hold back the next one.
-        following = max(span * min(share, GROWTH), step if span < step else 0.0)
+        following = max(span * longer, step if span < step else 0.0)
         kinetic, strain = self._rule.stored(found.rate, found.parts)
         damped, work = row[4] + found.damped, row[5] + found.work
         head = [end if span == left else time + span, following, kinetic, strain, damped, work]
         self._append(np.concatenate([head, found.position, found.rate]))
-        self._remember(parts, found.parts)
+        self._parts = self._count, found.parts, found.stress
         if span == left:
             self._jump(end)
 
-    def _remember(self, before: list[Part], now: list[Part]) -> None:
-        """Keep strains and stresses of the last state, and the mean stress of the last step."""
-        mean = [(a.stress + b.stress) / 2 for a, b in zip(before, now, strict=True)]
-        self._parts = self._count, now, mean
+    def _acting(self, time: float, span: float, share: float) -> Acting:
+        """Return what acts at a share of a step."""
+        return self._load(time + share * span)
+
+    def _moved(self, position: Floats) -> Floats:
+        """Return how far the nodal vectors of a state are from those of the first one, (V, 3)."""
+        first = self.rows[0, COLUMNS : COLUMNS + len(position)]
+        return self._rule.body.moved(position - first)
+
+    def _error(self, errors: Floats, position: Floats) -> float:
+        """Return estimated errors (V, 3) of a step as a share of the motion up to its end."""
+        # Along the way that each node has gone, and weighted with its length: sideways, as along a
+        # strip that swings, there are vibrations that are too small to matter.
+        farthest = _farther(self._farthest, self._moved(position))
+        largest = max(float(np.linalg.norm(farthest, axis=1).max()), self._smallest)
+        along = float(abs(np.einsum("ni,ni->n", errors, farthest)).max()) / largest
+        return max(along, float(abs(errors).max()) / OTHERS) / largest
 
     def _guess(self, span: float) -> Floats:
-        """Return the move that the last step's parabola goes on to."""
+        """Return the moves to both stages on the last step's parabola."""
         row = self.rows[-1]
         v: Floats = np.split(row[COLUMNS:], 2)[1]
+        times = STAGES[:, None] * span
         if self._count < 2 or (since := row[0] - self.rows[-2][0]) <= 0.0:
-            return span * v
+            return times * v
         before = np.split(self.rows[-2][COLUMNS:], 2)[1]
-        return span * v + span**2 / 2 * (v - before) / since
-
-    def _missed(self, miss: Floats, span: float) -> float:
-        """Return an estimate of a step's error out of how far its guess missed it [m]."""
-        # Both errors are shares of the third derivative (Milne): h² (h + h₀)/4 that of the parabola
-        # through the last step h₀, h³/12 that of the rule. The rule's own estimate is better where
-        # a load has set in, and too large where the tangent is nearly singular, as of cloth that
-        # buckles.
-        if self._count < 2 or (since := self.rows[-1, 0] - self.rows[-2, 0]) <= 0.0:
-            return math.inf
-        return float(abs(self._rule.body.basis @ miss).max()) * span / (3 * (span + since))
+        return times * v + times**2 / 2 * (v - before) / since
 
     def _jump(self, time: float) -> None:
         """Append the state after a base has jumped, or set off, at a time: inertia stays behind."""
@@ -388,12 +433,10 @@ class Stepped(Motion):
         self._append(np.concatenate([row[:COLUMNS], q, v]))
 
 
-def _directors(body: Body, pairs: int) -> Bools:
-    """Return which coordinates are of a sheet's directors alone, (N,)."""
-    middle, half = (
-        abs(part).sum(axis=0) for part in (body.basis[: 3 * pairs], body.basis[3 * pairs :])
-    )
-    return np.asarray((half > 0) & (middle == 0)).ravel()
+def _farther(first: Floats, second: Floats) -> Floats:
+    """Return the longer one of each two vectors, (V, 3)."""
+    longer = np.linalg.norm(second, axis=1) > np.linalg.norm(first, axis=1)
+    return np.where(longer[:, None], second, first)
 
 
 def _of_ratios(

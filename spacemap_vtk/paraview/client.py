@@ -65,7 +65,10 @@ def _adapt(servermanager: Any) -> None:
                     raise
         made = property_of(parameter)
         try:
-            checked = parameter.check(made.read(value) if written else value)
+            if written:
+                value = made.read(value)
+                parameter.require_plausible(value)
+            checked = parameter.check(value)
         except InputError as error:
             # Of a ValueError ParaView would keep no more than that the value is not valid.
             raise TypeError(f"{self.GetXMLName()}: {error}") from None

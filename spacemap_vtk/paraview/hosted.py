@@ -149,7 +149,9 @@ def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
 
     def set_parameter(self: Hosted, *values: Any) -> None:
         try:
-            setattr(self, name, read(*values))
+            value = read(*values)
+            parameter.require_plausible(value)
+            setattr(self, name, value)
         except Exception as error:  # crossing VTK, it would be printed with a traceback
             if is_first():  # every process is given the same
                 say(self, error)

@@ -97,6 +97,7 @@ def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
         if len(values) == 1 and isinstance(values[0], list) and values[0]:
             values = _whole_or_items(values[0], parameter)
         for value in values:
+            parameter.require_plausible(value)
             parameter.check(value)
     return ValueList(section, key, tuple(values), parameter)
 
@@ -137,12 +138,22 @@ def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
         raise refused
     count = int(ends[2])
     first, last = (Real(None, "", unit=number.unit).check(value_of(end)) for end in ends[:2])
+    for end in ends[:2]:
+        number.require_plausible(value_of(end))
     even = match[1] == "linspace"
     if not 2 <= count <= _MOST or not (even or first * last > 0):
         raise refused
     found = (np.linspace if even else np.geomspace)(first, last, count)
     # As people would write them: the last digits are of rounding.
-    return [float(f"{value:.12g}") for value in found.tolist()]
+    return [_with_unit(float(f"{value:.12g}"), number) for value in found.tolist()]
+
+
+def _with_unit(value: float, parameter: Real) -> Any:
+    """Return a number, with its unit where a scene would not accept it alone."""
+    with suppress(InputError):
+        parameter.require_plausible(value)
+        return value
+    return f"{value!r} {parameter.unit}"
 
 
 def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:

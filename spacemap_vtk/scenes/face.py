@@ -1,8 +1,8 @@
-"""How the face of a still cloth fills its picture: by the picture's size, or by repeats.
+"""The picture of a still cloth's face: its size, and how much of the cloth is in it.
 
-A weaver looks for the whole draft, undistorted. A picture of no given size has the cloth's own
-proportions. One of another size, or of a cloth too long for that, shows more repeats of the draft
-beside or above; of a draft that would be too fine to be seen so, its beginning.
+A weaver looks for the whole draft, undistorted and not repeated. A picture of no given size has the
+cloth's own proportions; one of another size shows the cloth in its middle. Of a cloth so long that
+its yarns could not be seen, the beginning is drawn.
 """
 
 from __future__ import annotations
@@ -10,14 +10,11 @@ from __future__ import annotations
 from spacemap_vtk.errors import SpacemapError, naming_section
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import FLAT, USUAL_SIZE
+from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
 
-#: A picture of the cloth's proportions is at most so many times as long as wide.
-_LONGEST = 2.0
-#: A longer cloth is shown as a whole where its yarns are at least so many pixels wide.
-_SEEN = 0.25
-#: Ends and picks of what is repeated, at most; and what share of a cloth is no bar beside it.
-_MOST, _SLIT = 100_000, 0.01
+#: A cloth is drawn whole up to so many times its width, and beyond that where a yarn has at least
+#: so many pixels.
+_LONGEST, _SEEN = 16.0, 1.0
 
 
 def picture_size(scene: Scene) -> tuple[int, int]:
@@ -26,46 +23,61 @@ def picture_size(scene: Scene) -> tuple[int, int]:
         width, height = scene.view.size
         return width, height
     try:
-        lengths = lengths_of(scene.weave.cloth) if _is_flat(scene) else None
+        cloth = scene.weave.cloth if _is_flat(scene) else None
     except SpacemapError:
-        lengths = None  # whoever draws it says why
-    if lengths is None:
+        cloth = None  # whoever draws it says why
+    if cloth is None:
         return USUAL_SIZE
-    side = max(USUAL_SIZE)
-    shares = (max(length / max(lengths), 1.0 / _LONGEST) for length in lengths)
-    width, height = (round(side * share) for share in shares)
+    side = WIDE_SIDE if sum(cloth.size) > MANY_THREADS else max(USUAL_SIZE)
+    lengths = lengths_of(cloth)
+    counts = _drawn_counts(scene, cloth, (side, side))
+    drawn = [
+        length * count / whole
+        for length, count, whole in zip(lengths, counts, cloth.size, strict=True)
+    ]
+    width, height = (max(round(side * part / max(drawn)), SMALLEST_SIDE) for part in drawn)
     return width, height
 
 
-def fill(scene: Scene, size: tuple[int, int]) -> None:
-    """Let a still cloth that is seen flat fill its picture, and say what has become of it."""
+def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
+    """Leave out the end of a still cloth that is far longer than wide, and warn of that."""
     if not _is_flat(scene):
         return
     with scene.naming_file(), naming_section("weave"):
-        counts, lengths = scene.weave.cloth.size, lengths_of(scene.weave.cloth)
-    per_pixel = [length / pixels for length, pixels in zip(lengths, size, strict=True)]
-    long, short = (0, 1) if per_pixel[0] > per_pixel[1] else (1, 0)
-    name = ("ends", "picks")
-    if per_pixel[long] > _LONGEST * per_pixel[short] and size[long] < _SEEN * counts[long]:
         cloth = scene.weave.cloth
-        places = cloth.yarns[long].position
-        seen = int((places - places[0] < (1 - 1e-9) * per_pixel[short] * size[long]).sum())
-        scene.weave.configure(**{name[long]: max(seen, 1)})
-        scene.warn(
-            f"{name[long]} 1 to {max(seen, 1)} of {counts[long]} are in the picture, which the "
-            'cloth is far longer than: view.camera = "front" shows all'
-        )
-        return
-    wanted = round(counts[short] * per_pixel[long] / per_pixel[short])
-    asked = scene.weave.ends if short == 0 else scene.weave.picks
-    more = counts[short] * (1.0 + _SLIT) < wanted <= _MOST
-    if scene.weave.draft is None or asked is not None or not more:
-        return
-    scene.weave.configure(**{name[short]: wanted})
-    scene.warn(
-        f"the draft's {counts[short]} {name[short]} are repeated to {wanted}, which fill the "
-        f"picture: weave.{name[short]} = {counts[short]} shows them once"
-    )
+    counts = _drawn_counts(scene, cloth, size)
+    for family, name in enumerate(("ends", "picks")):
+        if counts[family] < (whole := cloth.size[family]):
+            scene.weave.configure(**{name: counts[family]})
+            scene.warn(
+                f"only {name} 1 to {counts[family]} of {whole} are drawn, as the cloth is so long: "
+                f"--set weave.{name}={whole} draws all"
+            )
+
+
+def face_pixels(scene: Scene, size: tuple[int, int]) -> float:
+    """Return how many pixels a yarn of a still cloth's face has; infinity of what is no face."""
+    if not _is_flat(scene):
+        return float("inf")
+    try:
+        cloth = scene.weave.cloth
+    except SpacemapError:
+        return float("inf")
+    each = zip(size, lengths_of(cloth), strict=True)
+    scale = scene.view.zoom * min(pixels / length for pixels, length in each)
+    return scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+
+
+def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[int, int]:
+    """Return how many ends and picks are drawn: all but of a family that makes the cloth long."""
+    lengths, counts = lengths_of(cloth), list(cloth.size)
+    long = 0 if lengths[0] > lengths[1] else 1
+    asked = (scene.weave.ends, scene.weave.picks)[long]
+    if asked is None:
+        place = cloth.yarns[long].position
+        wide = int((place - place[0] < _LONGEST * lengths[1 - long]).sum())
+        counts[long] = min(counts[long], max(wide, int(size[long] / _SEEN)))
+    return counts[0], counts[1]
 
 
 def _is_flat(scene: Scene) -> bool:

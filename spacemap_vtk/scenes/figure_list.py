@@ -194,9 +194,10 @@ def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
         share = hung["shadow_area"] / hung["cloth_area"]
         found.append(Figure("shadow", "shadow", f"{share:.1%} of the cloth", share, "%"))
     if drape is not None:
-        found.append(
-            Figure("drape_coefficient", "drape coefficient", f"{drape:.1%} (Cusick)", drape, "%")
-        )
+        told = f"{drape:.1%} (Cusick)"
+        if (error := hung["drape_coefficient_error"]) is not None:
+            told = f"{drape:.1%} ± {error:.1%} (Cusick)"
+        found.append(Figure("drape_coefficient", "drape coefficient", told, drape, "%"))
     return found
 
 

@@ -69,6 +69,8 @@ class PictureAsked(NamedTuple):
     panels: Sequence[str] = ()
     #: Facets along each side of a patch; 0: as many as the scene says, or as are seen about.
     sides: int = 0
+    #: Facets that patches near the camera have beyond these.
+    near_quads: int = 0
     #: Whether yarns are so thin that nearly all is edges.
     fine: bool = False
     #: Whether control points have been made and moved, and windows opened: what is there is not
@@ -137,10 +139,15 @@ def _sides(scene: Scene, asked: PictureAsked) -> int:
 
 
 def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: PictureAsked) -> int:
-    quads, points = counts.patches * n**2, counts.patches * (n + 1) ** 2
+    # As patches of the most facets that all may have.
+    most = patch_tessellator.MOST_SIDES
+    near = -(-asked.near_quads // most**2)
+    quads = counts.patches * n**2 + near * most**2
+    points = counts.patches * (n + 1) ** 2 + near * (most + 1) ** 2
     view, films = scene.view, asked.frames > 1
     columns = 3 + _columns(scene.warp.carried) if scene.moves else 0
     total = patch_tessellator.estimate_bytes(counts.patches, n, columns)
+    total += patch_tessellator.estimate_bytes(near, most, columns)
     if scene.moves and films:
         total += (24 + 4 * columns) * points
     if not asked.begun:

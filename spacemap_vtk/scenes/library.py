@@ -45,8 +45,7 @@ def find(scene: str | Path) -> Path:
     path = Path(scene)
     if not (why := registry.refusal(path)):
         return path
-    named = folder() / f"{scene}.toml"
-    if str(scene) == path.name and os.path.isfile(named):
+    if str(scene) == path.name and os.path.isfile(named := folder() / f"{scene}.toml"):
         return named
     if why not in (registry.NOT_THERE, registry.A_FOLDER):  # no other name helps
         raise InputError(f"{path}: {why}", cure="See to its permissions, or choose another file.")

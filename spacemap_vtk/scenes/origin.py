@@ -16,7 +16,7 @@ from spacemap_vtk.io.formats.toml import format_scene, parsed
 from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.io.series import is_pattern, named_like, open_series
-from spacemap_vtk.parameters import Parameter, Parameterised, Real
+from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.runs import paths_in, placed
@@ -145,14 +145,16 @@ def _written(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
     if isinstance(value, Path):
         return _named(value, folder)
     if isinstance(value, (tuple, list)):
+        is_series = isinstance(parameter, Series)
         return [
-            item if isinstance(item, float) else _written(item, parameter, folder) for item in value
+            item if isinstance(item, float) and not is_series else _written(item, parameter, folder)
+            for item in value
         ]
     number = getattr(parameter, "component", parameter)
     if isinstance(value, float) and isinstance(number, Real) and number.unit:
         # With its unit, where that loses no digit.
         text = number.text(value)
-        return text if parameter.check(text) == value else value
+        return text if parameter.check(text) == value else f"{value!r} {number.unit}"
     return "auto" if value is None and parameter.automatic else value
 
 

@@ -19,23 +19,30 @@ from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_in_steps, clearance_of
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.modal_solver import ModalSolver, hung
+from spacemap_vtk.mechanics.coarser import coarser
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.drape import drape_coefficient, shadow
-from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION
+from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.mechanics.places import parse
 from spacemap_vtk.mechanics.plates import DataSheet
 from spacemap_vtk.mechanics.realm import realm
+from spacemap_vtk.mechanics.resolution import mode_errors, unresolved_modes
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 
-#: The clearance of larger cloth is looked for where its local weaves are few: 10,000 crossings
-#: take 3 s.
+#: The clearance of larger cloth is looked for where its local weaves are few, among half as many
+#: crossings: 10,000 take 3 s.
 MOST_CROSSINGS = 20_000
+#: The clearance of cloth up to this size is looked for at all crossings.
+FEW_CROSSINGS = 500
 #: Times of a motion that are looked at: at most, at least, and cells times times in between, which
 #: take 0.2 s; the motion of a cage of more cells is not told.
 SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
+#: Share of a drape coefficient by which it may differ in cells twice as wide without a warning.
+DEPENDS = 0.1
 #: Cosine of the slope up to which a cloth is draped over a disc.
 LEVEL = 0.999
 #: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
@@ -87,6 +94,16 @@ def modes(scene: Scene) -> dict[str, Any]:
         "cumulative_mass_share": shares.cumsum(axis=0),
     }
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    if unresolved := unresolved_modes(list(mode_errors(cage.model, eigenvalues, cage.shapes))):
+        scene.warn(f"{unresolved}; set cage.divisions finer")
+    hanging = _hung(scene.modal, cage.model)
+    if hanging is not None and (error := hanging["drape_coefficient_error"]) is not None:
+        found = hanging["drape_coefficient"]
+        if error > DEPENDS * found:
+            scene.warn(
+                f"the drape coefficient still depends on the cage's cells: {found:.1%} differs by "
+                f"{error:.1%} from that in cells twice as wide; set cage.divisions finer"
+            )
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
@@ -96,7 +113,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
-        "hung": _hung(scene.modal, cage.model),
+        "hung": hanging,
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
@@ -156,11 +173,26 @@ def motion_told(figures: dict[str, Any]) -> str:
         told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         told += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
         told += ": a section [rotation] takes the stretch out" if large else ""
+    if figures["largest_rotation_deg"] > math.degrees(TRUSTED_ROTATION):
+        told += (
+            f"; beyond {math.degrees(TRUSTED_ROTATION):.0f}° the shape of a linear motion is not "
+            "to be trusted, rebuilt or not: use [transient] in place of [response]"
+        )
     if large and math.isfinite(figures["period_factor"]):
         told += (
-            f"; so wide a swing takes {figures['period_factor']:.3g} times as long: [transient] in "
-            "place of [response] has that"
+            f"; so wide a swing takes {figures['period_factor']:.3g} times as long, which "
+            "[transient] in place of [response] shows"
         )
+    return told
+
+
+def motion_in_short(figures: dict[str, Any]) -> str:
+    """Return what of `motion_told` matters most, without the cures."""
+    told = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    if not figures["rebuilt"]:
+        return f"{told}, lengths change by {100 * figures['largest_stretch']:.3g} %"
+    if math.isfinite(figures["period_factor"]):
+        return f"{told}, and takes {figures['period_factor']:.3g} times as long as shown"
     return told
 
 
@@ -175,26 +207,60 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
         "shadow_area": None,
         "cloth_area": None,
         "drape_coefficient": None,
+        "drape_coefficient_error": None,
     }
-    surface = model.pencil.surface
-    if surface is None:
+    if model.pencil.surface is None:
         return figures
-    flat, hung = (
+    cast, area, disc = _shadow(solver, model, down)
+    figures |= {"shadow_area": cast, "cloth_area": area}
+    if disc is None:
+        return figures
+    found = figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
+    fewer = None if solver.dead_loads else coarser(model)
+    if fewer is None:
+        return figures
+    # What differs in cells twice as wide still depends on them.
+    weight = fewer.nodal_mass[:, None] * gravity
+    try:
+        moved, _ = hung(fewer, weight.ravel(), lambda share: None)
+    except SpacemapError:  # as where no vertex is left that is held: all of it is in doubt
+        figures["drape_coefficient_error"] = found
+        return figures
+    assert fewer.plate is not None
+    draped = Model(
+        fewer.points,
+        fewer.cells,
+        fewer.plate,
+        fewer.density,
+        ~fewer.free.reshape(-1, 3),
+        fewer.lumped,
+        moved,
+    )
+    other = _shadow(solver, draped, down)
+    figures["drape_coefficient_error"] = abs(drape_coefficient(other[0], area, disc) - found)
+    return figures
+
+
+def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, float, float | None]:
+    """Return the areas of a hung sheet's shadow, of the sheet, and of the disc that it lies on."""
+    surface = model.pencil.surface
+    assert surface is not None
+    assert model.displacement is not None
+    flat, draped = (
         surface.nodal(points)[: len(surface.pairs)]
         for points in (model.points, model.points + model.displacement)
     )
     triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     across = np.eye(3)[surface.normal]
-    cast, area = shadow(hung, triangles, down), shadow(flat, triangles, across)
-    figures |= {"shadow_area": cast, "cloth_area": area}
+    cast, area = shadow(draped, triangles, down), shadow(flat, triangles, across)
     held = parse(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
     if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)
         disc = math.pi * max(radius**2 - height**2, 0.0)
         if disc < area:
-            figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
-    return figures
+            return cast, area, disc
+    return cast, area, None
 
 
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
@@ -269,8 +335,11 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
     if figures["thickness"] is None:
         return
     woven = scene.weave.cloth
-    large = woven.drawdown.size > MOST_CROSSINGS
-    found = yield from clearance_in_steps(woven, MOST_CROSSINGS // 2 if large else None)
+    found = None
+    if woven.drawdown.size > FEW_CROSSINGS:
+        found = yield from clearance_in_steps(woven, min(woven.drawdown.size, MOST_CROSSINGS) // 2)
+    if found is None and woven.drawdown.size <= MOST_CROSSINGS:
+        found = yield from clearance_in_steps(woven)
     figures["least_clearance"] = found and _clearance(found)
 
 

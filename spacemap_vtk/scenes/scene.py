@@ -225,7 +225,7 @@ class Scene:
         """
         part = part_of(self.parts, section)
         with naming_section(section):
-            part.configure(**{key: value})
+            part.write(key, value)
         self.assigned.add((section, key))
         self._sections.add(section)
         self._connect()
@@ -454,7 +454,7 @@ class Scene:
         folder = self.file.parent if self.file else Path()
         with naming_section(section):
             for key, value in values.items():
-                part.configure(**{key: part.parameter(key).within(value, folder)})
+                part.write(key, part.parameter(key).within(value, folder))
 
     def take(
         self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str] | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from spacemap_vtk.errors import InputError
@@ -14,6 +15,10 @@ from spacemap_vtk.scenes.styles import STYLES, Style
 
 #: Of a picture, where nobody says.
 USUAL_SIZE = 1280, 960
+#: The longer side [pixels] of the picture of a flat cloth of more than so many ends and picks.
+WIDE_SIDE, MANY_THREADS = 2400, 400
+#: The shortest side that a picture may have, in pixels.
+SMALLEST_SIDE = 16
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
@@ -83,18 +88,20 @@ class View(Parameterised):
     camera = Choice(
         "three-quarter",
         "Where it is seen from; side is right. lying: z is up, as of cloth on a table. face: from "
-        "the front without perspective, filling the picture: drafts are repeated to its edges, and "
-        "of fine cloth that is far longer the beginning is shown.",
+        "the front without perspective. Of a cloth whose ends or picks are given by a draft and "
+        "that is far longer than wide, the beginning is drawn.",
         list(CAMERAS),
         automatic="three-quarter, or lying where z is up in an object",
     )
     size = Vector(
         None,
         "Width and height of the picture in pixels.",
-        component=Integer(1, "", minimum=16, maximum=8192),
+        component=Integer(1, "", minimum=SMALLEST_SIDE, maximum=8192),
         labels="wh",
-        automatic="{} x {}; of still cloth that is seen flat (face), its own proportions, up to "
-        "1 : 2".format(*USUAL_SIZE),
+        automatic="{0} x {1}; of still cloth that is seen flat (face), its own proportions, the "
+        "longer side {0}, or {2} where there are more than {3} ends and picks together".format(
+            *USUAL_SIZE, WIDE_SIDE, MANY_THREADS
+        ),
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
     zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
@@ -171,8 +178,7 @@ class View(Parameterised):
 
     def within(self, dark: bool) -> View:
         """Return it as a window shows it: dark where the window is and the scene has no word."""
-        own = self.background, self.background_top, self.style
-        if not dark or own != (None, None, View.parameters["style"].default):
+        if not dark or {"background", "background_top", "style"} & self.given.keys():
             return self
         below, above = BACKGROUNDS["Dark"]
         return View(**{**self.settings, "background": below, "background_top": above})
@@ -198,6 +204,7 @@ class Animation(Parameterised):
     """Which times a film shows."""
 
     section = "animation"
+    synonyms = MappingProxyType({"fps": "frames_per_second"})  # the command line's --fps
 
     start = Real(0.0, "First time.", unit="s", minimum=0.0)
     stop = Real(2.0, "Time at which it ends.", unit="s", above=0.0)

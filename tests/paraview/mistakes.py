@@ -58,7 +58,7 @@ for proxy, name, bad, words in (
     (weave, "WarpDiameter", -1e-3, "warp_diameter = -0.001: out of range"),
     (weave, "WarpDiameter", ["0.2 mm", "0.3 kg"], "value 2"),
     (weave, "WarpSett", "dense", "not a number; allowed: a number greater than 0 1/m"),
-    (response, "Alpha", None, "ModalResponse: alpha"),
+    (response, "Beta", None, "ModalResponse: beta"),
     (response, "Gravity", [0, -1], "2 components in place of 3"),
     (surface, "Subdivisions", "fine", "not a number"),
     (surface, "Subdivisions", 1000, "subdivisions = 1000: out of range"),

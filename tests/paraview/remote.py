@@ -20,7 +20,7 @@ for path in plugin:
 weave = simple.WeaveSource(Ends=7 if here else "7", Picks="7")
 cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 1], Order=2)
 modal = simple.ModalSolver(Input=cage, YoungsModulus=2e3, Modes=100)
-response = simple.ModalResponse(Input=modal, Alpha=0.0, Gravity="0, 0, -1")
+response = simple.ModalResponse(Input=modal, Alpha="0", Gravity="0, 0, -1")
 warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp)
 # Nothing of it is here.

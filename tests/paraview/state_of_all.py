@@ -23,9 +23,10 @@ TUBES, WEAVE = scenes / "objects" / "tubes.vtp", folder / "scene.toml"
 text = (scenes / "plain_weave.toml").read_text().replace("1.3 kPa", "5 kPa")
 WEAVE.write_text(text.replace("[5, 5, 1]", "[3, 3, 1]\norder = 2"))
 TIME = 0.013
-#: One of these is no default for each parameter there is; a third has no short decimal.
+#: For each parameter one of these is plausible and not the default; a third has no short decimal.
 VALUES: tuple[Any, ...] = (
-    *(False, True, 1 / 3, 2, (1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
+    *(False, True, 1 / 3, 1e-3 / 3, 1e3 / 3, 2),
+    *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
     *("-x", "-x:(0, 1, 3) 0.3 N/m", "-x 0.3 g"),
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
@@ -39,6 +40,7 @@ def another(stage: str, parameter: Parameter) -> Any:
     values = [str(files.get(stage, DRAFT))] if parameter.kind == "file" else VALUES
     for value in (*getattr(parameter, "choices", ()), *values):
         try:
+            parameter.require_plausible(value)
             if parameter.check(value) != parameter.default:
                 return value
         except InputError:

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QLabel,
     QSizePolicy,
-    QSpinBox,
     QWidget,
 )
 
@@ -26,7 +25,7 @@ from spacemap_vtk.app.document import DRAFTED, Document
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.strokes import NAMES
-from spacemap_vtk.app.widgets import column, later, note, row, tool_button
+from spacemap_vtk.app.widgets import CountBox, column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io.registry import draft_filters, kind_of
@@ -138,7 +137,7 @@ class DraftTab(QWidget):
         self.cloth = tool_button("As cloth", tip, checkable=True, checked=draft.as_cloth)
         for button in (self.colors, self.cloth):
             button.toggled.connect(self._view_chosen)
-        self.counts: dict[str, QSpinBox] = {}
+        self.counts: dict[str, CountBox] = {}
         grid = QGridLayout(self.tools, horizontalSpacing=6)
         grid.setContentsMargins(0, 0, 0, 0)
         for number, (name, tip) in enumerate(
@@ -149,8 +148,8 @@ class DraftTab(QWidget):
                 ("treadles", "Of the loom; those in use cannot be taken away"),
             )
         ):
-            spin = QSpinBox(minimum=1, maximum=_MOST, keyboardTracking=False, toolTip=tip)
-            spin.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
+            spin = CountBox(minimum=1, maximum=_MOST, keyboardTracking=False, toolTip=tip)
+            spin.strayed.connect(lambda why: self.hint.setText(why or _HINT))
             spin.valueChanged.connect(self._counted)
             spin.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             grid.addWidget(QLabel(name.capitalize()), number // 2, number % 2 * 2)

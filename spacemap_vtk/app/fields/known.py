@@ -13,7 +13,7 @@ from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import UNITS, format_quantity, split_quantity
 
 
 def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
@@ -51,6 +51,20 @@ def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | Non
         "∞" if end == float("inf") else format_quantity(end, parameter.unit, 4) for end in interval
     )
     return f"feasible: {low} to {high}"
+
+
+def with_shown_unit(typed: str, shown: str, unit: str) -> str:
+    """Give each number that is typed without a unit the one that its field shows."""
+    known = UNITS.get(unit, {})
+    units = [each[1] for each in map(split_quantity, shown.split(",")) if each is not None]
+    numbers = [part.strip() for part in typed.split(",")]
+    if not units or not all(each in known for each in units):
+        return typed
+    for place, number in enumerate(numbers):
+        found = split_quantity(number)
+        if found is not None and found[1] == "":
+            numbers[place] = f"{number} {units[min(place, len(units) - 1)]}"
+    return ", ".join(numbers)
 
 
 #: Steps of a slider.

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
-from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of
+from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of, with_shown_unit
 from spacemap_vtk.app.widgets import painter_on, row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 from spacemap_vtk.scenes.assignments import value_of
@@ -160,6 +160,9 @@ class NumberEditor(LineEditor):
         self.line.setModified(False)  # it is taken: the line shows what comes of it
         if text.strip() == "" and self.parameter.optional:
             return None
+        if not self._bare:  # the unit that is shown, in grey where the value is automatic
+            shown = (self.shown or self.line.placeholderText()).translate(_PLAIN)
+            text = with_shown_unit(text, shown, self.parameter.unit)
         return value_of(text.translate(_PLAIN))
 
     def _pressed(self) -> None:

@@ -15,11 +15,10 @@ from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
 from spacemap_vtk.draw.page import new_figure
-from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES, handy
+from spacemap_vtk.draw.plots import QUANTITIES, energy_curves, handy
 
-#: Colours of points, of energies, and pixels round each plot: left, right, top, between, bottom.
+#: Colours of points, and pixels round each plot: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
-ENERGIES = ("#2c7fb8", "#d9642c", "#8a94a3", "#26323e")
 COMPONENTS = ("x", "y", "z", "size")
 _LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
 #: Height of a line of a legend, and room between a title and a legend beside it, likewise; what
@@ -61,12 +60,12 @@ class PlotCanvas(FigureCanvasQTAgg):
         paper, grid = ("#161b22", "#2b3440") if shown.dark else ("#ffffff", "#e6e9ed")
         self._ink, self._text = QColor("#ffb454" if shown.dark else "#111a24"), ink
         figure.set_facecolor(back)
-        kinds = ["motion", *(["energy"] if curves.energies is not None else [])]
+        kinds = ["motion", *(["energy"] if curves.balance is not None else [])]
         kinds += ["response"] if len(curves.frequencies) else []
         self.axes = list(np.atleast_1d(figure.subplots(len(kinds), 1)))
         self.timed = self.axes[: len(kinds) - ("response" in kinds)]
         unit = self._motion(self.axes[0], curves, shown)
-        if curves.energies is not None:
+        if curves.balance is not None:
             _energy(self.axes[1], curves, ink)
         if len(curves.frequencies):
             self._response(self.axes[-1], curves, shown, unit, grid)
@@ -216,13 +215,11 @@ def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
 
 
 def _energy(axes: Axes, curves: Curves, ink: str) -> None:
-    assert curves.energies is not None
-    unit, size = handy("J", float(abs(curves.energies).max(initial=0.0)))
-    for number, name in enumerate(ENERGY_NAMES):
-        color = ink if name == "total" else ENERGIES[number]
-        axes.plot(
-            curves.times, curves.energies[:, number] / size, color=color, linewidth=1.2, label=name
-        )
+    assert curves.balance is not None
+    unit, size = handy("J", float(np.nanmax(np.abs(curves.balance), initial=0.0)))
+    *parts, total = energy_curves(curves.balance)
+    for label, values, color in [*parts, (*total[:2], ink)]:
+        axes.plot(curves.times, values / size, color=color, linewidth=1.2, label=label)
     axes.set_title(f"Energy [{unit}]", loc="left")
     _over_time(axes, curves)
 

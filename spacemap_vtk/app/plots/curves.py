@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
 from spacemap_vtk.datasets.modal_model import ModesReader
@@ -19,15 +19,26 @@ from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.filters.transient_response import TransientResponse
+from spacemap_vtk.mechanics.energy import Balance, balance
+from spacemap_vtk.mechanics.resolution import mode_errors
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
+
+if TYPE_CHECKING:  # it imports Qt
+    from spacemap_vtk.app.document import Document
 
 FloatArray = NDArray[np.float64]
 
 #: What stages are that say how a scene moves.
 _MOVING = ROLES[: ROLES.index("crimp")]
-#: Times of a curve, and how many are computed before the engine looks for other work.
-SAMPLES, CHUNK = 1500, 60
+#: Times of a curve.
+SAMPLES = 1500
+#: Times or frequencies that are computed before the engine looks for other work, at most.
+CHUNK = 60
+#: Seconds that such a part takes, about, where a single time takes long.
+_PART = 0.1
+#: Shares of the work that are done when the steps have been taken, and when the motion is known.
+_STEPPED, _MOVED = 0.9, 0.97
 
 
 class Wish(NamedTuple):
@@ -53,8 +64,8 @@ class Curves:
     times: FloatArray
     #: (3, p, t, 3) Displacement [m], velocity [m/s] and acceleration [m/s²].
     motion: FloatArray
-    #: (t, 4) Kinetic, strain, dissipated, total [J]; None where they are not known.
-    energies: FloatArray | None
+    #: Where the energy is over time [J]; None where that is not known.
+    balance: Balance | None
     #: (f,) In Hz; empty where the response is not known.
     frequencies: FloatArray
     #: (p, f, 3) Amplitude of the displacement [m] under the loads as sines.
@@ -71,9 +82,9 @@ def moving(document: Document) -> str:
     return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
 
-def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
-    """Compute curves; pauses every few milliseconds."""
-    yield
+def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]:
+    """Compute curves; pauses every few milliseconds, and yields the share that is done."""
+    yield 0.0
     times = np.linspace(wish.start, wish.stop, SAMPLES)
     if not scene.moves:
         return None
@@ -92,30 +103,37 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
             places.append(place)
         except InputError as error:
             note = f"{error.message}."
-        yield
+        yield 0.0
+    begun = 0.0
     if moved is not None and isinstance(moved, TransientResponse):
+        begun = _STEPPED
         for time in times:  # a step may take long, and a part of the curves many steps
             model.at(float(time))
-            yield
+            yield begun * float(time - wish.start) / (wish.stop - wish.start)
     motion = np.zeros((3, len(places), len(times), 3))
-    energies = np.zeros((len(times), 4)) if "kinetic_energy" in scene.arrays else None
+    energies, potential = np.zeros((len(times), 4)), np.zeros(len(times))
+    known = "kinetic_energy" in scene.arrays
+    work_at_start = float(model.energies(np.zeros(1))[0, 3]) if known else 0.0
     # All that is asked of a span of times one after the other: its states are found once.
-    for part in _parts(len(times)):
+    for part in _quick_parts(len(times)):
+        share = begun + (_MOVED - begun) * part.start / len(times)
         for number, weight in enumerate(weights):
             motion[:, number, part] = model.history(weight, times[part])
-            yield
-        if energies is not None:
+            yield share
+        if known:
             energies[part] = model.energies(times[part])
-            yield
+            potential[part] = model.potential(times[part])
+            yield share
+    found = balance(energies, potential, work_at_start) if known else None
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
     answers = yield from _answers(response, weights, frequencies)
     points = np.array(places).reshape(-1, 3)
-    return Curves(wish.key, points, times, motion, energies, frequencies, answers, natural, note)
+    return Curves(wish.key, points, times, motion, found, frequencies, answers, natural, note)
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """What the modes do together, and what each moves."""
+    """Frequency response, and the effective mass and resolution of each mode."""
 
     #: (f,) In Hz; empty where the response is not known.
     frequencies: FloatArray
@@ -123,28 +141,35 @@ class Spectrum:
     response: FloatArray
     #: (n, 3) Share of the mass that can move along x, y and z, that a mode moves.
     shares: FloatArray
+    #: (n,) By which share the frequency of a sheet's mode is estimated to be too high.
+    errors: FloatArray
 
 
-def spectrum_of(scene: Scene) -> Generator[None, None, Spectrum]:
-    """Compute the frequency response and the effective masses; pauses likewise."""
-    yield
+def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
+    """Compute the frequency response, effective masses and errors; pauses likewise."""
+    yield 0.0
     solver, mover = scene.stage("solver"), scene.stage("mover")
     frequencies, answers = np.zeros(0), np.zeros((1, 0, 3))
     if solver is None:
-        return Spectrum(frequencies, frequencies, np.zeros((0, 3)))
+        return Spectrum(frequencies, frequencies, np.zeros((0, 3)), np.zeros(0))
     modes = ModesReader().read(solver.output)
-    yield
+    yield 0.0
     response = None if mover is None else mover.motion
     if isinstance(response, Response):
         frequencies = frequencies_near(modes.frequencies.tolist())
         weight = point_weights(response.points, response.cells, tip(scene))
         answers = yield from _answers(response, [weight], frequencies)
-    return Spectrum(frequencies, np.linalg.norm(answers[0], axis=1), modes.mass_shares)
+    errors = []
+    for error in mode_errors(modes.model, modes.eigenvalues, modes.shapes):
+        errors.append(error)
+        yield _MOVED
+    amplitudes = np.linalg.norm(answers[0], axis=1)
+    return Spectrum(frequencies, amplitudes, modes.mass_shares, np.array(errors))
 
 
 def _answers(
     response: Response | None, weights: list[FloatArray], frequencies: FloatArray
-) -> Generator[None, None, FloatArray]:
+) -> Generator[float, None, FloatArray]:
     answers = np.zeros((len(weights), len(frequencies), 3))
     for number, weight in enumerate(weights):
         if response is None:
@@ -156,11 +181,11 @@ def _answers(
                 frequencies[part] *= ASIDE
                 answer = response.frequency_response(weight, frequencies[part])
             answers[number, part] = abs(answer)
-            yield
+            yield _MOVED
     return answers
 
 
-def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
+def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
     """Follow points through a motion out of a file: at its own steps, linear between them."""
     cage = reader.update().output
     rest, cells = points_of(cage), tetrahedra_of(cage)
@@ -172,7 +197,7 @@ def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
         reader.update(time=float(time))
         data = reader.output.GetPointData()
         fields.append(array_of(data, "displacement", "a plot").copy())
-        yield
+        yield len(fields) / len(times)
     moved = np.stack(fields)
     places, curves, note = [], [], "A motion out of a file has neither energies nor modes."
     largest = rest[int(np.argmax(np.linalg.norm(moved, axis=2).max(axis=0)))]
@@ -190,6 +215,16 @@ def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
     nothing, points = np.zeros(0), np.array(places).reshape(-1, 3)
     answers = np.zeros((len(places), 0, 3))
     return Curves(wish.key, points, times, motion, None, nothing, answers, nothing, note)
+
+
+def _quick_parts(count: int) -> Iterator[slice]:
+    """Yield parts of a range, each so short that what is done with it takes no long time."""
+    first, size, begun = 0, 1, perf_counter()
+    while first < count:
+        yield slice(first, first + size)
+        now = perf_counter()
+        first, begun, took = first + size, now, now - begun
+        size = max(1, min(CHUNK, 2 * size, round(size * _PART / max(took, 1e-6))))
 
 
 def _parts(count: int) -> list[slice]:

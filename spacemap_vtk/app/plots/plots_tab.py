@@ -14,6 +14,7 @@ from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QMenu,
+    QProgressBar,
     QPushButton,
     QWidget,
 )
@@ -85,13 +86,19 @@ class PlotsTab(QWidget):
             narrow(box, 4)  # in a narrow window words are cut rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
         second = row(None, (self.clear, 1), (self.save, 1))
-        self._layout = column(self, first, second, None, self.hint, margins=(6, 6, 6, 6))
+        #: How far the curves are, with a button that gives them up, or computes them after all.
+        self.bar, self.run = QProgressBar(), QPushButton("Cancel")
+        self.run.clicked.connect(self._run_clicked)
+        third = row(None, (self.bar, 1), self.run)
+        self._layout = column(self, first, second, None, third, self.hint, margins=(6, 6, 6, 6))
+        self._show_work("")
         self.rest = later(self, self._ask, _REST)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
         document.changed.connect(self._tell)
         document.replaced.connect(self._replaced)
         engine.beside_ready.connect(self._ready)
+        engine.beside_progressed.connect(lambda share: self.bar.setValue(int(100 * share)))
         self._enable()
 
     def show_points(self, points: list[Pick]) -> None:
@@ -184,13 +191,33 @@ class PlotsTab(QWidget):
         self._key = wish.key
         if self._moved:
             self.hint.setText("Computing…")
+            self._show_work("Cancel")
             self._engine.ask_beside(partial(curves_of, wish=wish))
         else:
             self._ready(None)
 
+    def _show_work(self, button: str) -> None:
+        """Show how far the curves are while the button says Cancel; without words nothing."""
+        self.bar.setValue(0)
+        self.bar.setVisible(button == "Cancel")
+        self.run.setText(button)
+        self.run.setVisible(bool(button))
+
+    def _run_clicked(self) -> None:
+        if self.run.text() == "Cancel":
+            self._engine.ask_beside(None)
+            self._show_work("Compute")
+            self.hint.setText("Cancelled: no curves are computed until the scene changes.")
+        else:
+            self._key = ""
+            self._ask()
+
     def _ready(self, result: Any) -> None:
         if not (isinstance(result, Curves | BaseException | None) and self.isVisible()):
             return  # what another tab has asked for
+        if isinstance(result, Curves) and self.run.text() == "Compute":
+            return  # it was done just as it was cancelled
+        self._show_work("")
         if isinstance(result, BaseException):
             self.failed.emit(result)
             self.hint.setText(_HINT)
@@ -236,6 +263,7 @@ class PlotsTab(QWidget):
         self._chosen = False
         self._key = ""
         self._engine.ask_beside(None)
+        self._show_work("")
         self.curves = None  # nobody takes another scene's for this one's
         self.hint.setText(_HINT)
         self._enable()
@@ -269,9 +297,9 @@ def _times_of(curves: Curves) -> dict[str, FloatArray]:
     for number in range(len(curves.points)):
         for (name, unit), motion in zip(_ROWS, curves.motion, strict=True):
             columns |= _along_axes(name, number, unit, motion[number])
-    if curves.energies is not None:
-        names = (f"{name} energy [J]" for name in ENERGY_NAMES)
-        columns |= zip(names, curves.energies.T, strict=True)
+    if curves.balance is not None:
+        names = (f"{name} [J]" for name in ENERGY_NAMES)
+        columns |= zip(names, curves.balance, strict=True)
     return columns
 
 

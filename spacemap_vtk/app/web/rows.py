@@ -12,10 +12,11 @@ from spacemap_vtk.app.fields.known import (
     resolved_of,
     span_of,
     told_interval,
+    with_shown_unit,
 )
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.parameters import Parameter, Parameterised, Real
+from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
 from spacemap_vtk.scenes.assignments import value_of
 from spacemap_vtk.scenes.chain import words_of
 from spacemap_vtk.scenes.scene import Scene
@@ -55,6 +56,8 @@ class ParameterRows:
         #: long as a frame.
         self._feasible: dict[str, tuple[dict[str, Any], dict[str, tuple[float, float]]]] = {}
         self._there: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
+        #: The values that hold, as text with units; automatic ones as they were found.
+        self._shown: dict[str, str] = {}
 
     def of(
         self, scene: Scene, values: Mapping[str, Any], held: bool = False
@@ -77,9 +80,13 @@ class ParameterRows:
         return sections
 
     def written(self, key: str, text: str) -> Any:
-        """Return what a line's text stands for in a scene file; None: the default."""
+        """Return what a line's text stands for, in its unit, in a scene file; None: the default."""
         parameter = self._there[key][1]
-        return None if text.strip() == "" and parameter.optional else value_of(text)
+        if text.strip() == "" and parameter.optional:
+            return None
+        if isinstance(parameter, Real | Series):
+            text = with_shown_unit(text, self._shown[key], parameter.unit)
+        return value_of(text)
 
     def slid(self, key: str, step: int) -> Any:
         """Return what a step of a slider stands for in a scene file."""
@@ -118,6 +125,8 @@ class ParameterRows:
                 editor = "text"
             self._there[key] = part, parameter
             value = getattr(part, name)
+            in_use = known.get(name) if value is None else value
+            self._shown[key] = "" if in_use is None else parameter.show(in_use)
             interval = feasible.get(name)
             typed, bad = self._refused.get(key, (None, ""))
             note = f"does not count: {idle}" if idle else told_interval(parameter, interval)

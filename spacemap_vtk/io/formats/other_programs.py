@@ -50,7 +50,7 @@ def _case(folder: Path) -> list[Path]:
 
 @reads(
     *(".pvtk", ".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
-    *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
+    *(".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
     *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
     *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
     label="Meshes of other programs",
@@ -106,6 +106,42 @@ def read_with_pyvista(path: Path) -> Any:
         ) from None
     if "not closed" in said.getvalue():  # meshio goes on with what there is
         raise truncated(path)
+    check_numbers(made, path)
+    return made
+
+
+#: VTK's readers of whole scenes, of which the surfaces are wanted.
+_IMPORTERS = {".3ds": "vtk3DSImporter", ".wrl": "vtkVRMLImporter", ".vrml": "vtkVRMLImporter"}
+
+
+@reads(*_IMPORTERS, label="Scenes of other programs", holds="mesh", common=False)
+def read_scene(path: Path) -> Any:
+    """Read the surfaces of a scene, where no window can be opened, too."""
+    # pyvista opens a plotter for that, which crashes where there are no OpenGL libraries.
+    from spacemap_vtk.datasets.quiet import quiet_vtk
+    from spacemap_vtk.io.reading import check_numbers
+    from spacemap_vtk.io.trial import tried
+
+    needs = "vtkmodules.vtkIOImport"
+    with tried(path, f"{__name__}:read_scene", needs=needs), quiet_vtk(path):
+        from vtkmodules import vtkIOImport
+        from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+        from vtkmodules.vtkRenderingCore import vtkRenderer
+        from vtkmodules.vtkRenderingOpenGL2 import vtkGenericOpenGLRenderWindow
+
+        # An importer fills a window. This one has no OpenGL of its own, and is never drawn.
+        window, renderer = vtkGenericOpenGLRenderWindow(), vtkRenderer()
+        window.AddRenderer(renderer)
+        importer = getattr(vtkIOImport, _IMPORTERS[path.suffix.lower()])()
+        importer.SetFileName(str(path))
+        importer.SetRenderWindow(window)
+        importer.Update()
+        made, actors = vtkMultiBlockDataSet(), renderer.GetActors()
+        actors.InitTraversal()
+        for number in range(actors.GetNumberOfItems()):
+            mapper = actors.GetNextActor().GetMapper()
+            mapper.Update()
+            made.SetBlock(number, mapper.GetInput())
     check_numbers(made, path)
     return made
 

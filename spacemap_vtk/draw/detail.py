@@ -1,0 +1,152 @@
+"""As many facets of each patch as keep its outline and its shading smooth where a camera stands.
+
+A patch of which n × n facets are made is nowhere farther from them than the second derivatives of
+its parameters allow (D. Filip, R. Magedson, R. Markot, "Surface algorithms using bounds on
+derivatives", Computer Aided Geometric Design 3, 1986): these come from its control points, and what
+a metre is in pixels from its point that is nearest to the camera.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from spacemap_vtk.draw.camera import Seen, pixels_of, projected
+from spacemap_vtk.draw.form import form_seen, plies_seen
+from spacemap_vtk.fabric.bezier import quadrilateral_order
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.plies import sharpness
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bools, Floats, Ints
+
+#: Facets out of sight, along each side of a patch.
+LEAST = AUTOMATIC_SIDES
+#: Facets of all patches in sight: at least so many, and more for so many pixels each.
+_QUADS, _PIXELS = 600_000, 4
+#: How far facets may be from their patch, in pixels. An eye finds half a pixel in an outline.
+_ERROR = 0.4
+#: Most facets along each side of a patch.
+_MOST_SIDES = 128
+#: Sight, as a share of the picture: edges of coarse patches beside it must not reach into it.
+_BEYOND = 1.03
+#: The nearest that anything is taken to be, as a share of the distance to the focus.
+_NEAREST = 1e-3
+#: Patches that tell how curved all are.
+_SAMPLE = 4000
+_ORDER = quadrilateral_order(3, 3)
+
+
+class Detail:
+    """The facets of each patch of a surface that is seen from one place."""
+
+    # Out of sight, and where nobody needs more, they are `least` along each side; all that are in
+    # sight together are `most_quads` at most. Plied yarns are `plied` times as curved as their
+    # patches, see `spacemap_vtk.fabric.plies.sharpness`.
+
+    def __init__(self, seen: Seen, least: int, most_quads: int, plied: float = 1.0) -> None:
+        self.seen, self._least, self._most_quads, self._plied = seen, least, most_quads, plied
+        self._key = seen, least, most_quads, plied
+        self._camera = seen.camera
+        #: Whether facets may be seen: there were too many patches near the camera.
+        self.short = False
+
+    @classmethod
+    def of_cloth(cls, cloth: Cloth, seen: Seen) -> Detail:
+        """Return the detail of a cloth whose plies are made however small they are seen."""
+        curved = sharpness(plies_seen(cloth, np.inf))
+        return cls(seen, LEAST, near_quads(seen.size), curved)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Detail) and self._key == other._key
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __call__(self, points: AnyFloats, patches: AnyInts) -> Ints:
+        """Return the subdivisions of each patch, each a multiple of those below it."""
+        needed = self.needed(points, patches)
+        levels = self._levels(needed)
+        sight = needed > 0.0
+        for _ in range(4):
+            many = float(np.square(levels[sight]).sum())
+            if many <= self._most_quads:
+                break
+            self.short = True
+            needed *= 0.95 * math.sqrt(self._most_quads / many)
+            levels = self._levels(needed)
+        return levels
+
+    def _levels(self, needed: Floats) -> Ints:
+        """Return at least as many subdivisions, in steps of two."""
+        top = math.ceil(min(float(needed.max(initial=0.0)), _MOST_SIDES))
+        if top <= self._least:
+            return np.full(len(needed), self._least)
+        doublings = math.ceil(math.log2(top / self._least))
+        lowest = math.ceil(top / 2**doublings)
+        steps = np.ceil(np.log2(np.maximum(needed, lowest) / lowest) - 1e-9)
+        return lowest * 2 ** np.minimum(steps, doublings).astype(np.int64)
+
+    def needed(self, points: AnyFloats, patches: AnyInts) -> Floats:
+        """Return how many subdivisions each patch needs; 0 out of sight."""
+        found = np.zeros(len(patches))
+        if patches.shape[1] != 16:
+            return found
+        sight, nearest = self._sight(points, patches)
+        scale = pixels_of(self._camera, self.seen.size[1])
+        if not self._camera.GetParallelProjection():
+            far = self._camera.GetDistance()
+            scale = scale * far / np.maximum(nearest, _NEAREST * far)
+        bent = self._plied * _bending(points, patches[sight])
+        found[sight] = needed = np.sqrt(bent * scale / (8 * _ERROR))
+        self.short = float(needed.max(initial=0.0)) > _MOST_SIDES
+        return found
+
+    def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
+        """Return which patches are in sight, and how near each of them is."""
+        width, height = self.seen.size
+        x, y, _, w = projected(self._camera, points, width / height).T
+        seen = np.ones(len(patches), bool)
+        w = _BEYOND * w
+        for beyond in (x < -w, x > w, y < -w, y > w):
+            seen &= ~beyond[patches].all(axis=1)
+        return seen, w[patches[seen]].min(axis=1, initial=np.inf) / _BEYOND
+
+
+def facets_seen(
+    cloth: Cloth, scale: float, seen: Seen, most_least: int = LEAST
+) -> tuple[int, bool, Detail | None]:
+    """Return what `PatchTessellator.choose` takes for a cloth of so many pixels a metre at most."""
+    sides, strands = form_seen(cloth, scale)
+    if sides < MOST_SIDES:
+        return sides, strands, None
+    least = min(LEAST, most_least)
+    curved = sharpness(plies_seen(cloth, scale))
+    return least, strands, Detail(seen, least, near_quads(seen.size), curved)
+
+
+def pixels_enough(cloth: Cloth, points: AnyFloats, patches: AnyInts) -> float:
+    """Return how many pixels a metre may have until the least facets are too few."""
+    some = patches[:: 1 + len(patches) // _SAMPLE]
+    bent = sharpness(plies_seen(cloth, np.inf)) * _bending(points, some).max(initial=0.0)
+    return 8 * _ERROR * LEAST**2 / max(float(bent), 1e-30)
+
+
+def near_quads(size: tuple[int, int]) -> int:
+    """Return how many facets patches in sight may have in a picture of some size."""
+    return max(_QUADS, size[0] * size[1] // _PIXELS)
+
+
+def _bending(points: AnyFloats, patches: AnyInts) -> Floats:
+    """Return bounds of the second derivatives of patches, weighed as they move facets off."""
+    found = np.empty(len(patches))
+    for begin in range(0, len(patches), 20_000):
+        some = slice(begin, begin + 20_000)
+        net = points[patches[some][:, _ORDER]].reshape(-1, 4, 4, 3)
+        across, along = (np.diff(net, 2, axis=axis) for axis in (1, 2))
+        mixed = np.diff(np.diff(net, axis=1), axis=2)
+        sizes = [
+            np.sqrt(np.einsum("pijk,pijk->pij", each, each).max(axis=(1, 2)))
+            for each in (across, along, mixed)
+        ]
+        found[some] = 6.0 * (sizes[0] + sizes[1]) + 2.0 * 9.0 * sizes[2]
+    return found

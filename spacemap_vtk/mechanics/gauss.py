@@ -1,0 +1,479 @@
+"""One time step of a body's nonlinear equations of motion, of fourth order, that conserves energy.
+
+    M ẍ + (α M + U Uᵀ) ẋ + f(x, ẋ) = F,    f = Σ G(x)ᵀ C (ε + β ε̇)
+
+The step is the two-stage Gauss collocation method, applied to positions, rates and strains
+together: strains are integrated from ε̇ = G(x) ẋ; they are not computed from the positions of the
+stages. Strains are quadratic in the positions. Therefore the energy ½ ẋᵀ M ẋ + ½ ε C ε and the
+difference between integrated and computed strains are both quadratic in these variables, and Gauss
+methods conserve quadratic invariants exactly (Cooper, IMA J. Numer. Anal. 7 (1987) 1). The change
+of energy is the work of the loads less the dissipated energy, whatever the length of the step.
+
+With one stage this would be the midpoint rule with the mean of the stresses at both ends (Simo and
+Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). Its periods are too long by (ω h)²/12; with two
+stages they are too long by (ω h)⁴/720.
+
+The damping β resists rates of strain, and therefore not rotation; about an unstrained state it is
+Rayleigh's β K.
+
+Vibrations much faster than 1/h, such as those of a sheet's directors across its thickness, are not
+resolved. Their amplification tends to +1, so that a deviation persists unchanged; with the midpoint
+rule it tends to -1, and a deviation changes sign in every step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from spacemap_vtk.mechanics.body import Body, Part, crossings
+from spacemap_vtk.mechanics.factors import Solve
+from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.ndarrays import Floats, Ints
+
+#: Times of the two stages, as shares of the step. Their weights are ½, ½.
+STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
+#: The method's matrix A, and its inverse.
+_A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
+_INVERSE = np.linalg.inv(_A)
+
+#: Points and weights of a quadrature over the step. The work of a pressure is of fifth degree in
+#: time, so three Gauss points integrate it exactly.
+_TIMES = 0.5 + np.array([-1.0, 0.0, 1.0]) * 15**0.5 / 10
+_SHARES = np.array([5.0, 8.0, 5.0]) / 18
+#: The stages' Lagrange polynomials at these points.
+_LAGRANGE = np.stack(
+    [(_TIMES - STAGES[1]) / (STAGES[0] - STAGES[1]), (_TIMES - STAGES[0]) / (STAGES[1] - STAGES[0])]
+)
+
+#: Largest number of Newton corrections in a step.
+TRIES = 40
+
+#: The tangent is recomputed after a correction that is larger than this share of the one before.
+GAIN = 0.3
+
+#: The tangent is recomputed after a rotation larger than this [rad].
+NEAR = 0.003
+
+#: Largest number of tangents computed in a step. A correction larger than the one before ends the
+#: step at once: a step of half the length costs less than further tries.
+MADE = 12
+
+#: Newton's method has converged when a correction is below this share of the step.
+LAST = 1e-10
+
+#: It has also converged when a correction below this share of the step is not smaller than the one
+#: before: what is left is rounding.
+LOST = 1e-6
+
+#: It has also converged when a correction moves less than this share of the body's size.
+LEAST = 1e-15
+
+
+class Acting(NamedTuple):
+    """Loads at one time."""
+
+    push: Floats
+    """Forces, (N,)."""
+    pressures: Floats
+    """On each pressed surface, (n,)."""
+
+
+class Step(NamedTuple):
+    """The state at the end of a step, and the energy exchanged in it."""
+
+    position: Floats
+    """q, (N,)."""
+    rate: Floats
+    """q̇ [1/s], (N,)."""
+    parts: list[Part]
+    """Strains and stresses in this state."""
+    damped: float
+    """Energy dissipated in the step."""
+    work: float
+    """Work of the loads in the step."""
+    error: Floats
+    """Estimated errors of the nodal vectors per radian of vibration [m], (V, 3)."""
+    stress: list[Floats]
+    """Stress at the second stage, for each kind of element."""
+
+
+class _Stages(NamedTuple):
+    """Elements of one kind; each list has an entry for each of the two stages."""
+
+    slopes: list[Floats]
+    """G."""
+    spins: list[Floats]
+    """The rate of G."""
+    rates: list[Floats]
+    """ε̇."""
+    stress: list[Floats]
+    """C (ε + β ε̇)."""
+
+
+class _Kept(NamedTuple):
+    """A factorised tangent, with the step length and position it was computed for."""
+
+    span: float
+    position: Floats
+    solve: Solve
+
+
+class Gauss:
+    """The equations of motion of a body; forces and energies are divided by its modulus."""
+
+    def __init__(
+        self,
+        body: Body,
+        mass: sp.csr_matrix,
+        alpha: float,
+        beta: float,
+        pressed: Sequence[Pressed] = (),
+        drag: Floats | None = None,
+    ) -> None:
+        self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
+        self.pressed = pressed
+        size = self.mass.shape[0]
+        #: U of the equations above, (N, m).
+        self.drag = np.empty((size, 0)) if drag is None else drag
+        extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
+        self._least = LEAST * extent * math.sqrt(float(mass.diagonal().sum()))
+        self._both = _Pairs(body, self.mass, pressed)
+        self._kept: _Kept | None = None
+
+    def at(self, position: Floats) -> list[Part]:
+        """Return strains and stresses at q."""
+        return self.body.at(self.body.start + self.body.moved(position))
+
+    def stored(self, rate: Floats, parts: list[Part]) -> tuple[float, float]:
+        """Return kinetic and strain energy."""
+        strain = sum(float(np.vdot(part.strain, part.stress)) for part in parts)
+        return 0.5 * float(rate @ (self.mass @ rate)), 0.5 * strain
+
+    def impulse(self, parts: list[Part], move: Floats) -> Floats:
+        """Return the impulse of the damping against a sudden move q."""
+        return self._dragged(move) + self._viscous(parts, move)
+
+    def step(
+        self,
+        position: Floats,
+        rate: Floats,
+        parts: list[Part],
+        acting: Callable[[float], Acting],
+        span: float,
+        guess: Floats,
+        carried: list[Floats],
+    ) -> Step | None:
+        """Return the state after a span [s], or None where Newton's method finds none."""
+        # `acting` returns the loads at a share of the step. `guess`, (2, N), estimates the moves
+        # from the start to both stages, and `carried` the stress of each kind of element.
+        pushes = np.stack([acting(share).push for share in STAGES])
+        pressures = [acting(share).pressures for share in _TIMES] if self.pressed else []
+        least, size, made = self._least / span, math.inf, 0
+        moves, stress = guess, [[pull, pull] for pull in carried]
+        kept = self._kept
+        if kept is None or kept.span != span or self._turned(position - kept.position) > NEAR:
+            kept = None
+        for _ in range(TRIES):
+            speeds = _INVERSE @ moves / span
+            stages = self._stages(position, moves, speeds, parts, span)
+            inertia = self._inertia(speeds - rate, span)
+            left = inertia + self._dragged(speeds.T).T - pushes
+            for i in range(2):
+                left[i] += self._force(
+                    parts, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
+                )
+            follow = self._followed(pressures, position, moves)
+            left -= follow
+            if kept is None:
+                if made == MADE:
+                    return None
+                # The geometric stiffness takes the stress predicted by the last linear solution.
+                # The stress computed from its positions contains the spurious stretch of a
+                # linearised rotation. The static equilibrium does the same.
+                solve = self._solution(stages, stress, pressures, position, moves, span)
+                if solve is None:
+                    return None
+                kept = self._kept = _Kept(span, position + moves.mean(axis=0), solve)
+                made += 1
+            change = -kept.solve(left)
+            before, size = size, math.sqrt(abs(float(np.vdot(change, left))))
+            moves = moves + change
+            # The size of the step in the norm of a correction: A⁻² / h² has the determinant
+            # (12 / h²)², so the moves weigh √12 / h.
+            whole = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
+            if size > max(LOST * whole, before) or not math.isfinite(size):
+                if made == 0:  # the tangent of an earlier step no longer fits
+                    kept, moves, size = None, moves - change, math.inf
+                    continue
+                return None
+            if size <= max(least, LAST * whole) or LOST * whole > size >= before:
+                break
+            if size > GAIN * before or (made and self._turned(change) > NEAR):
+                kept = None
+                stress = self._predicted(stages, change, span)
+        else:
+            return None
+        speeds = _INVERSE @ moves / span
+        stages = self._stages(position, moves, speeds, parts, span)
+        end = position + 3**0.5 * (moves[1] - moves[0])
+        later = rate + 3**0.5 * (speeds[1] - speeds[0])
+        inertia = self._inertia(speeds - rate, span)
+        damped = span / 2 * float(np.vdot(speeds, self._dragged(speeds.T).T))
+        for part, stage in zip(parts, stages, strict=True):
+            for flow in stage.rates:
+                damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
+        work = (
+            span / 2 * float(np.vdot(pushes + self._followed(pressures, position, moves), speeds))
+        )
+        error = self._error(rate, parts, acting(0.0), position, inertia, kept.solve)
+        pulls = [stage.stress[1] for stage in stages]
+        return Step(end, later, self.at(end), damped, work, error, pulls)
+
+    def _error(
+        self,
+        rate: Floats,
+        parts: list[Part],
+        load: Acting,
+        position: Floats,
+        inertia: Floats,
+        solve: Solve,
+    ) -> Floats:
+        """Return the estimated errors per radian of vibration [m], (V, 3)."""
+        # The accelerations of the stages, extrapolated linearly to the start, differ from the
+        # acceleration there by h²/12 of its second derivative: by a ω⁴ h²/12 for a vibration of
+        # amplitude a and frequency ω. The error per radian is a (ω h)⁴/720, which is h²/60 times
+        # that difference. Solving with the tangent turns the difference into a move to the second
+        # stage: c₂² h²/2 times the difference where h is short; for a vibration faster than the
+        # step no more than its amplitude (Hosea and Shampine 1996).
+        wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
+        wrong = wrong + self._force(parts, [p.stress for p in parts], [p.gradients for p in parts])
+        wrong += self._dragged(rate) + self._viscous(parts, rate) - load.push
+        for pressed, pressure in zip(self.pressed, load.pressures, strict=True):
+            if pressure:
+                wrong -= pressure * pressed.force(position)
+        found = solve(np.stack([wrong, wrong]))
+        return self.body.moved(found[1] / (30 * STAGES[1] ** 2))
+
+    def _inertia(self, changes: Floats, span: float) -> Floats:
+        """Return M ẍ at the stages from the changes of their rates since the start, (2, N)."""
+        return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
+
+    def _stages(
+        self, position: Floats, moves: Floats, speeds: Floats, parts: list[Part], span: float
+    ) -> list[_Stages]:
+        places = [self.body.start + self.body.moved(position + move) for move in moves]
+        flows = [self.body.moved(speed) for speed in speeds]
+        found = []
+        for part in parts:
+            kind = part.kind
+            slopes = [kind.at(place)[1] for place in places]
+            spins = [kind.squares(flow)[1] for flow in flows]
+            rates = [kind.changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
+            stress = [
+                kind.stresses(
+                    part.strain
+                    + span * (_A[i, 0] * rates[0] + _A[i, 1] * rates[1])
+                    + self.beta * rates[i]
+                )
+                for i in range(2)
+            ]
+            found.append(_Stages(slopes, spins, rates, stress))
+        return found
+
+    def _slopes(self, stage: _Stages, span: float, i: int, k: int) -> Floats:
+        """Return the derivative of ε + β ε̇ at stage i by the move to stage k."""
+        mixed = _A[i, :] * _INVERSE[:, k]
+        mixed[i] += self.beta / span * _INVERSE[i, k]
+        turning = span * _A[i, k] + (self.beta if i == k else 0.0)
+        result: Floats = mixed[0] * stage.slopes[0]
+        result += mixed[1] * stage.slopes[1]
+        result += turning * stage.spins[k]
+        return result
+
+    def _predicted(self, stages: list[_Stages], change: Floats, span: float) -> list[list[Floats]]:
+        """Return the stress at the stages after a correction, to first order."""
+        moved = [self.body.moved(part) for part in change]
+        return [
+            [
+                stage.stress[i]
+                + kind.stresses(
+                    kind.changes(self._slopes(stage, span, i, 0), moved[0])
+                    + kind.changes(self._slopes(stage, span, i, 1), moved[1])
+                )
+                for i in range(2)
+            ]
+            for kind, stage in zip(self.body.strains, stages, strict=True)
+        ]
+
+    def _solution(
+        self,
+        stages: list[_Stages],
+        stress: list[list[Floats]],
+        pressures: list[Floats],
+        position: Floats,
+        moves: Floats,
+        span: float,
+    ) -> Solve | None:
+        """Factorise the tangent of both stages; return its solver, or None if it is singular."""
+        blocks = [
+            [
+                [
+                    kind.tangent_of(
+                        pull[i] if i == k else np.zeros_like(pull[i]),
+                        stage.slopes[i],
+                        self._slopes(stage, span, i, k),
+                    )
+                    for kind, pull, stage in zip(self.body.strains, stress, stages, strict=True)
+                ]
+                for k in range(2)
+            ]
+            for i in range(2)
+        ]
+        tangents = np.stack([[self.body.matrix(block).data for block in row] for row in blocks])
+        for point, values in enumerate(pressures):
+            reached = _reached(_TIMES[point])
+            factors = 2 * _SHARES[point] * _LAGRANGE[:, point, None] * reached
+            for number, pressure in enumerate(values):
+                if pressure:
+                    felt = self._both.follower(number, position + reached @ moves)
+                    tangents -= pressure * factors[:, :, None] * felt
+        heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
+        solve = self._both.solution(tangents, heavy)
+        drag = self.drag
+        if solve is None or not drag.size:
+            return solve
+        # Woodbury: the drag adds (U Uᵀ) A⁻¹ / h.
+        count = drag.shape[1]
+        pushes = np.zeros((2 * count, 2, len(drag)))
+        pushes[:count, 0], pushes[count:, 1] = drag.T, drag.T
+        whole = np.stack([solve(push) for push in pushes])
+        seen = (whole @ drag).reshape(2 * count, 2 * count).T
+        small = np.linalg.inv(np.kron(span * _A, np.eye(count)) + seen)
+
+        def solved(right: Floats) -> Floats:
+            found = solve(right)
+            share = small @ (found @ drag).ravel()
+            return found - np.tensordot(share, whole, 1)
+
+        return solved
+
+    def _followed(self, pressures: list[Floats], position: Floats, moves: Floats) -> Floats:
+        """Return the forces of pressures that follow their surfaces at the stages, (2, N)."""
+        # Means over the step, weighted so that a constant pressure does the work p ΔV.
+        total = np.zeros_like(moves)
+        for point, values in enumerate(pressures):
+            for pressed, pressure in zip(self.pressed, values, strict=True):
+                if pressure:
+                    push = pressed.force(position + _reached(_TIMES[point]) @ moves)
+                    share = 2 * _SHARES[point] * _LAGRANGE[:, point] * pressure
+                    total += share[:, None] * push
+        return total
+
+    def _turned(self, move: Floats) -> float:
+        return max(self.body.turn(self.body.moved(part)) for part in np.atleast_2d(move))
+
+    def _dragged(self, move: Floats) -> Floats:
+        """Return (α M + U Uᵀ) times a move or a rate."""
+        return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
+
+    def _viscous(self, parts: list[Part], move: Floats) -> Floats:
+        """Return β Gᵀ C G times a move or a rate."""
+        if self.beta == 0.0:
+            return np.zeros_like(move)
+        moved = self.body.moved(move)
+        stress = [
+            self.beta * part.kind.stresses(part.kind.changes(part.gradients, moved))
+            for part in parts
+        ]
+        return self._force(parts, stress, [part.gradients for part in parts])
+
+    def _force(self, parts: list[Part], stress: list[Floats], gradients: list[Floats]) -> Floats:
+        total = np.zeros_like(self.body.start)
+        for part, pull, slope in zip(parts, stress, gradients, strict=True):
+            total += part.kind.summed(pull, slope, len(total))
+        return self.body.along_free(total)
+
+
+class _Pairs:
+    """Linear systems for both stages: each unknown of the body occurs twice."""
+
+    def __init__(self, body: Body, mass: sp.csr_matrix, pressed: Sequence[Pressed]) -> None:
+        pattern = body.pattern()
+        size, count = pattern.shape[0], pattern.nnz
+        self._size = 2 * size
+        rows = np.repeat(np.arange(size), np.diff(pattern.indptr))
+        self._keys = rows * size + pattern.indices
+        given = mass.tocoo()
+        self._mass = np.zeros(count)
+        self._mass[self._slots(given.row * size + given.col.astype(np.int64))] = given.data
+        #: For each pressure: entries of its faces' matrices, their weights, and their slots.
+        self._pressed = [
+            (each, entry, weight, self._slots(keys))
+            for each in pressed
+            for entry, weight, keys in [crossings(each.faces, each.ways)]
+        ]
+        numbers = np.arange(count) + 1.0
+        blocks = sp.bmat(
+            [
+                [
+                    sp.csr_matrix((numbers + (2 * i + k) * count, pattern.indices, pattern.indptr))
+                    for k in range(2)
+                ]
+                for i in range(2)
+            ],
+            format="csr",
+        )
+        #: Unknowns in the order of elimination; the two of a coordinate are neighbours.
+        self._order: Ints = (body.order[:, None] + [0, size]).ravel()
+        ordered = blocks[self._order][:, self._order].tocsc()
+        self._entries = ordered.data.astype(np.int64) - 1
+        self._rows, self._starts = ordered.indices, ordered.indptr
+
+    def _slots(self, keys: Ints) -> Ints:
+        """Return the positions of entries, given as row * N + column, in the tangents' pattern."""
+        return np.searchsorted(self._keys, keys)
+
+    def follower(self, number: int, position: Floats) -> Floats:
+        """Return the derivative of the forces of a unit pressure, in the tangents' pattern."""
+        pressed, entry, weight, slots = self._pressed[number]
+        values = pressed.blocks(position).ravel()[entry] * weight
+        return np.asarray(np.bincount(slots, values, len(self._keys)), dtype=np.float64)
+
+    def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
+        """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
+        values = (tangents + heavy[:, :, None] * self._mass).ravel()[self._entries]
+        shape = self._size, self._size
+        matrix = sp.csc_matrix((values, self._rows, self._starts), shape=shape)
+        try:
+            solve = splu(
+                matrix,
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            ).solve
+        except RuntimeError:
+            return None
+
+        def solved(right: Floats) -> Floats:
+            result = np.empty(self._size)
+            result[self._order] = solve(right.ravel()[self._order])
+            return result.reshape(2, -1)
+
+        return solved
+
+
+def _reached(share: float) -> Floats:
+    """Return the weights of the moves to both stages in the move at a share of a step, (2,)."""
+    first, second = STAGES
+    return np.array(
+        [
+            share * (share - second) / (first * (first - second)),
+            share * (share - first) / (second * (second - first)),
+        ]
+    )

@@ -1,0 +1,155 @@
+"""Vector instructions for compiled loops: what Numba's own loops do not turn into any.
+
+Each function here is inlined into a loop under `spacemap_vtk.parallel.compiled` as a few LLVM
+instructions. Arrays are flat and contiguous, and nothing is checked: the caller keeps to the
+bounds that each function states. Points are read and written with their three coordinates in four
+lanes of a vector; the fourth is never read from an array of points, because it may lie behind the
+end of the memory.
+
+Numba's cache of machine code looks only at the file of the loop that calls these functions: after
+a change here, delete ``__pycache__``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+#: Bytes of a line of the cache.
+LINE = 64
+
+_INT32, _INT64 = ir.IntType(32), ir.IntType(64)
+#: A product and a sum may be rounded once, as `spacemap_vtk.parallel.compiled` allows.
+_CONTRACT = ("contract",)
+
+
+class _Emitter:
+    """Emits instructions for one call of an intrinsic function."""
+
+    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any) -> None:
+        self._context, self._builder = context, builder
+        self._types, self._arguments = signature.args, arguments
+
+    def number_type(self, place: int) -> Any:
+        """Return the type of the numbers of an array argument."""
+        return self._context.get_data_type(self._types[place].dtype)
+
+    def address(self, place: int, index: Any, kind: Any) -> Any:
+        """Return where an array argument has some number, as a pointer to a type."""
+        array = self._context.make_array(self._types[place])
+        data = array(self._context, self._builder, self._arguments[place]).data
+        return self._builder.bitcast(self._builder.gep(data, [index]), kind.as_pointer())
+
+    def load_point(self, place: int, index: Any) -> Any:
+        """Load three numbers into a vector of four; the fourth is the third once more."""
+        # Two loads: a masked one of all three takes three times as long on AMD's Zen 5.
+        number = self.number_type(place)
+        kind = ir.VectorType(number, 2)
+        low = self._builder.load(self.address(place, index, kind), align=_size(number))
+        after = self._builder.add(index, ir.Constant(_INT64, 2))
+        high = self._builder.load(self.address(place, after, number))
+        pair = self._builder.insert_element(ir.Constant(kind, ir.Undefined), high, _INT32(0))
+        mask = ir.Constant(ir.VectorType(_INT32, 4), [0, 1, 2, 2])
+        return self._builder.shuffle_vector(low, pair, mask)
+
+    def load(self, place: int, index: Any) -> Any:
+        """Load four numbers."""
+        number = self.number_type(place)
+        pointer = self.address(place, index, ir.VectorType(number, 4))
+        return self._builder.load(pointer, align=_size(number))
+
+    def store(self, vector: Any, place: int, index: Any) -> None:
+        """Store four numbers."""
+        number = self.number_type(place)
+        pointer = self.address(place, index, vector.type)
+        self._builder.store(vector, pointer, align=_size(number))
+
+    def cast(self, vector: Any, number: Any) -> Any:
+        """Return a vector of four in another precision."""
+        if vector.type.element == number:
+            return vector
+        kind = ir.VectorType(number, 4)
+        wider = isinstance(number, ir.DoubleType)
+        return (self._builder.fpext if wider else self._builder.fptrunc)(vector, kind)
+
+    def lane(self, vector: Any, which: int) -> Any:
+        """Return a vector of four times the same number."""
+        mask = ir.Constant(ir.VectorType(_INT32, 4), [which] * 4)
+        return self._builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
+
+
+def _size(number: Any) -> int:
+    return 8 if isinstance(number, ir.DoubleType) else 4
+
+
+@intrinsic
+def subtract_point(
+    _context: Any, points: Any, i: Any, origins: Any, j: Any, result: Any, k: Any
+) -> Any:
+    """Write ``points[i : i + 3] - origins[j : j + 3]`` to ``result[k]`` on, and one number more."""
+    # `origins` is of the type of `points`, and has a number at ``j + 3``. The difference is taken
+    # in the precision of the points, and then rounded.
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        on = _Emitter(context, builder, signature, arguments)
+        away = builder.fsub(on.load_point(0, arguments[1]), on.load(2, arguments[3]))
+        on.store(on.cast(away, on.number_type(4)), 4, arguments[5])
+        return context.get_dummy_value()
+
+    return types.void(points, types.intp, origins, types.intp, result, types.intp), emit
+
+
+@intrinsic
+def map_point(
+    _context: Any, maps: Any, row: Any, points: Any, i: Any, shift: Any, moved: Any, k: Any
+) -> Any:
+    """Write the displacement and new place of ``points[i : i + 3]``, and one number more each."""
+    # A row of `maps` has 20 numbers in double precision: the origin, the displacement there, and
+    # what this gains along x, y and z, each with a zero behind it. `shift` and `moved` are of the
+    # type of `points`, and written from `k` up to ``k + 3``.
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        on = _Emitter(context, builder, signature, arguments)
+        number = on.number_type(2)
+        first = builder.mul(arguments[1], ir.Constant(_INT64, 20))
+        origin, constant, *slopes = (
+            on.load(0, builder.add(first, ir.Constant(_INT64, 4 * k))) for k in range(5)
+        )
+        point = on.load_point(2, arguments[3])
+        away = builder.fsub(on.cast(point, ir.DoubleType()), origin)
+        total = constant
+        for axis, slope in enumerate(slopes):
+            gain = builder.fmul(slope, on.lane(away, axis), flags=_CONTRACT)
+            total = builder.fadd(total, gain, flags=_CONTRACT)
+        # The place follows from the rounded displacement, so that the two agree to the last bit.
+        rounded = on.cast(total, number)
+        on.store(rounded, 4, arguments[6])
+        on.store(builder.fadd(point, rounded), 5, arguments[6])
+        return context.get_dummy_value()
+
+    whole = types.intp
+    return types.void(maps, whole, points, whole, shift, moved, whole), emit
+
+
+@intrinsic
+def stream_line(_context: Any, target: Any, i: Any, source: Any, j: Any) -> Any:
+    """Copy 64 bytes from ``source[j]`` on to memory past the cache, from ``target[i]`` on."""
+    # They must begin at a border of 64 bytes in `target`: the processor ends the program otherwise.
+    # It need not read the line before it writes it, and keeps in the cache what was there. Other
+    # threads see what was written once this one has released a lock, as each thread does that
+    # returns from a compiled loop to Python.
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        on = _Emitter(context, builder, signature, arguments)
+        number = on.number_type(0)
+        kind = ir.VectorType(number, LINE // _size(number))
+        line = builder.load(on.address(2, arguments[3], kind), align=_size(number))
+        store = builder.store(line, on.address(0, arguments[1], kind), align=LINE)
+        hint = builder.module.add_metadata([ir.Constant(_INT32, 1)])
+        store.set_metadata("nontemporal", hint)
+        return context.get_dummy_value()
+
+    return types.void(target, types.intp, source, types.intp), emit

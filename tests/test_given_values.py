@@ -1,0 +1,88 @@
+"""A given value counts as given, also where it equals the default."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from spacemap_vtk import ModalResponse
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.origin import values_of
+from spacemap_vtk.scenes.scene import Scene
+
+AUTOMATIC = [
+    (section, name, parameter)
+    for section, cls in sections().items()
+    for name, parameter in cls.parameters.items()
+    if parameter.automatic
+]
+#: Automatic for objects alone: of cloth they have a value of their own.
+OF_OBJECTS = [each for each in AUTOMATIC if each[2].default is not None]
+
+
+def test_what_is_automatic_has_no_default_that_could_be_given() -> None:
+    assert {name for _, name, _ in OF_OBJECTS} == {"camera", "divisions", "fixed", "youngs_modulus"}
+    assert len(AUTOMATIC) > 40
+
+
+@pytest.mark.parametrize(("section", "name", "parameter"), OF_OBJECTS)
+def test_of_an_object_a_value_that_cloth_has_by_itself_is_given(
+    section: str, name: str, parameter: Parameter[Any]
+) -> None:
+    scene = Scene({"object": {}, section: {name: parameter.default}})
+    assert getattr(scene.parts[section], name) == parameter.default
+    assert getattr(Scene({"object": {}}).parts[section], name) is None
+
+
+@pytest.mark.parametrize(
+    "damping", [{"damping_ratio": 0.05}, {"damping_pairs": [[1, 0.1], [9, 0.1]]}]
+)
+@pytest.mark.parametrize("alpha", [1.0, 2.0])
+def test_two_ways_of_damping_contradict_each_other(damping: dict[str, Any], alpha: float) -> None:
+    for response in (
+        ModalResponse(alpha=alpha, **damping),
+        Scene({"response": {"alpha": alpha, **damping}}).response,
+    ):
+        with pytest.raises(InputError, match="alpha both say how much is damped"):
+            response.check()
+    ModalResponse(**damping).check()
+    assert ModalResponse().damping.alpha == 1.0
+
+
+def test_a_given_value_that_does_not_count_is_reported() -> None:
+    weave = {"ends": 2, "picks": 2}
+    for modulus in ("1 MPa", "2 MPa"):
+        modal = {"material": "denim", "youngs_modulus": modulus, "modes": 2}
+        scene = Scene({"weave": weave, "cage": {"divisions": [1, 1, 1]}, "modal": modal})
+        scene.update()
+        assert any("modal.youngs_modulus does not count" in text for text in scene.warnings)
+
+
+def test_a_given_pattern_that_a_draft_replaces_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("1100\n0110\n")
+    for pattern, said in (({"pattern": "plain"}, True), ({}, False)):
+        scene = Scene({"weave": {"draft": str(tmp_path / "a.txt"), **pattern}})
+        scene.update()
+        assert any("weave.pattern does not count" in text for text in scene.warnings) == said
+
+
+def test_given_gravity_survives_records_and_copies() -> None:
+    values = {"modal": {"gravity": [0, -9.80665, 0]}, "response": {"gravity": [0, 0, "-1 g"]}}
+    scene = Scene(values)
+    down = (0.0, 0.0, -9.80665)
+    assert Scene(values_of(scene)).response.gravity == down
+    copy = Scene({})
+    copy.take({name: part.settings for name, part in scene.parts.items()}, scene.given)
+    assert copy.response.gravity == down
+    assert "gravity" not in values_of(Scene({"response": {}}))["response"]
+
+
+def test_a_style_that_a_scene_gives_keeps_its_background_in_a_dark_window() -> None:
+    usual = Scene({}).view
+    assert usual.within(dark=True).background is not None
+    given = Scene({"view": {"style": usual.style}}).view
+    assert given.within(dark=True) is given

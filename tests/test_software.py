@@ -1,0 +1,170 @@
+"""Pictures drawn without OpenGL, against those that OpenGL draws of the same scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_cli import run
+
+from spacemap_vtk.draw.graphics import VARIABLE, prepare_offscreen
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.sheets import mode_sheet
+from spacemap_vtk.draw.surface_actor import scale_share
+from spacemap_vtk.scenes.scene import Scene
+
+pytest.importorskip("numba")
+
+SIZE = (320, 240)
+#: A cloth that swings, small and soon solved.
+SWING: dict[str, Any] = {
+    "weave": {"ends": 4, "picks": 4},
+    "cage": {"divisions": [2, 2, 1]},
+    "modal": {"modes": 6},
+    "response": {"loads": [{"gravity": [0.0, 0.0, -9.81]}]},
+}
+#: What each view differs in from the usual one, and by how much pictures of it may differ in the
+#: mean, in levels of 255: thin lines and letters are smoothed by OpenGL in its own way.
+VIEWS: dict[str, tuple[dict[str, Any], float]] = {
+    "fibres and soft shadows": ({"show": "fabric"}, 0.1),
+    "near": ({"show": "fabric", "zoom": 4.0}, 0.2),
+    "the face, flat": ({"show": "fabric", "camera": "face"}, 0.1),
+    "outlines": ({"show": "fabric", "style": "paper"}, 0.3),
+    "tinted": ({"show": "fabric", "style": "blueprint"}, 0.5),
+    "numbers": ({"show": "fabric", "color": "displacement"}, 1.0),
+    "families": ({"show": "fabric", "color": "family"}, 0.1),
+    "cut open": ({"show": "fabric", "clip_normal": (1.0, 0.0, 0.0)}, 0.1),
+    "a cage": ({"show": "cage"}, 1.0),
+    "a cage over its fabric": ({"show": "both"}, 1.5),
+    "ghost and ground": ({"show": "fabric", "ghost": True, "ground": True}, 0.3),
+    "loads": ({"show": "fabric", "loads": True}, 0.5),
+    "written over": (
+        {"show": "fabric", "scale_bar": True, "triad": True, "time_stamp": True},
+        0.8,
+    ),
+}
+
+
+def picture(scene: Scene, time: float = 0.02) -> np.ndarray:
+    drawn = Picture(scene, [time], SIZE)
+    image = drawn.draw(time)
+    drawn.close()
+    return image.astype(int)
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_the_picture_is_that_of_opengl(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    prepare_offscreen()
+    view, most = VIEWS[name]
+    scene = Scene({**SWING, "view": view})
+    expected = picture(scene)
+    monkeypatch.setenv(VARIABLE, "never")
+    made = picture(scene)
+    if "color" in view:  # a scale at the right has letters and strip in much the same places
+        share = round((1.0 - scale_share(SIZE)) * SIZE[0])
+        assert np.abs(made - expected)[:, share:].mean() < 20.0
+        made, expected = made[:, :share], expected[:, :share]
+    # That it draws the cloth at all: half of a difference would be that of an empty picture.
+    bare = np.abs(expected - np.median(expected, axis=(0, 1))).mean()
+    assert np.abs(made - expected).mean() < min(most, 0.5 * bare)
+
+
+def test_a_painted_object_is_that_of_opengl(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare_offscreen()
+    x, y = np.meshgrid(np.arange(64), np.arange(64))
+    Image.fromarray(np.stack([4 * x, 4 * y, 255 - 4 * x], axis=2).astype(np.uint8)).save(
+        tmp_path / "a.png"
+    )
+    (tmp_path / "a.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
+    )
+    values = {"file": str(tmp_path / "a.obj"), "texture": str(tmp_path / "a.png")}
+    scene = Scene({"object": values})
+    expected = picture(scene)
+    monkeypatch.setenv(VARIABLE, "never")
+    assert np.abs(picture(scene) - expected).mean() < 0.5
+
+
+def test_shapes_of_modes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepare_offscreen()
+    scene = Scene({**SWING, "modal": {"modes": 1}})
+    expected = mode_sheet(scene, lambda *_: None).astype(int)
+    monkeypatch.setenv(VARIABLE, "never")
+    assert np.abs(mode_sheet(scene, lambda *_: None) - expected).mean() < 0.8
+
+
+def test_a_bare_machine_draws_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from spacemap_vtk.draw import offscreen
+
+    def crash() -> None:
+        raise AssertionError("VTK's window would end this process")
+
+    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setattr(offscreen, "vtkRenderWindow", crash)
+    file = tmp_path / "a.png"
+    assert run("render", "twill_2_2", "-o", str(file), "--size", "320x240") == 0
+    said = capsys.readouterr().err.splitlines()
+    lines = [line for line in said if "apt-get install libegl1 libgl1" in line]
+    assert len(lines) == 1
+    assert "drawn without OpenGL" in lines[0]
+    pixels = np.asarray(Image.open(file).convert("RGB")).astype(int)
+    # Blue ends, and picks of a warm white on a cool ground.
+    blue, pale = pixels[..., 2] - pixels[..., 0] > 40, pixels[..., 0] - pixels[..., 2] > 5
+    assert blue.mean() > 0.1
+    assert pale.mean() > 0.1
+
+
+def test_a_face_of_thin_yarns_is_drawn_yarn_by_yarn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With OpenGL it is a sheet, which is not drawn without."""
+    monkeypatch.setenv(VARIABLE, "never")
+    file, words = tmp_path / "a.png", ["--set", "weave.ends=60", "--set", "weave.picks=60"]
+    face = ["--set", "view.camera=face", "--size", "80x80"]
+    assert run("render", "twill_2_2", "-o", str(file), *words, *face) == 0
+    assert np.ptp(np.asarray(Image.open(file).convert("RGB")).astype(int), axis=(0, 1)).min() > 40
+
+
+def test_a_sheet_names_what_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepare_offscreen()
+    monkeypatch.setattr("spacemap_vtk.draw.form._MANY_PATCHES", 1)
+    monkeypatch.setenv(VARIABLE, "never")
+    file = tmp_path / "a.png"
+    words = ["--set", "weave.ends=60", "--set", "weave.picks=60", "--size", "80x60"]
+    assert run("render", "twill_2_2", "-o", str(file), *words) == 1
+    said = capsys.readouterr().err
+    assert "drawn as a sheet needs an OpenGL library" in said
+    assert "apt-get install libegl1 libgl1" in said
+    assert not file.exists()
+
+
+def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "never")
+    file, words = tmp_path / "a.gif", ["--set", "animation.stop=0.02", "--workers", "1"]
+    small = ["--size", "80x60", "--set", "weave.ends=3", "--set", "weave.picks=3"]
+    assert run("animate", "plain_weave", "-o", str(file), *small, *words) == 0
+    with Image.open(file) as film:
+        assert film.n_frames > 1
+        frames = []
+        for number in range(film.n_frames):
+            film.seek(number)
+            frames.append(np.asarray(film.convert("RGB")).astype(int))
+    assert np.ptp(frames[0], axis=(0, 1)).min() > 40
+    assert np.abs(frames[0] - frames[-1]).mean() > 0.1
+
+
+def test_nothing_is_kept_beside_the_program() -> None:
+    """What pip did not install would outlive it, and hide an editable install of the same."""
+    from spacemap_vtk.draw import raster_loops
+
+    for loop in (raster_loops.fill, raster_loops.shade):
+        assert type(loop._cache).__name__ == "NullCache"
