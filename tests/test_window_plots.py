@@ -385,7 +385,10 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     monkeypatch.setattr(plots_tab, "curves_of", slow)
     plots.curves = None
     window.tabs.setCurrentWidget(plots)
-    wait_until(lambda: plots.bar.isVisible() and plots.bar.value() >= 10)
+    # A report of earlier work may still be on its way to the bar.
+    wait_until(
+        lambda: plots.bar.isVisible() and max(seen, default=0.0) >= 0.1 <= plots.bar.value() / 100
+    )
     assert seen == sorted(seen)
     assert 0.0 <= seen[0] < seen[-1] <= 1.0
     assert plots.run.text() == "Cancel"

@@ -62,6 +62,8 @@ def settled(window: Any) -> bool:
 def as_new(window: Any) -> Any:
     """Take back what tests do to a window that another scene does not; return it."""
     window.setFocus()  # what is being typed
+    # A message of the test before would hide the status line, which is then not laid out.
+    window.statusBar().clearMessage()
     window.resize(1200, 800)
     window.splitter.setSizes([310, 770, 360])
     page = window.properties
