@@ -324,12 +324,13 @@ def test_a_picture_of_a_doubtful_draft_has_one_line_of_warning(
     assert "weave.trim" not in line
 
 
+@pytest.mark.parametrize("ending", [".wpo", ".vtu"])
 def test_convert_lists_the_endings_of_drafts_only(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "a.wif"
     file.write_text(SMALL_DRAFT.format(ends=6, warp="", weft=""))
-    message = refused(capsys, "convert", str(file), str(tmp_path / "a.wpo"))
+    message = refused(capsys, "convert", str(file), str(tmp_path / f"a{ending}"))
     allowed = message.partition("allowed: ")[2]
     for ending in written("draft"):
         assert ending in allowed

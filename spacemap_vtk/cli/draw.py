@@ -35,7 +35,7 @@ from spacemap_vtk.cli.options import (
 from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import whole_file
+from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -302,7 +302,9 @@ def convert(
     """
     from spacemap_vtk.io.draft_file import read_draft
 
-    Order("draft", output)  # refuses what cannot be written
+    check_output(output, registry.written("draft"))
+    format_ = registry.writer(output, "draft")
+    format_.check(output)
     known = [ending for each in registry.readers("draft") for ending in each.endings]
     if draft.suffix.lower() not in known:
         raise InputError(
@@ -311,7 +313,6 @@ def convert(
             cure='Of a scene "spacemap export" makes a draft.',
         )
     found = read_draft(registry.existing(draft, ", ".join(known)), trim)
-    format_ = registry.writer(output, "draft")
     with whole_file(output) as file:
         format_.write(file, found)
     if not quiet:
