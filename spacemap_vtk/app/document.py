@@ -122,7 +122,7 @@ class Document(QObject):
             raise
         self.file = self.source = target
         self._folder = target.parent
-        self._saved_draft = self.scene.weave.draft
+        self._saved_draft = self.scene.draft_file
         self._clean = self._settings()
         self.undo.setClean()
         if self.text != before.text:
@@ -133,11 +133,11 @@ class Document(QObject):
         """Write the draft, refer to its file if it had none; return what is lost or unsaved."""
         path = path.resolve()
         check_output(path, registry.written("draft"))
-        draft, format_ = self.scene.weave.wif, registry.writer(path, "draft")
+        draft, format_ = self.scene.draft, registry.writer(path, "draft")
         self.remember(path)
         with whole_file(path) as file:
             format_.write(file, draft)
-        if adopt or self.drafts.holds(self.scene.weave.draft):
+        if adopt or self.drafts.holds(self.scene.draft_file):
             beside = self.file is not None and path.parent == self._folder
             self._put("weave", "draft", path.name if beside else str(path))
             self._scene = Scene(self.values, self.base)
@@ -384,7 +384,7 @@ class Document(QObject):
         self._parse(text)
         self._scene = read or Scene(self.values, self.base)
         self._scene.file = self.base  # a draft's is not the scene's
-        self._saved_draft = self.scene.weave.draft if self.file else None
+        self._saved_draft = self.scene.draft_file if self.file else None
         self._clean = self._settings()
         self._overwritten.clear()
         self._off.clear()
@@ -438,8 +438,8 @@ class Document(QObject):
 
     def _save_draft(self, target: Path, folder: Path) -> None:
         """Let an edited draft lie beside the scene that is being saved, by way of a folder."""
-        draft = self.scene.weave.draft
-        if not self.drafts.holds(draft):
+        draft = self.scene.draft_file
+        if draft is None or not self.drafts.holds(draft):
             return
         # Only the scene's own draft is written over, never another file of that name.
         beside = free = target.with_suffix(".wif")

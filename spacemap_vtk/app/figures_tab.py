@@ -28,7 +28,13 @@ from spacemap_vtk.draw.page import Paper, page
 from spacemap_vtk.draw.section_drawing import Colors, section_tile
 from spacemap_vtk.fabric.cross_section import CrossSection, cross_section
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.figure_list import Figure, cloth_figures, with_unit, yarn_figures
+from spacemap_vtk.scenes.figure_list import (
+    Figure,
+    cloth_figures,
+    textile_figures,
+    with_unit,
+    yarn_figures,
+)
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import UNITS
 
@@ -40,6 +46,7 @@ _DPI, _NARROWEST = 100.0, 240
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
     "Peirce's figures where a yarn changes side, and what they make of the cloth.",
+    "This scene is not woven: these are its own figures.",
     "An object has no yarns.",
 )
 _TIPS = {
@@ -190,18 +197,20 @@ class FiguresTab(QWidget):
 
     def _known(self) -> Any:
         scene = self._document.scene
-        return scene.woven, scene.weave.settings
+        return scene.woven, scene.source.settings
 
     def _ask(self) -> None:
         known = self._known()
         if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
             return  # where a cloth cannot be woven, all that is seen is of the last good one
-        self.hint.setText(_HINTS[not known[0]])
         self._asked, self._whole = known, not known[0]
+        textile = self._document.scene.textile
         if known[0]:
+            self.hint.setText(_HINTS[0])
             self._engine.ask_beside(partial(_figures, known=known))
         else:
-            self._show([])
+            self.hint.setText(_HINTS[1 if textile is not None else 2])
+            self._show([(f,) for f in textile_figures(textile)] if textile is not None else [])
 
     def _ready(self, result: Any) -> None:
         if isinstance(result, Exception) and self.isVisible() and not self._whole:

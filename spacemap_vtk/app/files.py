@@ -124,7 +124,7 @@ class Files(QObject):
     def _record(self, path: Path, view: View3D) -> Record | None:
         """Return how a picture of that size, seen so, is made again; of an edited draft nothing."""
         scene = self._document.scene
-        if view.frame is None or self._document.drafts.holds(scene.weave.draft):
+        if view.frame is None or self._document.drafts.holds(scene.draft_file):
             return None
         height, width, _ = view.image().shape
         times = [view.frame.time]

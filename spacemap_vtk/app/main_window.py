@@ -139,7 +139,7 @@ class MainWindow(QMainWindow):
     def report(self, about: str, error: BaseException) -> None:
         """Show an error, and mark the field that it names."""
         self.errors.say(error, about)
-        draft = self.document.scene.weave.draft
+        draft = self.document.scene.draft_file
         if isinstance(error, SpacemapError) and draft and error.file == str(draft):
             # What is wrong inside the file has no field but the file's.
             error.section, error.key = "weave", "draft"

@@ -189,7 +189,7 @@ class Menus(QObject):
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene, if it is made of files that will be there later."""
-        if self._document.drafts.holds(self._document.scene.weave.draft):
+        if self._document.drafts.holds(self._document.scene.draft_file):
             words = "The draft is edited and in no file yet: save the scene, then copy"
             self.refused.emit(InputError(words))
             return

@@ -90,7 +90,7 @@ class PullTab(QWidget):
         """Find the map of the present cloth, if it is seen."""
         scene = self._document.scene
         stage = scene.stage("crimp")
-        known = scene.woven, scene.weave.settings, None if stage is None else stage.settings
+        known = scene.woven, scene.source.settings, None if stage is None else stage.settings
         if not self.isVisible() or known == self._known:
             return
         self._known, self._crossings, found = known, None, None

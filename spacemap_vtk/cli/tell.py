@@ -90,8 +90,9 @@ def info(
 
 
 def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
-    """Print an object's figures, and its cage's."""
+    """Print the figures of an object or a textile that is not woven, and its cage's."""
     from spacemap_vtk.scenes.anatomy import body
+    from spacemap_vtk.scenes.figure_list import textile_figures
 
     with progress(scene, "Measuring", quiet):
         figures = body(scene)
@@ -99,6 +100,8 @@ def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
         print_json(figures)
         return
     print_plain(scene.title)
+    if scene.textile is not None:
+        print_labelled((f.label, f.told) for f in textile_figures(scene.textile))
     print_labelled(_rows(figures))
     tell_warnings(scene, quiet)
 

@@ -114,11 +114,11 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
     first = sweep.runs[0].scene()
     panels = asked.panels
     if not panels:
-        still = not scene.moves and scene.source is scene.weave and len(sweep.runs) == 1
+        still = not scene.moves and scene.woven and len(sweep.runs) == 1
         panels = ("draft", "cloth", "section") if still else ("pictures",)
     if not scene.woven and (no := [name for name in panels if name != "pictures"]):
         raise InputError(
-            f"{scene.title}: an object has no weave",
+            f"{scene.title}: this scene is not woven",
             key="--panels",
             value=no[0],
             allowed="pictures",

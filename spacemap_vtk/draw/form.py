@@ -83,7 +83,7 @@ class Sheet:
     @classmethod
     def of(cls, scene: Scene, fits: bool = True, few: int | None = None) -> Sheet | None:
         """Return a scene's sheet; None where yarns are few, and fit into memory, or all must."""
-        if not scene.woven or scene.source is not scene.weave:
+        if not scene.woven:
             return None
         try:
             patches = estimate_counts(scene.weave.cloth).patches
@@ -131,7 +131,7 @@ class Sheet:
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
-        return same and scene.weave.cloth is self.cloth and scene.source is scene.weave
+        return same and scene.woven and scene.weave.cloth is self.cloth
 
     @property
     def one(self) -> Piece:

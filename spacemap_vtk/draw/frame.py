@@ -100,7 +100,7 @@ def frame_of(
         cage,
         scene.view.color,
         scene.painting,
-        closed=scene.woven and scene.weave.caps and cloth is None,
+        closed=scene.textile is not None and scene.textile.closed and cloth is None,
         relief=relief_of(scene),
         camera=camera_of(scene),
         in_use={
@@ -122,8 +122,8 @@ def camera_of(scene: Scene) -> str:
 
 def relief_of(scene: Scene) -> float:
     """Return how deep a scene's folds are in m, by which contact shadows are made."""
-    if scene.woven:
-        return float(max(np.max(yarns.diameter) for yarns in scene.weave.cloth.yarns))
+    if scene.textile is not None:
+        return float(scene.textile.yarn_diameters.max())
     return _OBJECT_RELIEF * float(scene.source.GetOutputDataObject(0).GetLength())
 
 

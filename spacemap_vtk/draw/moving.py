@@ -344,7 +344,7 @@ def _taken(
 
 def _subdivide(scene: Scene, sides: int, say: Say) -> None:
     """Subdivide patches as asked, or less than the scene says where a file would be too large."""
-    if scene.source is scene.weave and scene.stages[-1] is scene.surface:
+    if scene.woven and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
         patches = estimate_counts(scene.weave.cloth).patches
         chosen = sides or max(1, min(usual, int((_POINTS / patches) ** 0.5)))
@@ -359,7 +359,7 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
 
 def _require_patches(scene: Scene, most: int) -> None:
     """Refuse a weave that would not fit into memory, or into a file, before any memory is taken."""
-    if scene.source is not scene.weave or scene.stages[-1] is not scene.surface:
+    if not scene.woven or scene.stages[-1] is not scene.surface:
         return
     counts, sides = estimate_counts(scene.weave.cloth), scene.surface.sides
     points, triangles = counts.patches * (sides + 1) ** 2, 2 * counts.patches * sides**2
@@ -519,6 +519,6 @@ def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> I
 
 def _default_tolerance(scene: Scene) -> float:
     """Return a distance that is not seen."""
-    if scene.source is scene.weave:
-        return _OF_YARN * min(float(yarns.diameter.min()) for yarns in scene.weave.cloth.yarns)
+    if scene.textile is not None:
+        return _OF_YARN * float(scene.textile.yarn_diameters.min())
     return _OF_SIZE * float(np.ptp(points_of(scene.polygons), axis=0).max())

@@ -93,7 +93,7 @@ def require_mitsuba() -> None:
 def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
     """Return a scene's cloth at a time, traced by so many rays a pixel."""
     require_mitsuba()
-    if scene.source is not scene.weave:
+    if not scene.woven:
         raise InputError(
             "rays are traced from fibre to fibre, and this is no weave", key="raytrace"
         )

@@ -39,7 +39,7 @@ class SeenYarns:
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
         self._scene, self._strands, self._times = scene, strands, times
         self._made: Weave | None = None
-        if scene.source is scene.weave:
+        if scene.woven:
             made = build(scene.weave.cloth, kind=np.float32)
             # a part of a weave has other points
             if len(made.points) == scene.patches.GetNumberOfPoints():

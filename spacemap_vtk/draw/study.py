@@ -38,6 +38,7 @@ from spacemap_vtk.scenes.figure_list import (
     in_table,
     mode_figures,
     motion_figures,
+    textile_figures,
     with_unit,
     yarn_figures,
 )
@@ -99,6 +100,8 @@ def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
         yield from cloth_figures(found, both=True)
         yield from motion_figures(found.get("motion"))
     else:
+        if scene.textile is not None:
+            yield from textile_figures(scene.textile)
         yield from body_figures(anatomy.body(scene))
     if scene.stage("solver") is not None:
         modes = report.modes(scene)

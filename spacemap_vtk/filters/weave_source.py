@@ -22,6 +22,7 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.filters.base import Provided, written
+from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words, refusal
@@ -34,7 +35,7 @@ SIZE = 7
 _CROSSING_BYTES = 4
 
 
-class WeaveSource(WeaveParameters):
+class WeaveSource(WeaveParameters, Textile):
     """Make any woven fabric by Peirce's exact geometry, as bicubic Bézier patches.
 
     A yarn is arc, straight, arc where it changes side between neighbouring crossings, and straight
@@ -118,6 +119,21 @@ class WeaveSource(WeaveParameters):
         return weave.estimate_counts(cloth)
 
     @property
+    def yarn_diameters(self) -> Floats:
+        """The diameter of each yarn, of a flattened one its height [m], (yarns,)."""
+        return np.concatenate([yarns.diameter for yarns in self.cloth.yarns])
+
+    @property
+    def families(self) -> dict[str, int]:
+        """The number of ends, and of picks."""
+        return dict(zip(FAMILIES, self.cloth.size, strict=True))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the ends of yarns are closed by caps."""
+        return bool(self.caps)
+
+    @property
     def single(self) -> bool:
         """Whether control points are in single precision."""
         return self.precision == "single"
@@ -140,17 +156,8 @@ class WeaveSource(WeaveParameters):
 
     @property
     def wif(self) -> Draft:
-        """The draft of the fabric: the file's own, as far as no parameter changes it.
-
-        It is a draft of yarns that have no room to be woven, too.
-
-        Raises
-        ------
-        InputError
-            If the draft cannot be read, or a WIF cannot hold the distances between the yarns.
-        SizeError
-            If the crossings would not fit into memory.
-        """
+        """The draft of the fabric: the file's own, as far as no parameter changes it."""
+        # Also of yarns that have no room to be woven.
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
         return as_draft(self.cloth, self.source, self.asked, title)

@@ -1,4 +1,4 @@
-"""An object's figures, and its cage's: what ``info`` tells of a scene without yarns."""
+"""The figures of an object or a textile that is not woven, and of its cage."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ _NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataM
 
 
 def body(scene: Scene) -> dict[str, Any]:
-    """Return the figures of a scene's object, and of its cage if it has one."""
+    """Return the figures of a scene's object or textile, and of its cage if it has one."""
     scene.update_stage(scene.source)
-    data, picture = scene.source.GetOutputDataObject(0), scene.object.picture
+    data, picture = scene.source.GetOutputDataObject(0), scene.painting
     places = points_of(data).astype(np.float64, copy=False)
     low, high = places.min(axis=0), places.max(axis=0)
     points, triangles = outline(data, polygons_of(data))
     triangles = triangles[triangles[:, 1] != triangles[:, 2]]
     open_, branching = edge_faults(triangles, points)
     figures: dict[str, Any] = {
-        "file": str(scene.object.file),
+        "textile": textile(scene),
+        "file": str(scene.object.file) if scene.source is scene.object else None,
         "type": data.GetClassName(),
         "points": data.GetNumberOfPoints(),
         "cells": data.GetNumberOfCells(),
@@ -59,6 +60,21 @@ def body(scene: Scene) -> dict[str, Any]:
             figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
     figures["warnings"] = scene.warnings
     return figures
+
+
+def textile(scene: Scene) -> dict[str, Any] | None:
+    """Return what a scene's source says of its yarns; None of an object."""
+    made = scene.textile
+    if made is None:
+        return None
+    diameters = made.yarn_diameters
+    return {
+        "kind": scene.source.section,
+        "yarns": len(diameters),
+        "families": dict(made.families),
+        "diameters": [float(diameters.min()), float(diameters.max())],
+        **{measure.key: measure.value for measure in made.measures},
+    }
 
 
 def _cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[in
 
 
 def _is_flat(scene: Scene) -> bool:
-    return scene.view.camera == FLAT and not scene.moves and scene.source is scene.weave
+    return scene.view.camera == FLAT and not scene.moves and scene.woven
 
 
 def lengths_of(cloth: Cloth) -> list[float]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.units import UNITS, format_quantity
 
@@ -181,6 +182,22 @@ def body_figures(figures: dict[str, Any]) -> list[Figure]:
     cage = figures["cage"] or {}
     units = {"vertices": "", "tetrahedra": "", "volume": "m3", "points_outside": ""}
     return counts + [Figure(f"cage_{k}", k, "", cage[k], u) for k, u in units.items() if k in cage]
+
+
+def textile_figures(textile: Textile) -> list[Figure]:
+    """Return what a source that is not woven says of its yarns."""
+    diameters = textile.yarn_diameters
+    low, high = float(diameters.min()), float(diameters.max())
+    told = _cell(low, "m") if low == high else f"{_cell(low, 'm')} to {_cell(high, 'm')}"
+    families = ", ".join(f"{count} {name}" for name, count in textile.families.items())
+    return [
+        Figure("yarns", "yarns", families, len(diameters)),
+        Figure("diameter", "diameter d", told, float(diameters.mean()), "m"),
+        *(
+            Figure(key, label, _cell(value, unit), value, unit)
+            for key, label, value, unit in textile.measures
+        ),
+    ]
 
 
 def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:

@@ -267,7 +267,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures."""
     if not scene.woven:
         raise InputError(
-            f"{scene.file}: this scene shows an object, and an object has no yarns",
+            f"{scene.file}: this scene is not woven",
             cure="Its own figures are those of `spacemap_vtk.scenes.anatomy.body`.",
         )
     if time is not None and not scene.moves:

@@ -25,6 +25,7 @@ from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
+from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
@@ -74,7 +75,7 @@ class Scene:
             for name, cls in sections().items()
         }
         # Those that come with the program, connected or not.
-        self.weave, self.object = self.part(WeaveSource), self.part(ObjectSource)
+        self.object = self.part(ObjectSource)
         self.cage, self.modal = self.part(TetraCage), self.part(ModalSolver)
         self.response, self.motion = self.part(ModalResponse), self.part(MotionReader)
         self.warp, self.surface = self.part(BarycentricWarp), self.part(PatchTessellator)
@@ -167,9 +168,36 @@ class Scene:
         return self.stages[0]
 
     @property
+    def textile(self) -> Textile | None:
+        """The source as a textile; None where it makes no yarns."""
+        return self.source if isinstance(self.source, Textile) else None
+
+    @property
     def woven(self) -> bool:
-        """Whether it has yarns."""
-        return "yarn" in self.arrays
+        """Whether its source is a weave."""
+        return isinstance(self.source, WeaveSource)
+
+    @property
+    def weave(self) -> WeaveSource:
+        """The source of a woven scene.
+
+        Raises
+        ------
+        InputError
+            If the source is anything else: it has no ends and picks, and no draft.
+        """
+        if not isinstance(self.source, WeaveSource):
+            raise InputError(
+                f"{self.file or self.title}: this scene is not woven",
+                key=self.source.section,
+                cure="Weaves have a section [weave], or are drafts.",
+            )
+        return self.source
+
+    @property
+    def draft_file(self) -> Path | None:
+        """The file of the draft that it weaves; None where there is none."""
+        return self.weave.draft if self.woven else None
 
     @property
     def moves(self) -> bool:
@@ -286,7 +314,7 @@ class Scene:
         """
         with self.naming_file():
             found = self.obstacle() if self.woven else None
-            draft = None if any(part == "weave" for part, _ in self.assigned) else self.weave.draft
+            draft = None if any(part == "weave" for part, _ in self.assigned) else self.draft_file
             # What is too large can be drawn: in parts, or from afar.
             impossible = isinstance(found, GeometryError)
             if found is not None and impossible and (draft is None or draft != self.file):
@@ -400,7 +428,12 @@ class Scene:
     def draft(self) -> Draft:
         """The draft of the weave; needs no update."""
         with self.naming_file(), naming_section("weave"):
-            draft = self.weave.wif
+            draft = None if self.textile is None else self.textile.wif
+            if draft is None:
+                raise InputError(
+                    f"{self.title}: this scene is not woven, and has no draft",
+                    cure="Weaves have a section [weave], or are drafts.",
+                )
             self._warnings |= dict.fromkeys(draft.warnings)
             return draft
 

@@ -88,7 +88,7 @@ class DraftTab(QWidget):
             return
         scene = self._document.scene
         if not scene.woven:
-            self._show(None, "This scene's object is a mesh, and has no draft.")
+            self._show(None, "This scene is not woven, and has no draft.")
             return
         weave = scene.weave
         stamp = weave.draft.stat().st_mtime_ns if weave.draft and weave.draft.is_file() else 0
@@ -234,7 +234,7 @@ class DraftTab(QWidget):
 
     def _weave(self, shown: Shown, name: str) -> None:
         try:
-            former = self._document.scene.weave.draft
+            former = self._document.scene.draft_file
             path = self._document.drafts.keep(as_draft(shown), former)
         except SpacemapError as error:
             self.failed.emit(error)

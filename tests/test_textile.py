@@ -1,0 +1,259 @@
+"""A source of yarns that is not woven says what it is, and nothing answers as a weave for it."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import pyvista as pv
+from scipy.interpolate import CubicHermiteSpline
+
+import spacemap_vtk
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.datasets.cloth_data import set_patches
+from spacemap_vtk.draw.study import carry_out_run
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.section import section
+from spacemap_vtk.fabric.sweep import CentreLines, sweep
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.textile import Measure, Textile
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parameters import Integer, Real
+from spacemap_vtk.scenes.runs import sweep_of
+from spacemap_vtk.scenes.scene import Scene
+
+#: Places on a yarn between which it is a cubic.
+STATIONS = 25
+
+
+def centre_lines(lines: Floats, slopes: Floats, bends: Floats, radius: float) -> CentreLines:
+    """Return lines through places (yarns, stations, 3), by their first two derivatives there."""
+    count, stations = lines.shape[:2]
+    speed = np.linalg.norm(slopes, axis=2, keepdims=True)
+    tangent = slopes / speed
+    normal = [0.0, 0.0, 1.0] - tangent[..., 2:] * tangent
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    lateral = np.cross(normal, tangent)
+    curved = (bends - tangent * (bends * tangent).sum(axis=2, keepdims=True)) / speed**2
+
+    def both_ends(values: Floats) -> Floats:
+        return np.stack([values[:, :-1].ravel(), values[:, 1:].ravel()])
+
+    def along(vectors: Floats) -> tuple[Floats, ...]:
+        return tuple(vectors.reshape(-1, 3).T)
+
+    return CentreLines(
+        np.arange(count),
+        np.full(count, radius),
+        np.full(count, stations - 1),
+        along(lines),
+        along(tangent),
+        along(normal),
+        along(lateral),
+        both_ends((curved * normal).sum(axis=2)),
+        both_ends(speed[..., 0]) / 3,
+        np.ones(1),
+        both_ends((curved * lateral).sum(axis=2)),
+    )
+
+
+class Yarns(Stage, Textile):
+    """Yarns along curves."""
+
+    role = "source"
+    provides: ClassVar = {"yarn": Provided("cell"), "color": Provided("cell")}
+
+    count = Integer(20, "Number of yarns.", minimum=1)
+    diameter = Real(4e-4, "Diameter of the yarns.", unit="m", above=0.0)
+
+    @property
+    def yarn_diameters(self) -> Floats:
+        return np.full(self.count, self.diameter)
+
+    @property
+    def closed(self) -> bool:
+        return True
+
+    @abstractmethod
+    def curves(self) -> tuple[Floats, Floats, Floats]: ...
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        lines = centre_lines(*self.curves(), self.diameter / 2)
+        made = sweep([(lines, section("circular", 1.0, False))], caps=True, exact=False)
+        set_patches(output, made)
+        add_array(output.GetCellData(), "yarn", made.line)
+        shade = (made.line % 2)[:, None].astype(np.uint8)
+        add_array(output.GetCellData(), "color", np.uint8([200, 80, 60]) + shade * np.uint8(40))
+
+
+class Rods(Yarns):
+    """Parallel straight rods."""
+
+    section = "rods"
+    length = Real(1e-2, "Length of each rod.", unit="m", above=0.0)
+
+    @property
+    def measures(self) -> list[Measure]:
+        return [Measure("rod_length", "length of a rod", self.length, "m")]
+
+    def curves(self) -> tuple[Floats, Floats, Floats]:
+        share = np.linspace(0.0, 1.0, STATIONS)
+        lines = np.zeros((self.count, STATIONS, 3))
+        lines[..., 0] = 1.5 * self.diameter * np.arange(self.count)[:, None]
+        lines[..., 1] = self.length * share
+        slopes = np.zeros_like(lines)
+        slopes[..., 1] = self.length / (STATIONS - 1)
+        return lines, slopes, np.zeros_like(lines)
+
+
+class Loops(Yarns):
+    """Courses of knitted loops, one in the other, as sines make them (not relaxed)."""
+
+    section = "loops"
+    wales = Integer(4, "Number of loops in a course.", minimum=1)
+
+    @property
+    def families(self) -> dict[str, int]:
+        return {"courses": self.count}
+
+    @property
+    def measures(self) -> list[Measure]:
+        return [Measure("wale_spacing", "wale spacing", 6 * self.diameter, "m")]
+
+    def curves(self) -> tuple[Floats, Floats, Floats]:
+        d, turns = self.diameter, 2 * np.pi * self.wales
+        t = np.linspace(0.0, turns, (STATIONS - 1) * self.wales + 1)
+        wide, high, deep = 6 * d / (2 * np.pi), 3.2 * d, 0.6 * d
+        x = wide * (t + 0.9 * np.sin(2 * t))
+        parts = [
+            np.stack([x, -high * np.cos(t), deep * np.cos(2 * t)]),
+            np.stack(
+                [wide * (1 + 1.8 * np.cos(2 * t)), high * np.sin(t), -2 * deep * np.sin(2 * t)]
+            ),
+            np.stack([-3.6 * wide * np.sin(2 * t), high * np.cos(t), -4 * deep * np.cos(2 * t)]),
+        ]
+        step = t[1] - t[0]
+        lines, slopes, bends = (
+            np.repeat(part.T[None] * step**power, self.count, axis=0)
+            for power, part in enumerate(parts)
+        )
+        lines[..., 1] += 4 * d * np.arange(self.count)[:, None]
+        return lines, slopes, bends
+
+
+@pytest.fixture(autouse=True)
+def sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line of the program's table for each source."""
+    for source in (Rods, Loops):
+        monkeypatch.setitem(spacemap_vtk.FILTERS, source.__name__, __name__)
+
+
+MOVING = """
+[cage]
+divisions = [4, 4, 1]
+[modal]
+youngs_modulus = "20 kPa"
+[response]
+"""
+
+
+@pytest.fixture(params=["rods", "loops"])
+def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A scene that hangs and swings."""
+    file = tmp_path / f"{request.param}.toml"
+    file.write_text(f"[{request.param}]\ncount = 5\n{MOVING}", "utf-8")
+    return file
+
+
+def called(*words: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    return int(ended.value.code or 0)
+
+
+def test_a_loop_is_as_thick_as_it_says() -> None:
+    scene = Scene({"loops": {"count": 1}})
+    scene.update()
+    places, slopes, _ = scene.part(Loops).curves()
+    middle = CubicHermiteSpline(np.arange(len(places[0])), places[0], slopes[0])
+    fine = middle(np.linspace(0, len(places[0]) - 1, 4000))
+    points = np.asarray(pv.wrap(scene.polygons).points, dtype=np.float64)
+    far = np.array([np.linalg.norm(fine - point, axis=1).min() for point in points[::7]])
+    assert far.max() == pytest.approx(2e-4, rel=0.03)
+
+
+def test_its_figures_are_its_own(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert called("info", scene, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    own = found["textile"]
+    assert (own["kind"], own["yarns"], own["diameters"]) == (scene.stem, 5, [4e-4, 4e-4])
+    assert own["families"] == ({"yarns": 5} if scene.stem == "rods" else {"courses": 5})
+    assert (own["rod_length"] if scene.stem == "rods" else own["wale_spacing"]) > 0
+    assert not {"ends", "picks", "drawdown", "warp", "weft"} & found.keys()
+    assert called("info", scene) == 0
+    told = capsys.readouterr().out
+    assert "0.4 mm" in told
+    assert "crimp" not in told
+
+
+def test_a_weave_says_as_much_of_its_yarns() -> None:
+    scene = Scene({"weave": {"ends": 3, "picks": 2, "weft_diameter": 3e-4}})
+    assert scene.textile is scene.source
+    np.testing.assert_allclose(scene.textile.yarn_diameters, [2.5e-4] * 3 + [3e-4] * 2)
+    assert scene.textile.families == {"warp": 3, "weft": 2}
+
+
+def test_it_is_drawn_and_exported_but_has_no_draft(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert called("render", scene, "-o", tmp_path / "a.png", "--size=320x240", "-q") == 0
+    picture = pv.read(tmp_path / "a.png").point_data.active_scalars
+    assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 1000
+    assert called("export", scene, "-o", tmp_path / "a.vtp", "-q") == 0
+    assert set(np.unique(pv.read(tmp_path / "a.vtp").cell_data["yarn"])) == set(range(5))
+    assert called("export", scene, "-o", tmp_path / "a.glb", "-q", "--to=0.1") == 0
+    capsys.readouterr()
+    assert called("export", scene, "-o", tmp_path / "a.wif") == 2
+    assert "not woven" in capsys.readouterr().err
+    assert not (tmp_path / "a.wif").exists()
+
+
+def test_a_figure_has_its_pictures_and_no_weave(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert called("figure", scene, "-o", tmp_path / "a.png", "-q") == 0
+    capsys.readouterr()
+    assert called("figure", scene, "-o", tmp_path / "b.png", "--panels=draft") == 2
+    assert "not woven" in capsys.readouterr().err
+
+
+def test_a_sweep_has_its_figures_and_its_pictures(scene: Path) -> None:
+    # Run here: another process would not know the sources of this file.
+    runs = sweep_of(scene, [f"{scene.stem}.diameter=0.2mm,0.3mm"]).runs
+    found = [carry_out_run(run) for run in runs]
+    assert [one.error for one in found] == ["", ""]
+    assert [float(one.figures["diameter [mm]"]) for one in found] == [0.2, 0.3]
+    assert {one.figures["yarns"] for one in found} == {"5"}
+    assert all(len(one.pictures[0]) > 10_000 for one in found)
+
+
+def test_what_needs_a_weave_is_refused(scene: Path) -> None:
+    read = Scene.read(scene)
+    with pytest.raises(InputError, match=f"{scene.name}: this scene is not woven"):
+        _ = read.weave
+    with pytest.raises(InputError, match="has no draft"):
+        _ = read.draft
+
+
+def test_yarns_without_a_diameter_are_refused() -> None:
+    class Bare(Stage, Textile):
+        section = "bare"
+        role = "source"
+
+    with pytest.raises(NotImplementedError, match="Bare does not state its yarns' diameters"):
+        _ = Bare().yarn_diameters

@@ -1,0 +1,37 @@
+"""The window shows a source of yarns that is not woven, and offers nothing of a weave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from window import require_display, settled, wait_until
+
+require_display()
+
+from test_textile import MOVING, Loops, Rods, sources  # noqa: E402, F401
+
+
+@pytest.mark.parametrize("source", [Rods, Loops])
+def test_a_textile_is_shown_with_its_own_figures(
+    source: type[Rods], open_window: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "textile.toml"
+    file.write_text(f"[{source.section}]\ncount = 4\n{MOVING}", "utf-8")
+    window = open_window(file)
+    wait_until(lambda: settled(window))
+    assert window.view.frame.surface.GetNumberOfCells() > 1000
+    window.tabs.setCurrentWidget(window.figures)
+    wait_until(lambda: window.figures.table.rowCount() >= 3)
+    table = window.figures.table
+    rows = {table.item(k, 0).text(): table.item(k, 1).text() for k in range(table.rowCount())}
+    assert rows["yarns"] == ("4 yarns" if source is Rods else "4 courses")
+    assert rows["diameter d"] == "0.4 mm"
+    assert "crimp c" not in rows
+    window.tabs.setCurrentWidget(window.draft)
+    wait_until(lambda: "not woven" in window.draft.empty.text())
+    # Another value of the source is another textile.
+    window.document.set(source.section, "count", 6)
+    window.tabs.setCurrentWidget(window.figures)
+    wait_until(lambda: settled(window) and table.item(0, 1).text().startswith("6 "))
