@@ -18,7 +18,6 @@ import pyvista as pv
 from PIL import Image
 from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader
 
-from spacemap_vtk.datasets.account import verdict
 from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes.scene import Scene
 
@@ -203,16 +202,10 @@ def test_scripts_in_one_session(processes: int, yarns: int, tmp_path: Path) -> N
     assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
     for folder, threads in cloths.items():
         compare(folder, min(processes, sum(threads)))  # nothing for idle processes
-    # Nothing is said but of the mistake, and at the end of what the processes gave.
-    before, _, failed = error.partition("mistake.py\n")
+    # Nothing is printed but the message of the mistake.
+    before, _, failures = error.partition("mistake.py\n")
     assert before == "cloth_over_ranks.py\nproxies.py\n", error
-    *failed, said = failed.splitlines()
-    assert re.fullmatch(
-        rf"spacemap: {processes} processes on this machine (cost more than they give: sharing the "
-        r"yarns saved \S+ s of \S+ s, and each process more took \S+ s to start; one would do|"
-        r"have \d+ cores: no more than \d+ give anything)",
-        said,
-    ), error
+    failed = failures.splitlines()
     assert 1 <= len(failed) <= 2, error  # once for each consumer of the weave
     for line in failed:
         assert f"rank {processes - 1} of {processes} has failed: " in line, error
@@ -242,18 +235,6 @@ def compare(folder: Path, pieces: int) -> None:
     assert patches.n_cells == scene.patches.GetNumberOfCells()
     np.testing.assert_allclose(patches.bounds, scene.patches.GetBounds(), atol=1e-9 * size)
     assert len(list((folder / "patches").iterdir())) == pieces
-
-
-def test_what_is_said_of_processes_follows_from_what_they_save() -> None:
-    # Of 0.4 s two save 0.2, where each takes 1 s to start; of 40 s they save 20.
-    assert "saved 0.2 s of 0.4 s" in (verdict(np.array([0.2, 0.2]), 2, 1.0) or "")
-    assert verdict(np.array([20.0, 20.0]), 2, 1.0) is None
-    # One that does all saves nothing, and no core can do two at once.
-    assert "saved 0 s of 40 s" in (verdict(np.array([40.0, 0.0]), 2, 1.0) or "")
-    assert "saved 0 s of 40 s" in (verdict(np.array([20.0, 20.0]), 1, 1.0) or "")
-    # What is worth a second process is not worth two that wait for a core.
-    assert "no more than 2 give" in (verdict(np.full(4, 10.0), 2, 1.0) or "")
-    assert verdict(np.full(4, 10.0), 4, 1.0) is None
 
 
 @pytest.mark.nightly

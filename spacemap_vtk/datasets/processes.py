@@ -15,14 +15,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkParallelCore import vtkCommunicator, vtkMultiProcessController
 
-from spacemap_vtk.datasets.account import WorkShared
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.ndarrays import Floats
 
@@ -59,8 +58,6 @@ def is_first() -> bool:
 class Processes:
     """All processes, in one run of a stage."""
 
-    _account: ClassVar[WorkShared | None] = None
-
     def __init__(self, controller: Any) -> None:
         self._controller = controller
         self.rank, self.size = controller.GetLocalProcessId(), controller.GetNumberOfProcesses()
@@ -85,12 +82,6 @@ class Processes:
         """End a run that has gone well here."""
         told = self._tell(warnings=list(warnings))
         return list(dict.fromkeys(text for item in told for text in item.get("warnings", [])))
-
-    def share(self, seconds: float, polygons: int) -> None:
-        """Tell all what this process has just done of a stage's work, and will draw of it."""
-        if Processes._account is None:
-            Processes._account = WorkShared(self.rank, self._gather)
-        Processes._account.add(seconds, polygons)
 
     def fail(self, error: BaseException) -> None:
         """End a run that has failed here, and tell the others unless they know."""

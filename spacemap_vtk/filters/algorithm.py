@@ -20,14 +20,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from math import nan
-from time import process_time
 from typing import Any, ClassVar
 
 from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
 from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector, vtkVersion
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
     vtkDemandDrivenPipeline,
@@ -304,19 +303,14 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         if self._processes is None:
             self._run(inputs, output, time)
         else:
-            begun = process_time()
             try:
                 self._run(inputs, output, time)
-                own = process_time() - begun
             except PeerError:
                 raise
             except BaseException as error:
                 self._processes.fail(error)
                 raise
             self._warnings = self._processes.finish(self._warnings)
-            if not self.replicated:
-                drawn = output.GetNumberOfPolys() if isinstance(output, vtkPolyData) else 0
-                self._processes.share(own, drawn)
             self._issue()  # those of the other processes
         self._is_late = self.GetMTime() != changed
         if _TIME_RANGE.Has(info):
