@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -399,22 +398,6 @@ def test_interpolation_is_the_weighted_sum():
         np.testing.assert_allclose(single, expected, atol=1e-4, err_msg=told)
 
 
-def test_speed():
-    """A tenth of the 100 x 100 weave: 0.04 s and 1 ms where it is quiet."""
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
-    points = cloud(215_000, 0, 0, 1) * [1, 1, 0.1]
-    start = time.process_time()
-    where = locate(points, vertices, tetrahedra, threads=1)
-    assert time.process_time() - start < 0.5
-    ride = Interpolation(where, tetrahedra, len(vertices))
-    best = np.inf
-    for _ in range(7):
-        start = time.process_time()
-        ride.apply(vertices)
-        best = min(best, time.process_time() - start)
-    assert best < 0.02
-
-
 # --- lattices, found by arithmetic -------------------------------------------------------------
 
 
@@ -476,12 +459,3 @@ def test_only_a_true_lattice_is_recognised():
     odd = carved(vertices, tetrahedra, 0, 2.0)[1].reshape(-1, 5, 4)[12:].reshape(-1, 4)
     assert recognise(vertices, odd).divisions.tolist() == [3, 4, 1]
     assert recognise(*random_mesh(40, 1)) is None
-
-
-def test_a_lattice_is_fast():
-    """Ten million points a second where it is quiet; a tenth of that is asked for here."""
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (20, 20, 4))
-    points = cloud(500_000, 0, 0, 1) * [1, 1, 0.1]
-    start = time.process_time()
-    assert locate(points, vertices, tetrahedra, threads=1).outside == 0
-    assert time.process_time() - start < 0.5

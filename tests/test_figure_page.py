@@ -116,7 +116,7 @@ def test_what_no_figure_can_be_is_refused(
         (("plain_weave", "--panels=section", "--end=8"), "1 to 7"),
         (("plain_weave", "--columns=0"), "1 or more"),
         (("twill_2_2", "--cage"), "without a cage"),
-        (("lever_in_tetwild_cage", "--panels=section"), "an object has no weave"),
+        (("lever_in_tetwild_cage", "--panels=section"), "this scene is not woven"),
     ):
         assert run("figure", *arguments, "-q", "-o", tmp_path / "a.svg") == 2
         assert words in capsys.readouterr().err

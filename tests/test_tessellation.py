@@ -6,7 +6,6 @@ import gc
 import subprocess
 import sys
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -382,18 +381,6 @@ def test_an_error_in_a_thread_is_raised(monkeypatch):
     monkeypatch.setattr(module.Scratch, "multiply", broken)
     with pytest.raises(ZeroDivisionError):
         surface.evaluate(points)
-
-
-def test_speed():
-    """A tenth of the 100 x 100 weave; 3 ms where it is quiet, and VTK takes 230."""
-    points, connectivity = random_patches(24_000, 3, 3, shared=False)
-    surface = Tessellation(connectivity, (3, 3), 3)
-    best = np.inf
-    for _ in range(7):
-        start = time.process_time()
-        surface.evaluate(points)
-        best = min(best, time.process_time() - start)
-    assert best < 0.05
 
 
 def test_an_array_that_dies_runs_no_python() -> None:

