@@ -90,24 +90,33 @@ def for_each(
             other.result()
 
 
-#: Modules whose machine code is not kept: files that pip did not install stay behind when it
-#: uninstalls, as an empty package that hides the editable one of the README's second command.
-_NOT_KEPT = ("spacemap_vtk.draw.raster_loops",)
+#: Modules whose machine code is kept in the user's cache folder, and not beside the package. Files
+#: that pip did not install stay behind when it uninstalls, and what is left then hides the editable
+#: package of the README's second command.
+_IN_CACHE = ("spacemap_vtk.draw.raster_loops",)
 
 
 def compiled(function: Function) -> Function:
     """Have a function compiled at its first call, for the types of its arguments."""
     # The machine code is kept on disk, so that the compiler runs once on a machine.
-    from numba import njit
+    from numba import config, njit
+
+    from spacemap_vtk import cache
 
     # A division by zero is infinite, as in NumPy; a product and a sum may be rounded once.
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    usual = config.CACHE_DIR
     try:
-        if function.__module__ in _NOT_KEPT:
-            raise RuntimeError
+        if function.__module__ in _IN_CACHE:
+            place = cache.folder()
+            if place is None:
+                raise RuntimeError
+            config.CACHE_DIR = str(place / "compiled")
         made: Function = njit(**options, cache=True)(function)
     except RuntimeError:  # there is no folder to keep machine code in
         made = njit(**options)(function)
+    finally:
+        config.CACHE_DIR = usual
     return made
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -162,9 +165,16 @@ def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.Monk
     assert np.abs(frames[0] - frames[-1]).mean() > 0.1
 
 
-def test_nothing_is_kept_beside_the_program() -> None:
+@pytest.mark.parametrize("kept", [True, False])
+def test_nothing_is_kept_beside_the_program(kept: bool, tmp_path: Path) -> None:
     """What pip did not install would outlive it, and hide an editable install of the same."""
-    from spacemap_vtk.draw import raster_loops
-
-    for loop in (raster_loops.fill, raster_loops.shade):
-        assert type(loop._cache).__name__ == "NullCache"
+    code = "from spacemap_vtk.draw import raster_loops as r; print(r.fill.stats.cache_path)"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "SPACEMAP_CACHE": str(tmp_path) if kept else "off"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    place = done.stdout.strip()
+    assert place.startswith(str(tmp_path / "compiled")) if kept else place == "None"
