@@ -177,3 +177,26 @@ def test_figures_of_a_metre_of_cloth_take_little(tmp_path):
     assert '"least_clearance": {' in told
     assert after.ru_utime - before.ru_utime < 5.0
     assert int(peak) < 500_000  # kB
+
+
+@pytest.mark.parametrize("section", ["circular", "racetrack"])
+def test_neighbours_and_crossings_hold_the_nearest_places_of_all(monkeypatch, section):
+    rng = np.random.default_rng(7)
+    warp, weft = (
+        Threads(
+            diameter=rng.uniform(0.2e-3, 0.3e-3, size),
+            spacing=0.7e-3,
+            section=section,
+            aspect=1.0 if section == "circular" else 1.4,
+        )
+        for size in (9, 8)
+    )
+    cloth = Cloth(drawdown=rng.random((8, 9)) < 0.5, warp=warp, weft=weft)
+    found = least_clearance(cloth)
+
+    def all_pairs(points, yarn, side, ends):
+        return yarn_clearance._nearest(points, np.full(len(points), 0.125e-3), yarn)
+
+    monkeypatch.setattr(yarn_clearance, "_neighbours", all_pairs)
+    assert found.distance == pytest.approx(least_clearance(cloth).distance, abs=1e-12)
+    assert found.distance == pytest.approx(0.0, abs=1e-12)

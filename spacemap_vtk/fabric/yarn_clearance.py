@@ -2,10 +2,12 @@
 
 A yarn is taken for all round tubes whose axes lie on its flat, between the two that hold its round
 sides; a circle is one such tube, and an ellipse is taken for the racetrack of its size, which holds
-it. Nearest places are found among samples of these axes with trees, then refined on the axes
-themselves. Pairs of yarns are not gone through: two different numbers differ in some binary digit,
-so for each digit the samples of yarns with a 1 are looked up among those with a 0. The cost is
-n log(n) log(yarns) for n samples: some 0.3 ms and 20 kB a crossing.
+it. Nearest places are found among samples of these axes, then refined on the axes themselves. In a
+single cloth of arcs these are the samples where yarns cross, and those of neighbours side by side.
+In any other cloth they are found with trees. Pairs of yarns are not gone through: two different
+numbers differ in some binary digit, so for each digit the samples of yarns with a 1 are looked up
+among those with a 0. The cost is n log(n) log(yarns) for n samples: some 0.3 ms and 20 kB a
+crossing.
 """
 
 from __future__ import annotations
@@ -68,6 +70,8 @@ class _Tubes(NamedTuple):
     """Whether sections are round, but for their flat, and perpendicular to the axis."""
     at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
+    ends: int | None = None
+    """Number of ends of a single cloth of arcs; None of anything else."""
 
 
 def least_clearance(cloth: Cloth, most: int | None = None) -> Clearance | None:
@@ -251,6 +255,7 @@ def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
             np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
             True,
             at,
+            len(families[0].parts) if cloth.axis == "arcs" and cloth.layers is None else None,
         )
     )
 
@@ -312,7 +317,11 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     most = _MOST if tubes.perpendicular else _MOST // 4
     # block by block, and only the worst kept: all pairs at once would take most of the memory
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
-    for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
+    if tubes.ends is None:
+        candidates = _nearest(located[0], tubes.radius[yarn], yarn)
+    else:
+        candidates = _neighbours(located[0], yarn, side, tubes.ends)
+    for pairs in candidates:
         yield
         one, other = (tuple(x[mine] for x in located) for mine in pairs)
         gap, _, facing = _section_gap(one, other, None, turns)
@@ -395,6 +404,63 @@ def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
         for block in blocks(len(ones), _BLOCK):
             few = ones[block]
             yield np.stack([few, zeros[tree.query(level[few])[1]]])
+
+
+def _neighbours(points: Floats, yarn: Ints, side: Floats, ends: int) -> Iterator[Ints]:
+    """Yield pairs of samples, (2, n), where yarns cross and between those that lie side by side."""
+    warp, weft = (
+        _Lines(np.flatnonzero(of_family), points, yarn, side, number)
+        for number, of_family in enumerate((yarn < ends, yarn >= ends))
+    )
+    # The middle lines of each end and each pick, before and after the place where they cross.
+    end = np.repeat(warp.middle, len(weft.middle))
+    pick = np.tile(weft.middle, len(warp.middle))
+    for own in warp.beside(end, weft.lateral[pick]):
+        for other in weft.beside(pick, warp.lateral[end]):
+            yield np.stack([own, other])
+    # The side of each yarn that faces the next one, all along.
+    for lines in (warp, weft):
+        following = np.minimum(lines.number + 1, len(lines.owner) - 1)
+        last = lines.owner[lines.number] != lines.owner[following]
+        for other in lines.beside(following[last], lines.along[last]):
+            yield np.stack([lines.samples[last], other])
+
+
+class _Lines:
+    """The samples of one family as lines: of a flattened yarn three, else one."""
+
+    # Lines are numbered from left to right, or from below.
+
+    def __init__(
+        self, samples: Ints, points: Floats, yarn: Ints, side: Floats, family: int
+    ) -> None:
+        self.samples = samples
+        sides = side[samples].astype(np.int64)
+        _, first, number = np.unique(
+            3 * yarn[samples] + sides, return_index=True, return_inverse=True
+        )
+        #: (samples,) Line of each sample, and its place along it.
+        self.number: Ints = number.ravel()
+        self.along = points[samples, 1 - family]
+        #: (lines,) Place across, and yarn, of each line.
+        self.lateral, self.owner = points[samples[first], family], yarn[samples[first]]
+        #: Lines along the middles of yarns.
+        self.middle = np.flatnonzero(sides[first] == 0)
+        self._order = np.lexsort((self.along, self.number))
+        self._low = float(self.along.min())
+        self._span = max(2.0 * float(np.ptp(self.along)), 1e-300)
+        self._keys = self._key(self.number, self.along)[self._order]
+        self._ends = np.searchsorted(self.number[self._order], np.arange(len(first) + 1))
+
+    def _key(self, line: Ints, along: Floats) -> Floats:
+        return np.asarray(line + np.clip((along - self._low) / self._span, 0.0, 0.5))
+
+    def beside(self, line: Ints, along: Floats) -> Iterator[Ints]:
+        """Yield the samples before and after a place on each of some lines."""
+        found = np.searchsorted(self._keys, self._key(line, along))
+        for place in (found - 1, found):
+            inside = np.clip(place, self._ends[line], self._ends[line + 1] - 1)
+            yield self.samples[self._order[inside]]
 
 
 def _local_minima(
