@@ -67,7 +67,7 @@ def test_save_as_keeps_every_comment_and_value(
         assert all(comment in saved for comment in comments)
         one, other = Scene.read(name), Scene.read(tmp_path / "copy.toml")
         for stage in ("weave", "modal", "response", "view", "animation"):
-            assert getattr(one, stage).settings.keys() == getattr(other, stage).settings.keys()
+            assert one.parts[stage].settings.keys() == other.parts[stage].settings.keys()
         assert one.response.settings == other.response.settings
         assert one.view.settings == other.view.settings
 
