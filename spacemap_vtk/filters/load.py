@@ -210,7 +210,8 @@ class Load(Parameterised):
                     f"a {self.action} needs a place", key=key, allowed=self.parameter(key).allowed
                 )
             if key != wanted and there:
-                raise InputError(f"a {self.action} has no such place", key=key)
+                place = f'its place is "{wanted}"' if wanted else "it acts on all of the cage"
+                raise InputError(f'a {self.action} has no "{key}": {place}', key=key)
 
     def _check_time(self) -> None:
         needed, possible = TIMES[self.time]
