@@ -76,15 +76,13 @@ _WAYS = ("x.wif", "x.vtp", "x.pvd", "x.png", "x.mp4", "x%02d.png")
 @pytest.mark.parametrize(
     ("name", "room", "older"),
     [
-        *(pytest.param(name, 2**14, True, id=f"{name}-little") for name in WRITERS),
-        *(
-            pytest.param(
-                *(name, 0, False),
-                id=f"{name}-none",
-                marks=[pytest.mark.nightly] * (name not in _WAYS),
-            )
-            for name in WRITERS
-        ),
+        pytest.param(
+            *(name, room, older),
+            id=f"{name}-{words}",
+            marks=[pytest.mark.nightly] * (name not in _WAYS),
+        )
+        for room, older, words in ((2**14, True, "little"), (0, False, "none"))
+        for name in WRITERS
     ],
 )
 def test_a_full_disk_takes_nothing_and_spoils_nothing(
@@ -212,7 +210,7 @@ def fill(disk: Path, room: int) -> None:
 @pytest.mark.parametrize(
     ("name", "number", "more"),
     [
-        ("x.mp4", signal.SIGTERM, ""),
+        pytest.param("x.mp4", signal.SIGTERM, "", marks=pytest.mark.nightly),
         ("x.mp4", signal.SIGINT, "--workers 2"),
         ("x%02d.png", signal.SIGINT, ""),
     ],
@@ -295,7 +293,10 @@ def ffmpegs(folder: Path) -> list[Path]:
     return found
 
 
-@pytest.mark.parametrize("name", ["x.vtp", "x.ply", "x.png", "x.mp4"])
+@pytest.mark.parametrize(
+    "name",
+    ["x.png", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("x.vtp", "x.ply", "x.mp4"))],
+)
 def test_a_file_larger_than_allowed_says_so(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(PRECIOUS)
     command = [sys.executable, "-m", "spacemap_vtk", *WRITERS[name].split(), str(tmp_path / name)]

@@ -26,7 +26,14 @@ TEXTS = sorted((ROOT / "docs" / "walks").glob("*.md"))
 
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.nightly)])
-@pytest.mark.parametrize("text", TEXTS, ids=lambda text: text.stem)
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, marks=[pytest.mark.nightly] * (text.stem not in ("weaver", "engineer")))
+        for text in TEXTS
+    ],
+    ids=lambda text: text.stem,
+)
 def test_the_window_does_what_the_walk_says(
     text: Path, dark: bool, open_window: Any, qapp: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
