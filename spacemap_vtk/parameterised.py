@@ -319,7 +319,7 @@ class Parameterised:
     section: ClassVar[str] = ""
     #: The declared parameters by name, in the order of declaration.
     parameters: ClassVar[dict[str, Parameter[Any]]] = {}
-    #: Other names that users may write, each with the parameter that it stands for.
+    #: Other names of parameters that users may write: the name of each parameter by its synonym.
     synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     #: The values that are not the defaults, by name.

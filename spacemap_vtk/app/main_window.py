@@ -234,7 +234,7 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = OneLine()
         self.told.linkActivated.connect(self._switch_stage)
-        self.details = tool_button("Details", "All that there is to doubt")
+        self.details = tool_button("Details", "Show all warnings")
         self.details.clicked.connect(self._show_details)
         self.details.hide()
         self.bar, self.running = QProgressBar(), QLabel()
@@ -449,7 +449,7 @@ class MainWindow(QMainWindow):
         self.told.tell(pick.text)
 
     def _tell(self, frame: Frame) -> None:
-        """Show what is drawn and, in a few words, the first of what there is to doubt."""
+        """Show the number of facets and the first warning, shortened."""
         doubts, few, link = list(frame.warnings), "", ""
         if doubts:
             few = _headline(doubts[0])
@@ -472,7 +472,7 @@ class MainWindow(QMainWindow):
         self.details.setVisible(bool(warnings))
 
     def _show_details(self) -> None:
-        """Show all that there is to doubt, until the next click."""
+        """Show all warnings until the next click."""
         paragraphs = (html.escape(line) for line in self.told.toolTip().splitlines())
         page = "".join(f"<p>{line}</p>" for line in paragraphs)
         QWhatsThis.showText(self.details.mapToGlobal(QPoint(0, 0)), page, self.details)

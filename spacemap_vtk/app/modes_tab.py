@@ -39,7 +39,7 @@ from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
 _FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
-#: Stands before the frequency of a mode that the cage's cells do not resolve.
+#: Prefix of a frequency whose mode is shorter than the cage's cells resolve.
 _ROUGHLY = "≈ "
 _TIPS = (
     "",

@@ -106,11 +106,11 @@ def narrow(box: QComboBox, letters: int) -> QComboBox:
 
 
 class CountBox(QSpinBox):
-    """A whole number that can be typed whole, also where it is out of range."""
+    """A field for a whole number, which also accepts the digits of a number out of range."""
 
     # Qt's own refuses the digit that leads out of the range: of 99999 it keeps 999 without a word.
 
-    #: What is typed is out of range, in words; empty once it no longer is.
+    #: Emits why the typed number is out of range, and an empty text once it is in range.
     strayed = Signal(str)
 
     def __init__(self, **look: Any) -> None:
@@ -120,7 +120,7 @@ class CountBox(QSpinBox):
 
     @property
     def complaint(self) -> str:
-        """Why what is typed cannot be; empty where it can."""
+        """Why the typed number is refused; empty if it is accepted."""
         typed = self.cleanText().strip()
         if typed.isdecimal() and self.minimum() <= int(typed) <= self.maximum():
             return ""
@@ -146,7 +146,7 @@ class CountBox(QSpinBox):
         super().focusOutEvent(event)
 
     def _bound(self) -> None:
-        # Qt itself would take the least for what is too large.
+        # Qt itself would replace a number that is too large by the minimum.
         typed = self.cleanText().strip()
         if self.complaint and typed.isdecimal():
             self.setValue(min(max(int(typed), self.minimum()), self.maximum()))

@@ -246,7 +246,7 @@ def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
 def refitted(
     place: Viewpoint, things: Sequence[tuple[AnyFloats, Ints]], aspect: float, other: float
 ) -> Viewpoint:
-    """Return a viewpoint whose picture of another aspect shows what one of the first shows."""
+    """Return a viewpoint that shows the same content in a picture of another aspect ratio."""
     # Things are the corners of cells, and of each cell its first one. What is seen of them is as
     # large in the new picture as it fits, and what is in the middle stays there; where nothing is
     # seen of them, the height stays.

@@ -146,7 +146,7 @@ def balance_of(motion: Motion, times: Floats) -> Balance:
 
 
 def energy_curves(balance: Balance) -> list[tuple[str, Floats, str]]:
-    """Return label, values [J] and colour of what is plotted of a balance; the total comes last."""
+    """Return label, values [J] and colour of each curve of a balance, the total last."""
     largest = float(np.nanmax(np.abs(balance), initial=0.0))
 
     def matters(part: Floats) -> bool:

@@ -182,7 +182,7 @@ class SoftwareWindow:
         self.renderer.RemoveAllViewProps()
 
     def _draw_actor(self, actor: vtkActor, solid: bool) -> None:
-        view = _View.of(self.renderer, self.size, self._grain)
+        view = _View.from_renderer(self.renderer, self.size, self._grain)
         opacity = actor.GetProperty().GetOpacity()
         for shape in _shapes(actor, view):
             self._draw(shape, _clipping(actor, shape.points), view, opacity, solid)
@@ -219,7 +219,7 @@ class SoftwareWindow:
         for_each(_bands(len(self._drawn)), lambda: draw)
 
     def _draw_letters(self, canvas: Singles) -> None:
-        """Draw what is written over the view: plates, words, and scales."""
+        """Draw the annotations over the view: panels, text and colour bars."""
         for prop in _listed(self.renderer.GetViewProps()):
             if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
                 continue
@@ -314,7 +314,7 @@ class SoftwareWindow:
 
 
 class _View(NamedTuple):
-    """A camera as matrices: places go to the camera's coordinates, and on to the screen."""
+    """The matrices of a camera: from world coordinates to its own, and to the screen."""
 
     turned: Floats
     projected: Floats
@@ -324,7 +324,7 @@ class _View(NamedTuple):
     parallel: bool
 
     @classmethod
-    def of(cls, renderer: _Renderer, size: tuple[int, int], grain: int) -> _View:
+    def from_renderer(cls, renderer: _Renderer, size: tuple[int, int], grain: int) -> _View:
         camera = renderer.GetActiveCamera()
         turned = camera.GetViewTransformMatrix()
         whole = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
@@ -612,7 +612,7 @@ def _lines_and_dots(
 
 
 def _chains(cells: Any) -> tuple[Ints, Ints]:
-    """Return steps from one point of a cell to the next, (n, 2), and whose they are."""
+    """Return the point pairs of all line segments, (n, 2), and the cell of each segment."""
     # A cell of one point is a step from it to itself.
     offsets = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)
     numbers = vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)

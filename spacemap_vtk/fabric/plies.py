@@ -65,7 +65,7 @@ def sharpness(plies: int) -> float:
     Parameters
     ----------
     plies : int
-        How many.
+        Number of plies.
 
     Returns
     -------

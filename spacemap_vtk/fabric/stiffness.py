@@ -128,7 +128,7 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
 
 
 class _Rods(NamedTuple):
-    """What the mean yarn of a family does whose B is 1."""
+    """The responses of a family's mean yarn, for a bending rigidity B of 1."""
 
     bending: float
     """It resists bending of the cloth with this."""

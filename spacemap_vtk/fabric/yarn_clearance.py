@@ -39,7 +39,7 @@ _BLOCK = 2**17
 _CUTS = 26
 #: Share of the places that is refined further after each cut, and the number below which all are.
 #: A cut leaves about a third of what a clearance can still lose, so that the order of the places
-#: settles sooner than their number falls.
+#: settles before many of them are left out.
 _KEPT, _FEW = 0.75, 200
 #: Steps by which the direction between deformed sections is first looked for.
 _TURNS = 16
@@ -415,14 +415,14 @@ def _neighbours(points: Floats, yarn: Ints, side: Floats, ends: int) -> Iterator
     # The middle lines of each end and each pick, before and after the place where they cross.
     end = np.repeat(warp.middle, len(weft.middle))
     pick = np.tile(weft.middle, len(warp.middle))
-    for own in warp.beside(end, weft.lateral[pick]):
-        for other in weft.beside(pick, warp.lateral[end]):
+    for own in warp.bracketing(end, weft.lateral[pick]):
+        for other in weft.bracketing(pick, warp.lateral[end]):
             yield np.stack([own, other])
     # The side of each yarn that faces the next one, all along.
     for lines in (warp, weft):
         following = np.minimum(lines.number + 1, len(lines.owner) - 1)
         last = lines.owner[lines.number] != lines.owner[following]
-        for other in lines.beside(following[last], lines.along[last]):
+        for other in lines.bracketing(following[last], lines.along[last]):
             yield np.stack([lines.samples[last], other])
 
 
@@ -455,7 +455,7 @@ class _Lines:
     def _key(self, line: Ints, along: Floats) -> Floats:
         return np.asarray(line + np.clip((along - self._low) / self._span, 0.0, 0.5))
 
-    def beside(self, line: Ints, along: Floats) -> Iterator[Ints]:
+    def bracketing(self, line: Ints, along: Floats) -> Iterator[Ints]:
         """Yield the samples before and after a place on each of some lines."""
         found = np.searchsorted(self._keys, self._key(line, along))
         for place in (found - 1, found):

@@ -15,7 +15,7 @@ class Measure(NamedTuple):
     key: str
     """Its name in JSON and in tables."""
     label: str
-    """Its name for people."""
+    """Its label in tables and in the window."""
     value: float | None
     """In SI; None where it is not known."""
     unit: str = ""

@@ -149,7 +149,7 @@ def point_masses(
 
 
 def even_shares(points: Floats, cells: Ints, inside: Bools) -> Floats:
-    """Return the share of each vertex, (V,), of what is spread evenly over a set of vertices."""
+    """Return the share of each vertex, (V,), in a mass spread evenly over a set of vertices."""
     # By volume, area or length: by the highest of these for which every vertex of the set belongs
     # to a solid, a face or an edge all of whose vertices are in it. Scattered ones share alike.
     for corners, weights in _solids_faces_edges(points, cells, inside):

@@ -187,7 +187,7 @@ def motion_told(figures: dict[str, Any]) -> str:
 
 
 def motion_in_short(figures: dict[str, Any]) -> str:
-    """Return what of `motion_told` matters most, without the cures."""
+    """Return the most important part of `motion_told`, without the cures."""
     told = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     if not figures["rebuilt"]:
         return f"{told}, lengths change by {100 * figures['largest_stretch']:.3g} %"

@@ -23,7 +23,8 @@ TUBES, WEAVE = scenes / "objects" / "tubes.vtp", folder / "scene.toml"
 text = (scenes / "plain_weave.toml").read_text().replace("1.3 kPa", "5 kPa")
 WEAVE.write_text(text.replace("[5, 5, 1]", "[3, 3, 1]\norder = 2"))
 TIME = 0.013
-#: For each parameter one of these is plausible and not the default; a third has no short decimal.
+#: Test values: for each parameter one of these is plausible and differs from the default. A third
+#: has no short decimal form.
 VALUES: tuple[Any, ...] = (
     *(False, True, 1 / 3, 1e-3 / 3, 1e3 / 3, 2),
     *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
