@@ -238,7 +238,6 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         "scenes",
         "keys",
         "materials",
-        "bench",
         "paraview",
         "gui",
     ],

@@ -61,7 +61,6 @@ COMMANDS = {
     "scenes": ("tell:scenes", "List the scenes that come with the program."),
     "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
-    "bench": ("bench:bench", "Print how long a new time takes, beside a copy of what is written."),
     "paraview": ("window:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
     "serve": ("window:serve", "Show a scene in a browser on this machine, live."),

@@ -1,13 +1,20 @@
-"""How long a new time takes, stage by stage, beside a copy of what is written: memory's speed.
+"""Time one step of a scene, stage by stage, and compare it with a copy of the bytes it writes.
 
-What a step does to each number of a large fabric is little, so that it is bound by memory, and a
-copy of the same bytes is what no step can undercut. Copy and step take turns in one run: machines
-differ, and so does one machine from minute to minute. A copy reads and writes each byte once, in
-one thread or in as many as the steps use, whichever takes less time.
+    python benchmarks/steps.py                      # plain_weave, and the same of 100 x 100 yarns
+    python benchmarks/steps.py tartan --set weave.ends=40
+    python benchmarks/steps.py plain_weave --steps 20 --json
+
+A step does little with each number of a large fabric, so memory limits it: no step can be faster
+than a copy of the same bytes. Copy and step alternate in one run, because machines differ, and one
+machine differs from minute to minute. A copy reads and writes each byte once, in one thread or in
+as many as the stages use, whichever is faster. The other rows are the times of vtkProbeFilter for
+the same points, of Blender's lattice modifier where its module bpy is installed, and of the solver
+of crimp interchange for the crossings of a weave. Nothing is drawn.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -23,6 +30,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkProbeFilter
 
+from spacemap_vtk.cli.options import numbers_table, opened, print_json, print_plain
 from spacemap_vtk.datasets.arrays import points_of, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
@@ -33,6 +41,8 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks, for_each, thread_count
 from spacemap_vtk.scenes.scene import Scene
 
+#: Scene and changed values where no scene is named.
+_DEFAULT = (("plain_weave", ()), ("plain_weave", ("weave.ends=100", "weave.picks=100")))
 #: Between two times [s]: any will do, as no time step depends on the last.
 _STEP = 1e-4
 #: Times that are not counted: memory is taken, and loops are loaded or compiled. A small surface
@@ -195,3 +205,49 @@ def _lattice_ms(rest: NDArray[Any]) -> float:
         bpy.data.objects.remove(item)
         getattr(bpy.data, kind).remove(data)
     return median(takes[_WARM:])
+
+
+def table(figures: dict[str, Any]) -> Any:
+    """Return the timings of one scene as a table to print."""
+    how = "loops compiled by Numba" if figures["compiled"] else "NumPy"
+    rows = numbers_table(
+        ("a new time", "MB", "copy [ms]", "takes [ms]", "copies"),
+        words=1,
+        title=f"{figures['title']}\n{figures['points']:,} points, "
+        f"{figures['surface_points']:,} on the surface\n{how}, {figures['threads']} threads",
+        caption="copies: of the points and normals that it writes, in that time",
+        min_width=72,  # of the caption
+    )
+    for row in figures["stages"]:
+        rows.add_row(
+            row["name"],
+            f"{row['bytes'] / 1e6:.3g}",
+            f"{row['copy_ms']:.3g}",
+            f"{row['ms']:.3g}",
+            f"{row['copies']:.3g}",
+        )
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure the scenes named on the command line and print a table, or JSON, of each."""
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("scene", nargs="?", help="scene file, or name of a scene")
+    words.add_argument("--set", action="append", default=[], help="changed value, as section.key=2")
+    words.add_argument("--steps", type=int, default=9, help="steps that medians are taken of")
+    words.add_argument("--json", action="store_true", help="print JSON, for programs")
+    asked = words.parse_args(arguments)
+    scenes = _DEFAULT if asked.scene is None else ((asked.scene, ()),)
+    found = [
+        step_timings(opened(name, (*values, *asked.set)), max(asked.steps, 1))
+        for name, values in scenes
+    ]
+    if asked.json:
+        print_json({"scenes": found})
+        return
+    for figures in found:
+        print_plain(table(figures))
+
+
+if __name__ == "__main__":
+    main()
