@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
     ColorBy,
     Fps,
@@ -194,7 +195,8 @@ def export(
         str | None,
         Parameter(
             help=f"{', '.join(registry.DATA)}; by default what the ending stands for first: "
-            "patches for .vtu."
+            "patches for .vtu.",
+            completer=completers.data_words,
         ),
     ] = None,
     time: Time = None,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from spacemap_vtk.cli import completers
 from spacemap_vtk.errors import InputError, printable
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
 
-def flag(help: str, *names: str) -> Parameter:
+def flag(help: str, *names: str, **more: Any) -> Parameter:
     """Return what is off, or nothing, unless it is given, and has no opposite."""
-    return Parameter(name=names or None, negative="", help=help, show_default=False)
+    return Parameter(name=names or None, negative="", help=help, show_default=False, **more)
 
 
 def written_to(help: str) -> Parameter:
@@ -36,10 +37,18 @@ def written_to(help: str) -> Parameter:
 
 
 SceneFile = Annotated[
-    str, Parameter(help='Scene file, or name of a scene (see "spacemap scenes").')
+    str,
+    Parameter(
+        help='Scene file, or name of a scene (see "spacemap scenes").',
+        completer=completers.scenes_and_files,
+    ),
 ]
 SceneName = Annotated[
-    str, Parameter(help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes").')
+    str,
+    Parameter(
+        help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes").',
+        completer=completers.scenes_and_files,
+    ),
 ]
 Set = Annotated[
     tuple[str, ...],
@@ -47,6 +56,7 @@ Set = Annotated[
         'Change a value of the scene, as in --set weave.ends=20 (see "spacemap keys"); '
         "auto makes one automatic. Can be given again.",
         "--set",
+        completer=completers.assignments,
     ),
 ]
 SetLists = Annotated[
@@ -56,6 +66,7 @@ SetLists = Annotated[
         "--set weave.ends=5,7,9, a run or a picture for each; a single one is set in all. Can be "
         "given again.",
         "--set",
+        completer=completers.assignments,
     ),
 ]
 Paired = Annotated[
@@ -96,10 +107,20 @@ To = Annotated[
     str | None, Parameter(name="--to", help="Time in s at which it ends; by default the scene's.")
 ]
 ColorBy = Annotated[
-    str | None, Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}.")
+    str | None,
+    Parameter(
+        name="--color",
+        help=f"What the colours show: {', '.join(COLORINGS)}.",
+        completer=completers.color_words,
+    ),
 ]
 Styled = Annotated[
-    str | None, Parameter(name="--style", help=f"What it looks like: {', '.join(STYLES)}.")
+    str | None,
+    Parameter(
+        name="--style",
+        help=f"What it looks like: {', '.join(STYLES)}.",
+        completer=completers.style_words,
+    ),
 ]
 ScaleBar = Annotated[
     bool, flag("A bar of a round length; with perspective that in the plane of the focus.")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
     Json,
     Quiet,
@@ -42,7 +43,8 @@ def info(
         str,
         Parameter(
             help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes"); picture or '
-            "film."
+            "film.",
+            completer=completers.scenes_and_files,
         ),
     ],
     /,
@@ -188,7 +190,10 @@ def validate(scene: SceneName, /, *, set_: Set = (), quiet: Quiet = False) -> No
 
 
 def scenes(
-    name: Annotated[str | None, Parameter(help="Print this scene's file.")] = None,
+    name: Annotated[
+        str | None,
+        Parameter(help="Print this scene's file.", completer=completers.scene_names),
+    ] = None,
     /,
     *,
     json_: Json = False,
@@ -290,7 +295,12 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:
+def keys(
+    section: Annotated[
+        str | None, Parameter(help="Only this section.", completer=completers.sections)
+    ] = None,
+    /,
+) -> None:
     """Explain the sections and keys of a scene file.
 
     Each key with its default, when it counts, and what is allowed. In a file it stands below its

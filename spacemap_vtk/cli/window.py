@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from spacemap_vtk.app.requirements import require_window
+from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import Set, flag
 from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes import library
@@ -17,7 +18,10 @@ from spacemap_vtk.scenes import library
 def gui(
     scene: Annotated[
         str | None,
-        Parameter(help="Scene file, draft, mesh, or name of a scene; without, the paper's."),
+        Parameter(
+            help="Scene file, draft, mesh, or name of a scene; without, the paper's.",
+            completer=completers.scenes_and_files,
+        ),
     ] = None,
     /,
 ) -> None:
@@ -45,7 +49,11 @@ def gui(
 
 def serve(
     scene: Annotated[
-        str, Parameter(help="Scene file, draft, mesh, or name of a scene.")
+        str,
+        Parameter(
+            help="Scene file, draft, mesh, or name of a scene.",
+            completer=completers.scenes_and_files,
+        ),
     ] = "plain_weave",
     /,
     *,

@@ -1,0 +1,67 @@
+"""The words that a shell offers where only the running program knows them.
+
+cyclopts writes the shell's script from the declarations of the commands; for an argument with one
+of these functions the script runs ``spacemap __complete``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from glob import escape, glob
+from os.path import isdir
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cyclopts.completion import CompletionContext
+
+
+def scene_names(context: CompletionContext) -> Iterable[str]:
+    """List the scenes that come with the program."""
+    from spacemap_vtk.scenes import library
+
+    return library.names()
+
+
+def scenes_and_files(context: CompletionContext) -> Iterator[str]:
+    """List the scenes that come with the program, and files whose names begin as typed."""
+    yield from scene_names(context)
+    for path in sorted(glob(f"{escape(context.incomplete)}*")):
+        yield f"{path}/" if isdir(path) else path
+
+
+def sections(context: CompletionContext) -> Iterable[str]:
+    """List the sections of a scene file."""
+    from spacemap_vtk.scenes.chain import sections
+
+    return list(sections())
+
+
+def assignments(context: CompletionContext) -> Iterator[str]:
+    """List the keys of a scene file as ``section.key=``, or once with each choice."""
+    from spacemap_vtk.scenes.chain import sections
+
+    for section, kind in sections().items():
+        for name, parameter in kind.parameters.items():
+            for choice in getattr(parameter, "choices", None) or [""]:
+                yield f"{section}.{name}={choice}"
+
+
+def data_words(context: CompletionContext) -> Iterable[str]:
+    """List the kinds of data that ``export --what`` writes."""
+    from spacemap_vtk.io import registry
+
+    return list(registry.DATA)
+
+
+def color_words(context: CompletionContext) -> Iterable[str]:
+    """List the quantities that can colour a picture."""
+    from spacemap_vtk.scenes.colorings import COLORINGS
+
+    return list(COLORINGS)
+
+
+def style_words(context: CompletionContext) -> Iterable[tuple[str, str]]:
+    """List the styles of pictures."""
+    from spacemap_vtk.scenes.styles import STYLES
+
+    return [(name, style.label) for name, style in STYLES.items()]
