@@ -8,6 +8,13 @@ property are made from it::
     class ModalResponse(Stage):
         alpha = Real(1.0, "Damping proportional to mass.", unit="1/s", minimum=0.0)
 
+Parameters that belong together, and what follows from them alone, can be a class of their own, a
+parameter group. A stage inherits from its groups and from `Stage`; its parameters are those of the
+groups, in their order, and then its own::
+
+    class ModalSolver(CageMaterial, CageFittings, Stage):
+        modes = Integer(30, "Number of modes.", minimum=1)
+
 Invariants that other code relies on:
 
 - A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
@@ -322,6 +329,9 @@ class Parameterised:
     #: Other names of parameters that users may write: the name of each parameter by its synonym.
     synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
+    #: The values that automatic parameters got in the last run, by name.
+    in_use: Mapping[str, Any] = MappingProxyType({})
+
     #: The values that are not the defaults, by name.
     _values: dict[str, Any]
     #: The names that a scene has set, to whatever value.
@@ -330,7 +340,10 @@ class Parameterised:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         own = {name: p for name, p in vars(cls).items() if isinstance(p, Parameter)}
-        cls.parameters = {**cls.parameters, **own}
+        cls.parameters = {}
+        for base in cls.__bases__:
+            cls.parameters |= getattr(base, "parameters", {})
+        cls.parameters |= own
         for parameter in own.values():
             parameter.join(cls.parameters)
         cls.__signature__ = inspect.Signature(  # type: ignore[attr-defined]

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import add_stress
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
@@ -176,7 +176,7 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     expected = [slope[0, 0], slope[1, 1], slope[2, 2], x[1, 2], x[2, 0], x[0, 1]]
     np.testing.assert_allclose(strain, np.tile(expected, (len(cells), 1)), atol=1e-12)
     grid = vtkUnstructuredGrid()
-    LoadedCage.add_stress(grid, strain, strain)
+    add_stress(grid, strain, strain)
     tensor = vtk_to_numpy(grid.GetCellData().GetArray("strain"))[0]
     np.testing.assert_allclose(tensor, [*np.diag(slope), x[0, 1] / 2, x[1, 2] / 2, x[0, 2] / 2])
     stress = vtk_to_numpy(grid.GetCellData().GetArray("stress"))[0]

@@ -22,7 +22,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.base import connect
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -52,7 +52,7 @@ def at(mover: Any, time: float, name: str = "displacement") -> np.ndarray:
 
 
 def test_its_loads_damping_and_start_are_those_of_modal_response() -> None:
-    for name in LoadedCage.parameters:
+    for name in LoadParameters.parameters:
         assert TransientResponse.parameter(name) is ModalResponse.parameter(name), name
     assert set(ModalResponse.parameters) - set(TransientResponse.parameters) == {"residual_vectors"}
 

@@ -49,7 +49,7 @@ from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.filters.loaded_cage import DOWN
+from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.report import motion_in_short, motion_told

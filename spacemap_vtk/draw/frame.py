@@ -17,7 +17,7 @@ from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, load_arrows
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
@@ -130,7 +130,7 @@ def relief_of(scene: Scene) -> float:
 def arrows_of(scene: Scene, time: float) -> Arrows | None:
     """Return what acts on a scene's cage; None where that is not known."""
     mover = scene.stage("mover")
-    if not isinstance(mover, LoadedCage):
+    if not isinstance(mover, LoadParameters):
         return None
     solver = scene.stage("solver")
     dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.hangs else ()

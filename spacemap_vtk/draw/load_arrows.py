@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import elements_of, points_of
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.mechanics import loads as forces
 from spacemap_vtk.ndarrays import Floats
 
@@ -53,7 +53,7 @@ class Arrows(NamedTuple):
 
 
 def load_arrows(
-    response: LoadedCage, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
+    response: LoadParameters, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
 ) -> Arrows:
     """Return what acts on a cage; dead loads, under which it hangs, always do."""
     rest = points_of(cage).astype(np.float64)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from math import nan
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
@@ -53,6 +53,8 @@ PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
+#: The two kinds of data that a pipeline carries from stage to stage.
+Kind = Literal["object", "cage"]
 #: Of a request: the informations on each input port.
 Inputs = tuple[vtkInformationVector, ...]
 #: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
@@ -71,6 +73,10 @@ class Cancelled(SpacemapError, RuntimeError):
 class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     """VTK's side of a stage: it answers requests, and counts its runs."""
 
+    #: What each input port takes, and what the output is: by these a scene connects its stages. A
+    #: cage is whole in every piece of the data.
+    takes: ClassVar[tuple[Kind, ...]] = ()
+    makes: ClassVar[Kind] = "object"
     #: Required data type of each input port.
     inputs: ClassVar[tuple[str, ...]] = ()
     #: Name of each input port, where a window asks for inputs by name.
@@ -79,10 +85,6 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     output_type: ClassVar[str] = "vtkUnstructuredGrid"
     #: What it is in a scene's pipeline, see `spacemap_vtk.filters.base.ROLES`.
     role: ClassVar[str] = ""
-    #: Input ports that need the whole data set, whichever piece is asked for.
-    whole_inputs: ClassVar[tuple[int, ...]] = ()
-    #: Whether the output is whole in each piece.
-    replicated: bool = False
     #: Whether pieces of the output share no points, so that they need no ghosts.
     seamless: bool = False
 
@@ -140,6 +142,11 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def warnings(self) -> tuple[str, ...]:
         """What the last run has to say about its own trustworthiness."""
         return tuple(self._warnings)
+
+    @property
+    def replicated(self) -> bool:
+        """Whether the output is whole in each piece."""
+        return self.makes == "cage"
 
     @property
     def piece(self) -> Piece:
@@ -388,7 +395,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         """
         if self._comes_from(port, "replicated"):
             return piece
-        if port in self.whole_inputs:
+        if self.takes[port : port + 1] == ("cage",):
             return WHOLE
         if self._comes_from(port, "seamless"):
             return piece  # another number of ghosts would run what is above once more

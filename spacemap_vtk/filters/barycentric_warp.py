@@ -78,7 +78,6 @@ class BarycentricWarp(Stage):
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
     takes = ("object", "cage")
     provides: ClassVar = {"displacement": Provided("point", "m")}
-    whole_inputs = (1,)
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT
 

@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 ROLES = ("source", "cage", "solver", "mover", "rotation", "crimp", "warp", "surface")
 OPTIONAL = ("rotation", "crimp")
 
-#: The two kinds of data that a pipeline carries from stage to stage.
-Kind = Literal["object", "cage"]
-
-
 #: Held while a thread takes the stages of an update.
 _taking = threading.Lock()
 
@@ -57,16 +53,10 @@ class Stage(Algorithm):
     implements `run`. A scene finds it in the table `spacemap_vtk.FILTERS`.
     """
 
-    #: What each input port takes, and what the output is: by these a scene connects its stages.
-    takes: ClassVar[tuple[Kind, ...]] = ()
-    makes: ClassVar[Kind] = "object"
     #: The roles of stages that it cannot stand beside in a scene.
     excludes: ClassVar[tuple[str, ...]] = ()
     #: The arrays that it adds, by name; those of present parameters are `arrays`.
     provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
-
-    #: What parameters that are automatic came to in the last run, by name.
-    in_use: Mapping[str, Any] = MappingProxyType({})
 
     #: Set by a stage below that takes the stretch of turning out of a motion, for its own run.
     turned: bool = False
@@ -297,16 +287,6 @@ class Stage(Algorithm):
         seen: list[vtkAlgorithm] = []
         _visit(self, seen, ())
         yield from reversed(seen)
-
-
-class CageStage(Stage):
-    """A stage that takes a cage and makes one; each process has all of it."""
-
-    inputs = ("vtkUnstructuredGrid",)
-    takes = ("cage",)
-    makes = "cage"
-    whole_inputs = (0,)
-    replicated = True
 
 
 def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +13,6 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.filters.base import CageStage
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
@@ -22,7 +20,7 @@ from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
 from spacemap_vtk.mechanics.shell import THIN
 from spacemap_vtk.mechanics.supports import is_thin
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.parameters import Choice, Real, Vector
+from spacemap_vtk.parameters import Choice, Parameterised, Real, Vector
 from spacemap_vtk.units import GRAVITY, parse_quantity, split_quantity
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
@@ -83,8 +81,8 @@ class ShearRigidity(Real):
         return parse_quantity(text, self.unit)
 
 
-class CageMaterial(CageStage):
-    """A stage that knows what a cage is made of."""
+class CageMaterial(Parameterised):
+    """The parameters that say what a cage is made of."""
 
     elements = Choice(
         "auto",
@@ -253,40 +251,11 @@ class CageMaterial(CageStage):
         when=_SHEET,
     )
 
-    #: What the yarns of the weave in the cage resist: a copy of the stage that says so, for that
-    #: may lie below this one, and pipelines that go in a circle are never freed.
-    _yarns: YarnParameters | YarnMechanics | None = None
-    _followed: weakref.ref[YarnParameters] | None = None
-
-    @property
-    def yarns(self) -> YarnParameters | YarnMechanics | None:
-        """What the yarns of the weave in the cage resist: of a stage a copy, which follows it."""
-        return self._yarns
-
-    @yarns.setter
-    def yarns(self, value: YarnParameters | YarnMechanics | None) -> None:
-        followed = self._followed and self._followed()
-        self._followed = weakref.ref(value) if isinstance(value, YarnParameters) else None
-        if isinstance(value, YarnParameters) and value is not followed:
-            value.AddObserver("ModifiedEvent", _looking(self))
-        self._look_at(value)
-
-    def _look_at(self, yarns: YarnParameters | YarnMechanics | None) -> None:
-        """Run again where what the yarns resist has changed, and counts."""
-        before, now = _said(self._yarns), _said(yarns)
-        if len(before) == len(now) and all(map(np.array_equal, before, now)):
-            return
-        self._yarns = yarns
-        if isinstance(yarns, YarnParameters):
-            self._yarns = type(yarns)(**yarns.settings)
-        if self.material == WOVEN:
-            self.Modified()
-
-    def check(self) -> None:
-        """Check the material."""
+    def check_material(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+        """Check what can be checked without a cage; `yarns` are those of the weave in it."""
         if self.material == WOVEN and self.elements != "tetrahedra":
             self._given()
-            self._of_yarns(_ANY)
+            self._of_yarns(_ANY, yarns)
             return
         self.constants(1.0)
         if self.elements != "tetrahedra":
@@ -311,10 +280,12 @@ class CageMaterial(CageStage):
         normal: int = 2,
         woven: float | None = None,
         cloth: Cloth | None = None,
+        yarns: YarnParameters | YarnMechanics | None = None,
     ) -> tuple[Plate, float]:
         """Return what the sheet that a cage is resists, and its mass per area [kg/m²]."""
         # What nobody measured is that of the homogeneous plate as thick as the cage [m]; `woven` is
-        # the mass per area of the weave in it, which is `cloth`. For `normal` see `homogeneous`.
+        # the mass per area of the weave in it, which is `cloth` with `yarns`. For `normal` see
+        # `homogeneous`.
         given = self._given()
         elasticity, density = self._solid(given, thickness)
         fabric = FABRICS.get(self.material)
@@ -322,7 +293,7 @@ class CageMaterial(CageStage):
         if woven is not None and fabric is None and not {"areal_mass", "density"} & given.keys():
             mass = woven
         if self.material == WOVEN:
-            own = self._of_yarns(cloth)
+            own = self._of_yarns(cloth, yarns)
         elif fabric is None:
             own = homogeneous(elasticity, thickness, normal)
         else:
@@ -344,11 +315,11 @@ class CageMaterial(CageStage):
         )
         return made, mass
 
-    def warn_of_elements(self, sheet: bool) -> None:
-        """Warn of what is given for other elements than those that were found to be right."""
+    def for_other_elements(self, sheet: bool) -> Iterator[str]:
+        """Yield a warning for each value that is given for other elements than those in use."""
         for name in self.given:
             if why := self.idle_as(name, sheet):
-                self.warn(
+                yield (
                     f"{self.section}.{name} does not count: {why}; "
                     f'elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
                 )
@@ -361,9 +332,8 @@ class CageMaterial(CageStage):
             return ""
         return "the cage is a sheet" if sheet else "the cage is no sheet"
 
-    def _of_yarns(self, cloth: Cloth | None) -> Plate:
+    def _of_yarns(self, cloth: Cloth | None, yarns: YarnParameters | YarnMechanics | None) -> Plate:
         """Return what the yarns of a cloth make a sheet resist."""
-        yarns = self._yarns
         if yarns is None:
             raise InputError(
                 "nobody has said what the yarns resist",
@@ -431,7 +401,7 @@ class CageMaterial(CageStage):
             modulus = self.youngs_modulus
         return isotropic(modulus, self.poissons_ratio), density
 
-    def give_way(self, vertices: Floats, elements: Ints, up: int | None) -> None:
+    def find_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
         """Find the modulus that suits an object of unknown size, where it is automatic."""
         if self.youngs_modulus is not None or up is None:
             self.in_use = {}
@@ -447,19 +417,3 @@ class CageMaterial(CageStage):
         density = DENSITY if self.density is None else self.density
         found = _STIFFER * density * GRAVITY * length / filled
         self.in_use = {"youngs_modulus": float(f"{found:.2g}")}
-
-
-def _said(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
-    return list(yarns.settings.values()) if isinstance(yarns, YarnParameters) else yarns or ()
-
-
-def _looking(stage: CageMaterial) -> Callable[[Any, str], None]:
-    """Return an observer of what a stage follows, which does not keep the stage."""
-    known = weakref.ref(stage)
-
-    def look(caller: Any, event: str) -> None:
-        still = known()
-        if still is not None and still._followed is not None and still._followed() is caller:
-            still._look_at(caller)
-
-    return look

@@ -21,7 +21,7 @@ from spacemap_vtk.fabric.interchange import CrimpState, Interchange, YarnMechani
 from spacemap_vtk.fabric.partition import share_of
 from spacemap_vtk.fabric.recrimp import Recrimp
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
-from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
@@ -37,7 +37,7 @@ _APART = 1e-5
 _BLOCK = 250_000
 
 
-class CrimpInterchange(YarnParameters):
+class CrimpInterchange(YarnParameters, Stage):
     """Let yarns keep their length where the cage stretches the space they are in.
 
     Port 0 is the weave, port 1 the cage that moves. An embedded yarn would stretch with its space
@@ -73,7 +73,6 @@ class CrimpInterchange(YarnParameters):
         "contact_force": Provided("cell", "N"),
         "jammed": Provided("cell"),
     }
-    whole_inputs = (1,)
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT
 

@@ -10,10 +10,17 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import Provided
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.load_parameters import (
+    MOTION_ARRAYS,
+    LoadParameters,
+    add_energies,
+    add_motion,
+    add_stress,
+)
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.inverted import warning
 from spacemap_vtk.mechanics.kinematics import (
@@ -28,7 +35,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Flag
 
 
-class ModalResponse(LoadedCage):
+class ModalResponse(LoadParameters, Stage):
     """Move a cage by its vibration modes, at any time, without stepping.
 
     The motion is a sum of closed-form responses of single oscillators, one for each mode: under-,
@@ -59,12 +66,17 @@ class ModalResponse(LoadedCage):
     """
 
     section = "response"
-    provides: ClassVar = {**LoadedCage.provides, "modal_coordinates": Provided("field")}
+    role = "mover"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides: ClassVar = {**MOTION_ARRAYS, "modal_coordinates": Provided("field")}
 
     residual_vectors = Flag(
         True, "Add to the modes what they miss of the static response to each load."
     )
 
+    _modes: ModesReader | None = None
     _kept_motion: tuple[tuple[int, int], Response] | None = None
 
     @property
@@ -89,7 +101,9 @@ class ModalResponse(LoadedCage):
     ) -> None:
         """Evaluate the sum at `time`; before t = 0 the initial state holds, at rest."""
         grid = inputs[0]
-        modes = self.modes_of(grid)
+        if self._modes is None:
+            self._modes = ModesReader()
+        modes = self._modes.read(grid)
         # The motion does not depend on the time asked for.
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._kept_motion[0] != key:
@@ -127,11 +141,11 @@ class ModalResponse(LoadedCage):
         ):
             self.warn(text)
         output.ShallowCopy(grid)
-        self.add_motion(output, (displacement, velocity, acceleration))
+        add_motion(output, (displacement, velocity, acceleration))
         coordinates = state.position[: len(modes.eigenvalues)].copy()
         add_array(output.GetFieldData(), "modal_coordinates", coordinates)
         if self.stress:
-            self.add_stress(output, *modes.strained(moved, gradients))
+            add_stress(output, *modes.strained(moved, gradients))
         if self.energy:
             energies = motion.energy(time, state)
             if np.isnan(energies.work):
@@ -140,7 +154,7 @@ class ModalResponse(LoadedCage):
                     "dissipated_energy and external_work are not a number; take an earlier time, "
                     "or longer periods"
                 )
-            self.add_energies(output, energies)
+            add_energies(output, energies)
 
     def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
         self.check()

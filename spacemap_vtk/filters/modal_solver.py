@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time as clock
+import weakref
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from vtkmodules.vtkCommonCore import vtkDataArray
@@ -17,10 +18,12 @@ from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import Provided
-from spacemap_vtk.filters.cage_material import WOVEN
-from spacemap_vtk.filters.fitted_cage import FittedCage
+from spacemap_vtk.fabric.interchange import YarnMechanics
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.cage_fittings import CageFittings
+from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.mechanics.bending import Locking, locking, proportions_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
@@ -62,7 +65,7 @@ _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 Solution = tuple[Floats, Floats, Floats]
 
 
-class ModalSolver(FittedCage):
+class ModalSolver(CageMaterial, CageFittings, Stage):
     """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
 
     Modes are kept: another modulus or density only scales them, and what was solved once is read
@@ -95,6 +98,9 @@ class ModalSolver(FittedCage):
 
     section = "modal"
     role = "solver"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
     provides: ClassVar = {
         "fixed": Provided("point"),
         "fixed_components": Provided("point"),
@@ -154,6 +160,38 @@ class ModalSolver(FittedCage):
     _rest: Model | None = None
     _hangs: tuple[str, Sequence[Floats]] | None = None
     _stored: float = -math.inf
+    #: What the yarns resist; of a stage a copy of its parameters. That stage may lie below this
+    #: one, and a pipeline that refers to itself in a circle is never freed.
+    _yarns: YarnParameters | YarnMechanics | None = None
+    _followed: weakref.ref[Stage] | None = None
+
+    @property
+    def yarns(self) -> YarnParameters | YarnMechanics | None:
+        """What the yarns of the weave in the cage resist; a stage's parameters are followed."""
+        return self._yarns
+
+    @yarns.setter
+    def yarns(self, value: YarnParameters | YarnMechanics | None) -> None:
+        followed = self._followed and self._followed()
+        self._followed = weakref.ref(value) if isinstance(value, Stage) else None
+        if isinstance(value, Stage) and value is not followed:
+            value.AddObserver("ModifiedEvent", _follower(self))
+        self._use_yarns(value)
+
+    def _use_yarns(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+        """Store what yarns resist, and run again where that has changed and counts."""
+        before, now = _numbers_of(self._yarns), _numbers_of(yarns)
+        if len(before) == len(now) and all(map(np.array_equal, before, now)):
+            return
+        if isinstance(yarns, YarnParameters):
+            yarns = YarnParameters(**{n: getattr(yarns, n) for n in YarnParameters.parameters})
+        self._yarns = yarns
+        if self.material == WOVEN:
+            self.Modified()
+
+    def check(self) -> None:
+        """Check the material."""
+        self.check_material(self._yarns)
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
@@ -162,8 +200,10 @@ class ModalSolver(FittedCage):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-        self.give_way(vertices, elements, up_axis(grid))
-        held, fittings = self.fittings(grid, vertices, elements)
+        self.find_modulus(vertices, elements, up_axis(grid))
+        held, fittings, warnings = self.fittings(grid, vertices, elements)
+        for text in warnings:
+            self.warn(text)
         sheet = self._sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers
         material: Floats | Plate
@@ -194,7 +234,8 @@ class ModalSolver(FittedCage):
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
-        self.warn_of_elements(sheet is not None)
+        for text in self.for_other_elements(sheet is not None):
+            self.warn(text)
         self._warn_of_rounding(rounding)
         if sheet is not None:
             return
@@ -225,7 +266,7 @@ class ModalSolver(FittedCage):
     def _plate(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return what a cage resists that is a sheet, and its mass per area."""
         cloth = cloth_of(grid) if self.material == WOVEN else None
-        return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth)
+        return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth, self._yarns)
 
     def _sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""
@@ -448,6 +489,22 @@ def hung(
     critical = np.array([math.nan if share is None else share])
     cache.store(key, displacement=displacement, critical=critical)
     return [displacement, critical]
+
+
+def _numbers_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
+    return list(yarns.settings.values()) if isinstance(yarns, YarnParameters) else yarns or ()
+
+
+def _follower(solver: ModalSolver) -> Callable[[Any, str], None]:
+    """Return an observer of the stage that a solver follows, which does not keep the solver."""
+    known = weakref.ref(solver)
+
+    def follow(caller: Any, event: str) -> None:
+        solver = known()
+        if solver is not None and solver._followed is not None and solver._followed() is caller:
+            solver._use_yarns(caller)
+
+    return follow
 
 
 def _woven(grid: vtkUnstructuredGrid) -> float | None:

@@ -52,7 +52,6 @@ class MotionReader(Stage):
     role = "mover"
     makes = "cage"
     provides: ClassVar = {"displacement": Provided("point", "m")}
-    replicated = True
 
     file = FilePath(
         None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"

@@ -12,8 +12,8 @@ from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, masks
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.algorithm import Inputs
-from spacemap_vtk.filters.base import CageStage, Provided, Stage
-from spacemap_vtk.filters.place_parameters import Supports
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.cage_fittings import Supports
 from spacemap_vtk.mechanics.inverted import warning
 from spacemap_vtk.mechanics.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.response import Motion
@@ -25,7 +25,7 @@ from spacemap_vtk.ndarrays import Floats
 _RATES = ("velocity", "acceleration")
 
 
-class RotationStrain(CageStage):
+class RotationStrain(Stage):
     """Rebuild a cage's shape from the rotation and strain of each element of a linear motion.
 
     A linear motion stretches what it turns: a strip that swings by 45 degrees grows by 23 %. Here
@@ -57,6 +57,9 @@ class RotationStrain(CageStage):
 
     section = "rotation"
     role = "rotation"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
     provides: ClassVar = {
         "displacement": Provided("point", "m"),
         "linear_displacement": Provided("point", "m"),

@@ -82,7 +82,6 @@ class TetraCage(Stage):
     inputs = ("vtkDataSet",)
     takes = ("object",)
     makes = "cage"
-    replicated = True
 
     method = Choice(
         "lattice",

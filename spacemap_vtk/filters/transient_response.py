@@ -10,10 +10,18 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import masks_of
+from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.cage_fittings import Supports
+from spacemap_vtk.filters.load_parameters import (
+    MOTION_ARRAYS,
+    LoadParameters,
+    add_energies,
+    add_motion,
+    add_stress,
+)
 from spacemap_vtk.filters.modal_solver import hung
-from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.inverted import warning
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
@@ -33,7 +41,7 @@ _ENTRY = "steps-gauss"
 _CHUNK, _PAUSE = 512, 5.0
 
 
-class TransientResponse(LoadedCage):
+class TransientResponse(LoadParameters, Stage):
     """Move a cage by steps of its nonlinear equations of motion, however far it turns.
 
     Loads, damping and start are those of ModalResponse. Strains are Green's, so that turning
@@ -58,8 +66,12 @@ class TransientResponse(LoadedCage):
     """
 
     section = "transient"
+    role = "mover"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
     excludes = ("rotation",)  # what is stepped turns without being stretched
-    provides: ClassVar = dict(LoadedCage.provides)
+    provides: ClassVar = MOTION_ARRAYS
 
     held = Supports(
         "",
@@ -74,6 +86,7 @@ class TransientResponse(LoadedCage):
     )
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
 
+    _modes: ModesReader | None = None
     _kept_motion: tuple[str, Stepped] | None = None
     _known: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
@@ -116,7 +129,9 @@ class TransientResponse(LoadedCage):
         grid = inputs[0]
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._known != key:
-            self._prepare(grid, self.modes_of(grid))
+            if self._modes is None:
+                self._modes = ModesReader()
+            self._prepare(grid, self._modes.read(grid))
             self._known = key
         assert self._kept_motion is not None
         digest, motion = self._kept_motion
@@ -126,16 +141,16 @@ class TransientResponse(LoadedCage):
             self._store(digest, motion)
         displacement, velocity, acceleration = motion.at(time)
         output.ShallowCopy(grid)
-        self.add_motion(output, (displacement, velocity, acceleration))
+        add_motion(output, (displacement, velocity, acceleration))
         model = motion.model
         if text := warning(model.points, displacement, model.cells, model.pencil.surface):
             self.warn(text)
         if self.stress:
             base = motion.base(time)[0]
             moved = displacement - motion.rest - base
-            self.add_stress(output, *motion.model.strained(moved, large=True))
+            add_stress(output, *motion.model.strained(moved, large=True))
         if self.energy:
-            self.add_energies(output, motion.energies(np.array([time]))[0])
+            add_energies(output, motion.energies(np.array([time]))[0])
 
     @property
     def _settled(self) -> bool:

@@ -12,9 +12,18 @@ from spacemap_vtk.fabric.cloth import AXES
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.fabric.yarn import COTTON, PACKING, linear_density, twist
-from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.ndarrays import Bools
-from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Parameter, Real, Series
+from spacemap_vtk.parameters import (
+    Choice,
+    Color,
+    FilePath,
+    Flag,
+    Integer,
+    Parameter,
+    Parameterised,
+    Real,
+    Series,
+)
 
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Warp and weft in the words of their parameters: `crossed` is the number of the other family.
@@ -120,8 +129,8 @@ def repeat_of(pattern: Any) -> Bools:
     return read(pattern)
 
 
-class WeaveParameters(Stage):
-    """A stage that knows what is woven."""
+class WeaveParameters(Parameterised):
+    """The parameters that say what is woven."""
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(

@@ -21,7 +21,7 @@ from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
-from spacemap_vtk.filters.base import Provided, written
+from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
@@ -35,7 +35,7 @@ SIZE = 7
 _CROSSING_BYTES = 4
 
 
-class WeaveSource(WeaveParameters, Textile):
+class WeaveSource(WeaveParameters, Textile, Stage):
     """Make any woven fabric by Peirce's exact geometry, as bicubic Bézier patches.
 
     A yarn is arc, straight, arc where it changes side between neighbouring crossings, and straight

@@ -1,4 +1,4 @@
-"""What yarns resist with, as a stage is told."""
+"""The parameters that say what yarns resist with."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.yarn import section_factor
-from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.parameters import Flag, Real, Series
+from spacemap_vtk.parameters import Flag, Parameterised, Real, Series
 
 _FLATTEST = YarnMechanics().flattest
 #: What counts for yarns that stretch.
@@ -43,8 +42,8 @@ class WarpAndWeft(Series):
         return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 
-class YarnParameters(Stage):
-    """A stage that knows what yarns resist with."""
+class YarnParameters(Parameterised):
+    """The parameters that say what yarns resist with."""
 
     inextensible = Flag(
         True,

@@ -73,7 +73,7 @@ class SceneReader(Stage):
         output.ShallowCopy(scene.data(self.show))
 
     @property
-    def replicated(self) -> bool:  # type: ignore[override]
+    def replicated(self) -> bool:
         """A cage is whole in each piece."""
         return bool(self.show == "cage")
 

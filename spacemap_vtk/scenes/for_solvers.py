@@ -8,7 +8,7 @@ import numpy as np
 
 from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_in
 from spacemap_vtk.errors import InputError, naming_section
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.model import Model
 
@@ -31,7 +31,7 @@ def analysis(title: str, solver: Any, mover: Any) -> InputDeck:
         _refuse(modes.model)
     forces, left_out = np.zeros(modes.model.points.size), []
     gravity = np.zeros(3)
-    if isinstance(mover, LoadedCage):
+    if isinstance(mover, LoadParameters):
         gravity = mover.gravity_on(solver.output) - gravity_in(solver.output)
         vectors = mover.load_vectors(solver.output, modes)
         for number, load in enumerate(mover.loads):

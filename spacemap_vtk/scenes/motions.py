@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.scenes.scene import Scene
 
@@ -15,10 +15,10 @@ MOTIONS = {
 }
 
 
-def loaded_cage(scene: Scene) -> LoadedCage:
+def loaded_cage(scene: Scene) -> LoadParameters:
     """Return what moves a scene's cage by loads; refuses a scene without."""
     mover = scene.stage("mover")
-    if isinstance(mover, LoadedCage):
+    if isinstance(mover, LoadParameters):
         return mover
     raise InputError(
         "this scene has no loads that could move it in several ways",
@@ -26,10 +26,10 @@ def loaded_cage(scene: Scene) -> LoadedCage:
     )
 
 
-def take_motion(scene: Scene, name: str, given: LoadedCage) -> None:
+def take_motion(scene: Scene, name: str, given: LoadParameters) -> None:
     """Let a scene move in one of `MOTIONS`, by the loads, damping and start of what moved it."""
     sections, _ = MOTIONS[name]
-    values = {key: getattr(given, key) for key in LoadedCage.parameters}
+    values = {key: getattr(given, key) for key in LoadParameters.parameters}
     if name != "transient" and isinstance(given, TransientResponse) and given.held:
         scene.warn(
             "what [transient] holds up to t = 0 does not carry over to modes: by these the cage "

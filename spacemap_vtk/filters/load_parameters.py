@@ -1,11 +1,11 @@
-"""What movers of a cage by loads share: damping, loads, start, frames, and what they write."""
+"""The parameters of a motion by loads (damping, loads, start, frames), and the arrays of it."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonCore import vtkInformation
@@ -13,9 +13,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number, array_of, vectors_of
 from spacemap_vtk.datasets.extent import up_axis
-from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, ModesReader, gravity_in
+from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import CageStage, Provided
+from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
@@ -23,7 +23,17 @@ from spacemap_vtk.mechanics.damping import Damping, rayleigh
 from spacemap_vtk.mechanics.kinematics import von_mises
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
+from spacemap_vtk.parameters import (
+    Choice,
+    Flag,
+    Integer,
+    Parameter,
+    Parameterised,
+    Real,
+    Series,
+    Text,
+    Vector,
+)
 from spacemap_vtk.units import GRAVITY
 
 #: The field arrays of energies.
@@ -36,6 +46,16 @@ _STRESS = {"stress": (True,)}
 ALPHA = 1.0
 #: Gravity where nobody says, and no object says which way is up [m/s²].
 DOWN = (0.0, 0.0, -GRAVITY)
+#: The arrays that `add_motion`, `add_stress` and `add_energies` write.
+MOTION_ARRAYS = {
+    "displacement": Provided("point", "m"),
+    "velocity": Provided("point", "m/s"),
+    "acceleration": Provided("point", "m/s2"),
+    "strain": Provided("cell", "", _STRESS),
+    "stress": Provided("cell", "Pa", _STRESS),
+    "von_mises": Provided("cell", "Pa", _STRESS),
+    **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
+}
 #: alpha and beta damp where no ratio is asked for.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
@@ -100,19 +120,8 @@ def _is_file(value: Any) -> bool:
     )
 
 
-class LoadedCage(CageStage):
+class LoadParameters(Parameterised):
     """The parameters of what moves a cage by loads from t = 0 on."""
-
-    role = "mover"
-    provides: ClassVar = {
-        "displacement": Provided("point", "m"),
-        "velocity": Provided("point", "m/s"),
-        "acceleration": Provided("point", "m/s2"),
-        "strain": Provided("cell", "", _STRESS),
-        "stress": Provided("cell", "Pa", _STRESS),
-        "von_mises": Provided("cell", "Pa", _STRESS),
-        **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
-    }
 
     alpha = Real(
         None,
@@ -185,14 +194,6 @@ class LoadedCage(CageStage):
         minimum=0,
         maximum=100_000,
     )
-
-    _modes: ModesReader | None = None
-
-    def modes_of(self, grid: vtkUnstructuredGrid) -> CageModes:
-        """Return the modes in ModalSolver's output."""
-        if self._modes is None:
-            self._modes = ModesReader()
-        return self._modes.read(grid)
 
     def check(self) -> None:
         """Check how much is damped."""
@@ -281,39 +282,34 @@ class LoadedCage(CageStage):
             if load.at is not None and (distance := modes.away(load.at))
         ]
 
-    @staticmethod
-    def add_motion(output: vtkUnstructuredGrid, fields: Iterable[Floats]) -> None:
-        """Write displacement, velocity and acceleration, (V, 3) each."""
-        points = output.GetPointData()
-        for name, field in zip(_MOTION, fields, strict=True):
-            add_array(points, name, field)
-
-    @staticmethod
-    def add_stress(output: vtkUnstructuredGrid, strain: Floats, stress: Floats) -> None:
-        """Write strain and stress of each tetrahedron, (T, 6) both."""
-        cells = output.GetCellData()
-        order = [0, 1, 2, 5, 3, 4]  # VTK's, whose shears are a tensor's: half of engineering's
-        add_array(cells, "strain", strain[:, order] * [1, 1, 1, 0.5, 0.5, 0.5])
-        add_array(cells, "stress", stress[:, order])
-        add_array(cells, "von_mises", von_mises(stress))
-
-    @staticmethod
-    def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | Floats) -> None:
-        """Write kinetic, strain and dissipated energy, and external work [J]."""
-        field = output.GetFieldData()
-        for name, value in zip(ENERGIES, energies, strict=True):
-            add_number(field, name, value)
-
     def _start(
         self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
     ) -> Floats:
         field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))
         if array:
-            field += self._vectors(grid, f"initial_{what}_array", array)
+            with naming(f"initial_{what}_array"):
+                field += vectors_of(grid.GetPointData(), array, len(field), type(self).__name__)
         return field
 
-    def _vectors(self, grid: vtkUnstructuredGrid, key: str, name: str) -> Floats:
-        with naming(key):
-            return vectors_of(
-                grid.GetPointData(), name, grid.GetNumberOfPoints(), type(self).__name__
-            )
+
+def add_motion(output: vtkUnstructuredGrid, fields: Iterable[Floats]) -> None:
+    """Write displacement, velocity and acceleration, (V, 3) each."""
+    points = output.GetPointData()
+    for name, field in zip(_MOTION, fields, strict=True):
+        add_array(points, name, field)
+
+
+def add_stress(output: vtkUnstructuredGrid, strain: Floats, stress: Floats) -> None:
+    """Write strain and stress of each tetrahedron, (T, 6) both."""
+    cells = output.GetCellData()
+    order = [0, 1, 2, 5, 3, 4]  # VTK's, whose shears are a tensor's: half of engineering's
+    add_array(cells, "strain", strain[:, order] * [1, 1, 1, 0.5, 0.5, 0.5])
+    add_array(cells, "stress", stress[:, order])
+    add_array(cells, "von_mises", von_mises(stress))
+
+
+def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | Floats) -> None:
+    """Write kinetic, strain and dissipated energy, and external work [J]."""
+    field = output.GetFieldData()
+    for name, value in zip(ENERGIES, energies, strict=True):
+        add_number(field, name, value)

@@ -2,22 +2,90 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import array_of, masks_of
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.cage_material import CageMaterial
-from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
-from spacemap_vtk.mechanics.fittings import Fittings, fitted
-from spacemap_vtk.mechanics.supports import loose_sides, resting
+from spacemap_vtk.mechanics.fittings import MASSES, SPRINGS, Fittings, fitted
+from spacemap_vtk.mechanics.places import ALLOWED, SIDES, Region, parse
+from spacemap_vtk.mechanics.supports import BODY, loose_sides, resting
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.parameters import Text
+from spacemap_vtk.parameters import Parameter, Parameterised, Text
+
+_SEVERAL = '; as one string or a list; or "" for none'
+_HELD = (
+    'each with ":" and the components {} where not all are, as in "-x:yz", or a direction, as in '
+    '"-x:(0, 1, 1)"'
+)
 
 
-class FittedCage(CageMaterial):
-    """The parameters that say what a cage of a material is fixed to."""
+class Places(Parameter[tuple[str, ...]]):
+    """Places, as `spacemap_vtk.mechanics.places` reads them."""
+
+    kind = "places"
+    annotation = "str or sequence of str"
+
+    #: What each place is, the units of its quantity, and whether it has all components.
+    what: str = "support"
+    units: Sequence[str] = ()
+    whole = False
+
+    def read(self, text: str) -> list[Region]:
+        """Return the places in a text."""
+        return parse(text, self.units, what=self.what, whole=self.whole)
+
+    def convert(self, value: Any) -> tuple[str, ...]:
+        """Return the places, each once and in canonical form, sides first."""
+        texts = [value] if isinstance(value, str) else value
+        if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
+            raise InputError("neither a string nor a list of strings")
+        found = dict.fromkeys(str(place) for text in texts for place in self.read(text))
+        rank = {side: number for number, side in enumerate(SIDES)}
+        return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
+
+    def text(self, value: tuple[str, ...]) -> str:
+        """Return the places as one string."""
+        return f'"{" ".join(value)}"'
+
+
+class Supports(Places):
+    """Places that are held."""
+
+    kind = "supports"
+    form = f"{ALLOWED}, {_HELD.format('held')}{_SEVERAL}"
+
+
+class RigidPlaces(Places):
+    """Places that move as one rigid piece each."""
+
+    what, whole = BODY, True
+    form = ALLOWED + _SEVERAL
+
+
+class Springs(Places):
+    """Places with a stiffness."""
+
+    what, units = "spring", SPRINGS
+    form = (
+        f"{ALLOWED}, {_HELD.format('that it acts along')}, and a stiffness in N/m or, of a side, "
+        f'N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
+    )
+
+
+class Masses(Places):
+    """Places with a mass."""
+
+    what, units, whole = "mass", MASSES, True
+    form = f'{ALLOWED}, each with a mass, as in "sphere(0, 0, 0, 1 mm) 5 g"{_SEVERAL}'
+
+
+class CageFittings(Parameterised):
+    """The parameters that say what a cage is fixed to, and what is fitted to it."""
 
     fixed = Supports(
         "+y",
@@ -53,8 +121,8 @@ class FittedCage(CageMaterial):
 
     def fittings(
         self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
-    ) -> tuple[Bools, Fittings]:
-        """Return which components (V, 3) cannot move, and what else is fitted to the cage."""
+    ) -> tuple[Bools, Fittings, list[str]]:
+        """Return which components (V, 3) cannot move, what else is fitted, and warnings."""
         fixed, mask = self.fixed, masks_of(grid)
         if fixed is None:
             axis = up_axis(grid)
@@ -64,16 +132,17 @@ class FittedCage(CageMaterial):
             vertices, elements, fixed, self.rigid, self.springs, self.masses, mask
         )
         loose = [] if self.springs else loose_sides(vertices, fixed, mask)
-        for side in loose:
-            self.warn(
-                f'the side "{side}" is one vertex of the cage, or few in a line, about which it '
-                "turns freely: what is not flat there is held by a box or a sphere that catches "
-                'more, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
-            )
-        return held, fittings._replace(
+        warnings = [
+            f'the side "{side}" is one vertex of the cage, or few in a line, about which it '
+            "turns freely: what is not flat there is held by a box or a sphere that catches "
+            'more, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
+            for side in loose
+        ]
+        fittings = fittings._replace(
             stiffness_factors=_factors(grid, "stiffness_factors", self.stiffness_factors),
             mass_factors=_factors(grid, "density_factors", self.density_factors),
         )
+        return held, fittings, warnings
 
 
 def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
