@@ -16,6 +16,7 @@ from pathlib import Path
 from numpydoc.validate import validate
 
 import spacemap_vtk
+from spacemap_vtk.extensions import OWN
 
 #: Style that this project does not follow; every other check of numpydoc holds.
 IGNORED = {
@@ -38,6 +39,10 @@ SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
 USERS |= {"filters.base", "filters.load"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
+#: The modules and names of optional parts, which are imported by these names.
+PARTS = {group: [tuple(value.split(":")) for value in own.values()] for group, own in OWN.items()}
+#: Modules whose docstrings are the help of commands.
+COMMANDS = {"spacemap_vtk.cli", *(module for module, _ in PARTS["commands"])}
 
 Named = ast.FunctionDef | ast.ClassDef
 
@@ -72,6 +77,8 @@ def documented() -> set[tuple[str, str]]:
         for module, name in imported(tree)
         if module.split(".")[0] in SCIENCE - {room}
     }
+    kernels = {(module.removeprefix("spacemap_vtk."), name) for module, name in PARTS["maps"]}
+    found |= {each for each in kernels if each[0].split(".")[0] in SCIENCE}
     for script in SCRIPTS.rglob("*.py"):
         found.update(imported(ast.parse(script.read_text())))
     return found
@@ -110,8 +117,12 @@ def _one(module: str, name: str, node: Named, full: bool) -> Iterator[str]:
                 yield f"{module}.{name}: {code} {what}"
     elif full and "." not in name:
         yield f"{module}.{name}: a user, or another room, imports it, and has no docstring"
-    elif text is not None and "\n" in text.strip() and not module.startswith("cli."):
-        yield f"{module}.{name}: one line will do"  # the command line's are its help
+    elif text is not None and "\n" in text.strip() and not _is_command(module):
+        yield f"{module}.{name}: one line will do"
+
+
+def _is_command(module: str) -> bool:
+    return any(f"spacemap_vtk.{module}.".startswith(f"{place}.") for place in COMMANDS)
 
 
 if __name__ == "__main__":

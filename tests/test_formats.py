@@ -213,7 +213,7 @@ def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
         ".vtu (patches or cage), ",
         ".xyz (surface or cage)",
         ".film (cage)",
-        ".wif, .dtx, .txt or .blank (draft)",
+        ".wif, .txt, .dtx or .blank (draft)",
     ):
         assert part in help
 

@@ -34,7 +34,26 @@ SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",
-    "cli.window -> paraview": "the command that tells how ParaView finds the plugin",
+    "app.web.command -> cli": "a command of an optional part",
+    "paraview.command -> cli": "a command of an optional part",
+}
+#: The modules and packages of each optional part. The core reaches them by registries only: the
+#: groups of `spacemap_vtk.extensions`, and the formats, which register themselves.
+OPTIONAL = {
+    "browser": ("spacemap_vtk.app.web",),
+    "ParaView": ("spacemap_vtk.paraview",),
+    "ray tracing": ("spacemap_vtk.draw.raytrace",),
+    "smooth map": ("spacemap_vtk.embedding.smooth", "spacemap_vtk.embedding.worsey_farin"),
+    "decks of other solvers": (
+        "spacemap_vtk.io.formats.abaqus",
+        "spacemap_vtk.scenes.for_solvers",
+    ),
+    "USD": ("spacemap_vtk.io.formats.usd",),
+    "weaving programs": (
+        "spacemap_vtk.io.formats.weaving_programs",
+        "spacemap_vtk.io.dtx",
+        "spacemap_vtk.io.wpo",
+    ),
 }
 #: Modules of the science that touch files.
 FILES = {
@@ -182,8 +201,32 @@ def science_with_files() -> list[str]:
     return sorted(set(found))
 
 
+def optional_part_of(module: str) -> str | None:
+    name = f"spacemap_vtk.{module}"
+    return next(
+        (
+            part
+            for part, roots in OPTIONAL.items()
+            for root in roots
+            if name == root or name.startswith(f"{root}.")
+        ),
+        None,
+    )
+
+
+def imports_of_optional_parts() -> list[str]:
+    """Return what imports a module of an optional part, other than that part itself."""
+    return [
+        f"{module} -> {target}"
+        for module, targets in arrows().items()
+        for target in sorted(targets)
+        if (part := optional_part_of(target)) and part != optional_part_of(module)
+    ]
+
+
 RULES = (
     upward,
+    imports_of_optional_parts,
     circles_of_modules,
     circles_of_rooms,
     science_with_vtk,
@@ -199,6 +242,8 @@ def test_nothing_breaks_the_rule(rule):
 def test_what_is_listed_is_there():
     """A list that says more than is so would let it come back unseen."""
     assert sorted(FILES.keys() - modules().keys()) == []
+    roots = {root.removeprefix("spacemap_vtk.") for each in OPTIONAL.values() for root in each}
+    assert sorted(roots - modules().keys()) == []
     for line in BESIDE:
         module, target = line.split(" -> ")
         assert target in {room(name) for name in arrows()[module]}, line

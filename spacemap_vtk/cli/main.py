@@ -24,7 +24,7 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
-from spacemap_vtk import __version__
+from spacemap_vtk import __version__, extensions
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.registry import opened_words
 
@@ -61,14 +61,18 @@ COMMANDS = {
     "scenes": ("tell:scenes", "List the scenes that come with the program."),
     "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
-    "paraview": ("window:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
-    "serve": ("window:serve", "Show a scene in a browser on this machine, live."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.
     app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
+#: The commands of optional parts and of other packages: the place of each one's function.
+EXTENSIONS = {
+    each.name: each.value for each in extensions.members("commands") if each.name not in COMMANDS
+}
+for _name, _function in EXTENSIONS.items():
+    app.command(_function, name=_name)
 
 _SILENT = logging.NullHandler()
 #: What is told of the place where a command prints, as of a file that it is led to, or a reader.
@@ -95,6 +99,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if words and words[0] in COMMANDS:
             # The sentence of the table is for lists of commands: a command's own help says all.
             app[words[0]].help = None
+        elif not words or words[0] not in EXTENSIONS:
+            # A list of commands shows the docstrings of extensions that are imported.
+            for name in EXTENSIONS:
+                with suppress(ImportError):  # whoever calls the command is shown the error
+                    app[name]
         with warnings.catch_warnings():
             # Commands and the window show what stages say in their own way.
             warnings.simplefilter("ignore", SpacemapWarning)

@@ -1,17 +1,14 @@
-"""The commands that show a scene live: in a window, in a browser, or in ParaView."""
+"""The command that opens the window."""
 
 from __future__ import annotations
 
 import gc
-import shlex
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.cli import completers
-from spacemap_vtk.cli.options import Set, flag
-from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes import library
 
 
@@ -45,60 +42,3 @@ def gui(
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
     launch(scene, splash.give_way_to)
-
-
-def serve(
-    scene: Annotated[
-        str,
-        Parameter(
-            help="Scene file, draft, mesh, or name of a scene.",
-            completer=completers.scenes_and_files,
-        ),
-    ] = "plain_weave",
-    /,
-    *,
-    set_: Set = (),
-    port: Annotated[int, Parameter(help="Where to listen; 0: any port that is free.")] = 0,
-    host: Annotated[
-        str, Parameter(help="An address of this machine that only this machine reaches.")
-    ] = "127.0.0.1",
-    browser: Annotated[bool, Parameter(help="Open a browser, where there is a screen.")] = True,
-) -> None:
-    """Show a scene in a browser: it moves, turns, and its parameters can be changed.
-
-    Prints an address with a token, which changes at each start; who has not that gets nothing.
-    Pictures are drawn here, so that the browser's machine needs no graphics, and no screen is
-    needed here. Ctrl-C ends it. Needs the extra [web].
-
-    From another machine, let ssh carry it. There:
-
-        ssh -t -L 8080:127.0.0.1:8080 HERE spacemap serve plain_weave --port 8080
-
-    and open the address that this prints.
-    """
-    from spacemap_vtk.app.web import server
-
-    def told(address: str, once: str) -> None:
-        print(address, flush=True)
-        if browser:
-            server.open_browser(once)
-
-    server.serve(scene, set_, host, port, told)
-
-
-def paraview(
-    *,
-    check: Annotated[bool, flag("Try the plugin in pvpython.")] = False,
-) -> None:
-    """Print how to start ParaView with the plugin, or --check it.
-
-    The plugin's place, and the environment for it. The lines are for a shell:
-    eval "$(spacemap paraview)" and then paraview.
-    """
-    if check:
-        print(environment.check())
-        return
-    print(f"# plugin: {environment.PLUGIN}")
-    for name, value in environment.variables().items():
-        rest = f'"${{{name}:+:${name}}}"' if name == "PYTHONPATH" else ""
-        print(f"export {name}={shlex.quote(value)}{rest}")

@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk import extensions
 from spacemap_vtk.draw.data_at import MOMENTS, common_scale, data_at, moments, pieces_of
 from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
 from spacemap_vtk.io.output import (
@@ -251,8 +252,7 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
         draw_beginning(scene, size)
     time = order.times[0] if order.times else scene.view.time
     if order.samples:
-        from spacemap_vtk.draw.raytrace import raytraced
-
+        raytraced: Callable[..., Image] = extensions.load("renderers", "raytrace")
         return raytraced(scene, time, size, order.samples, tell)
     tell(0, 1)
     times = scene.animation.frame_times() if order.framed else [time]

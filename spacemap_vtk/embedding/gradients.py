@@ -1,4 +1,4 @@
-"""How a deformed mesh turns and stretches, in its tetrahedra and averaged at its vertices."""
+"""How a deformed mesh turns and stretches: in its tetrahedra, and at its vertices."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location
 from spacemap_vtk.mechanics.elements import shape_slopes
-from spacemap_vtk.ndarrays import AnyInts, Floats
+from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
+from spacemap_vtk.parallel import blocks
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+#: Weight of second derivatives against the data, where these are of order 1.
+_DAMPING = 1e-2
+#: Vertices that are fitted together; bounds the scratch memory.
+_FITS = 2**9
 
 
 class QuadraticGradients:
@@ -151,3 +157,64 @@ def vertex_averages(vertices: ArrayLike, elements: ArrayLike) -> csr_matrix:
     totals: NDArray[Any] = np.asarray(weights.sum(axis=1)).ravel()
     scale = np.divide(1.0, totals, out=np.zeros_like(totals), where=totals > 0.0)
     return csr_matrix(diags(scale) @ weights)
+
+
+def has_volume(vertices: Floats, tetrahedra: AnyInts) -> Bools:
+    """Return which tetrahedra are not flat."""
+    corners = vertices[tetrahedra]
+    edges = corners[:, 1:] - corners[:, :1]
+    return np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
+
+
+def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
+    """Return the operator that gives the gradient at each vertex."""
+    # A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
+    # tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
+    from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
+
+    count = len(vertices)
+    cells = np.asarray(tetrahedra)[has_volume(vertices, tetrahedra)]
+    member = csr_matrix(
+        (np.ones(cells.size), (np.repeat(np.arange(len(cells)), 4), cells.ravel())),
+        shape=(len(cells), count),
+    )
+    near = (member.T @ member).tocsr()
+    around = (near @ near).tocsr()
+    around.sort_indices()
+    sizes = np.diff(around.indptr)
+    rows, columns, data = [], [], []
+    for size in np.unique(sizes[sizes > 1]):
+        of_size = np.flatnonzero(sizes == size)
+        for some in blocks(len(of_size), _FITS):
+            which = of_size[some]
+            others = around.indices[around.indptr[which][:, None] + np.arange(size)]
+            others = others[others != which[:, None]].reshape(len(which), -1)
+            factors = _fit(vertices[others] - vertices[which][:, None])  # (n, 3, m)
+            own = -factors.sum(axis=2, keepdims=True)
+            shape = (len(which), 3, size)
+            data.append(np.concatenate((factors, own), axis=2).ravel())
+            giving = np.concatenate((others, which[:, None]), axis=1)[:, None]
+            columns.append(np.broadcast_to(giving, shape).ravel())
+            receiving = (3 * which[:, None] + np.arange(3))[:, :, None]
+            rows.append(np.broadcast_to(receiving, shape).ravel())
+    return csr_matrix(
+        (np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))),
+        shape=(3 * count, count),
+    )
+
+
+def _fit(offsets: Floats) -> Floats:
+    """Return factors (n, 3, m) of the differences to m neighbours, which give the gradient."""
+    length = np.linalg.norm(offsets, axis=2)
+    size = length.mean(axis=1)
+    x, y, z = (offsets / size[:, None, None]).transpose(2, 0, 1)
+    weight = (size[:, None] / length) ** 2
+    terms = [x, y, z, x * x / 2, y * y / 2, z * z / 2, x * y, y * z, z * x]
+    matrix = weight[:, :, None] * np.stack(terms, axis=2)
+    # Where the neighbours do not tell, as through a single layer, second derivatives are zero.
+    # First ones are free, so that affine functions stay exact.
+    damping = np.zeros((len(offsets), 6, 9))
+    damping[:, range(6), range(3, 9)] = _DAMPING
+    inverse = np.linalg.pinv(np.concatenate((matrix, damping), axis=1))
+    count = offsets.shape[1]
+    return inverse[:, :3, :count] * (weight / size[:, None])[:, None]

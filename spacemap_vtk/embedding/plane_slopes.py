@@ -17,9 +17,9 @@ from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
 from spacemap_vtk.cage.split import mended
 from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
 from spacemap_vtk.embedding.affine import AffineInterpolation
+from spacemap_vtk.embedding.gradients import vertex_gradients
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.embedding.smooth import vertex_gradients
 from spacemap_vtk.mechanics.shell import mid_surface
 from spacemap_vtk.ndarrays import Floats, Ints
 

@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
+from spacemap_vtk import extensions
 from spacemap_vtk.cage.split import mended
 from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
 from spacemap_vtk.datasets.arrays import (
@@ -34,7 +35,6 @@ from spacemap_vtk.embedding.gradients import (
 )
 from spacemap_vtk.embedding.interpolation import Interpolation, Riding
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided, Stage
@@ -207,7 +207,8 @@ class BarycentricWarp(Stage):
             places, clamp = points_of(points), self.outside == "clamp"
             if self.smooth:
                 places = places.astype(np.float64, copy=False)
-                ride = SmoothInterpolation(places, where, vertices, corners, clamp)
+                smooth = extensions.load("maps", "smooth")
+                ride = smooth(places, where, vertices, corners, clamp)
             elif affine:
                 ride = AffineInterpolation(places, where, vertices, corners, clamp)
             else:
@@ -287,9 +288,9 @@ class _Ride:
         return vertex_averages(self.vertices, self.cells)
 
     @cached_property
-    def _slopes(self) -> QuadraticGradients | AffineInterpolation | SmoothInterpolation:
-        """What knows how the map of each tetrahedron, or at each point, stretches and turns."""
-        if isinstance(self.interpolation, (AffineInterpolation, SmoothInterpolation)):
+    def _slopes(self) -> Any:
+        """Return an object with the gradients of the map, of each tetrahedron or at each point."""
+        if hasattr(self.interpolation, "gradients"):
             return self.interpolation
         if self.elements.shape[1] > 4:
             return QuadraticGradients(self.location, self.vertices, self.elements)

@@ -6,7 +6,6 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from zipfile import ZipFile
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.draft_bytes import LOOSE, check_size, content, loose_notes, unreadable
+from spacemap_vtk.io.draft_bytes import LOOSE, check_size, content, loose_notes
 from spacemap_vtk.io.formats.pictures import decoded
-from spacemap_vtk.io.wif import parse_wif, read_wif
-from spacemap_vtk.io.wif_text import MAX_LENGTH
+from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.ndarrays import Bools
 
 #: Characters of a row.
@@ -28,8 +26,6 @@ _LIST = re.compile(r"(?:([0-9]{1,6})\s*[:.)]\s*)?(-|[0-9]{1,3}(?:[\s,;+]+[0-9]{1
 _LIST_CURE = "Write a line for each pick, its shafts with commas between them"
 #: Of a dobby.
 _MOST_SHAFTS = 64
-#: The WIF in a draft of TempoWeave.
-_INSIDE = "twamain.waf"
 _APART = str.maketrans("", "", " \t,;")
 
 
@@ -147,23 +143,6 @@ def read_picture(path: Path) -> Draft:
         "than middle grey are taken for black"
     )
     return Draft(gray[::-1] < 128, title=path.stem, warnings=(told,) if between else ())
-
-
-def read_zipped(path: Path) -> Draft:
-    """Read the WIF in a draft of TempoWeave, which is an archive."""
-    try:
-        with ZipFile(path) as archive:
-            name = next(name for name in archive.namelist() if name.lower() == _INSIDE)
-            with archive.open(name) as stream:
-                return parse_wif(stream.read(MAX_LENGTH + 1))
-    except InputError:
-        raise
-    except OSError as error:
-        raise unreadable(error) from None
-    except Exception as error:  # what zipfile and its decoders raise, they do not list
-        raise InputError(
-            f"there is no {_INSIDE} in it", allowed="a .twa of TempoWeave", cure="Export it as WIF"
-        ) from error
 
 
 def format_rows(draft: Draft) -> bytes:

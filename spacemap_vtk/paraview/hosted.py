@@ -22,6 +22,7 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
+from spacemap_vtk import extensions
 from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, copied
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
@@ -164,6 +165,7 @@ def proxies() -> dict[str, type[Hosted]]:
     draft, scene = FileType("draft", "draft"), FileType("file", "scene")
     return {
         **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
+        **{stage.__name__: hosted(stage) for stage in extensions.load_all("stages")},
         "WIFReader": hosted(spacemap_vtk.WeaveSource, "WIFReader", draft),
         "SceneReader": hosted(scene_reader.SceneReader, file=scene),
     }

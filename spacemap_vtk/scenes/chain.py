@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 
 import spacemap_vtk
+from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import OPTIONAL, ROLES, Stage, connect
 from spacemap_vtk.filters.cage_material import CageMaterial
@@ -15,7 +16,8 @@ from spacemap_vtk.scenes.settings import Animation, View
 
 def sections() -> dict[str, type[Parameterised]]:
     """Return the class of each section of a scene file, in the order of the pipeline."""
-    stages: list[type[Stage]] = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
+    own: list[type[Stage]] = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
+    stages = [*own, *extensions.load_all("stages")]
     stages.sort(key=lambda stage: ROLES.index(stage.role))
     classes: list[type[Parameterised]] = [*stages, View, Animation]
     return {cls.section: cls for cls in classes}

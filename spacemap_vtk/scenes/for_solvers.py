@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,14 +12,25 @@ from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.model import Model
 
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
+
 #: Time functions that end at a value which stays, and when they have [s].
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9
 #: Parameters of what is fitted to a cage, by the field of `Fittings`, that are not written.
 _FITTED = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
 
 
-def analysis(title: str, solver: Any, mover: Any) -> InputDeck:
-    """Return a scene's model and loads; its solver has run, with all its warnings."""
+def analysis_of(scene: Scene) -> InputDeck:
+    """Return a scene's model and loads, after its solver has run."""
+    solver = scene.stage("solver")
+    if solver is not None:
+        scene.update_stage(solver)
+    with scene.naming_file():
+        return _deck(scene.title, solver, scene.stage("mover"))
+
+
+def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
     if not isinstance(solver, ModalSolver):
         raise InputError(
             "this scene has no cage whose modes are computed",

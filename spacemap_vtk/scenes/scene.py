@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk import extensions
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.draft import Draft
@@ -32,7 +33,6 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.for_solvers import analysis
 from spacemap_vtk.scenes.settings import Animation, View
 
 P = TypeVar("P", bound=Parameterised)
@@ -443,7 +443,8 @@ class Scene:
         Parameters
         ----------
         kind : str
-            ``"patches"``, ``"surface"``, ``"cage"``, ``"draft"`` or ``"analysis"``.
+            ``"patches"``, ``"surface"``, ``"cage"`` or ``"draft"``, or the name of an extension's
+            data (`spacemap_vtk.extensions`), such as ``"analysis"``.
 
         Returns
         -------
@@ -455,15 +456,11 @@ class Scene:
         InputError
             If the scene has no cage, or no draft that can be read.
         """
-        if kind == "analysis":
-            solver, mover = self.stage("solver"), self.stage("mover")
-            if solver is not None:
-                self.update_stage(solver)
-            with self.naming_file():
-                return analysis(self.title, solver, mover)
         if kind in ("patches", "surface"):
             return self.patches if kind == "patches" else self.polygons
-        return self.deformed_cage if kind == "cage" else self.draft
+        if kind in ("cage", "draft"):
+            return self.deformed_cage if kind == "cage" else self.draft
+        return extensions.load("data", kind)(self)
 
     @property
     def painting(self) -> vtkImageData | None:

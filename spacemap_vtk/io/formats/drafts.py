@@ -1,4 +1,4 @@
-"""Weavers' drafts: WIF, those of other programs, rows of text, black-and-white pictures."""
+"""Weavers' drafts: WIF, rows of text, black-and-white pictures."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".
 reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
     of("wif", "read_wif")
 )
-reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("dtx", "read_dtx"))
-reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("wpo", "read_wpo"))
-reads(".twa", label="Draft of TempoWeave", holds="draft")(of("draft_file", "read_zipped"))
 reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
     of("draft_file", "read_rows")
 )
@@ -39,12 +36,6 @@ def write_wif(file: Path, draft: Draft) -> None:
             *(f"{line}\r\n".encode() for line in comments(";")),
         ],
     )
-
-
-@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("dtx", "losses"))
-def write_dtx(file: Path, draft: Draft) -> None:
-    """Write a draft of Fiberworks."""
-    write(file, [of("dtx", "format_dtx")(draft)])
 
 
 @writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("draft_file", "rows_lose"))

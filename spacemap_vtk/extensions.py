@@ -1,0 +1,84 @@
+"""The optional parts of the program, and parts that other packages add, by group and name.
+
+The core imports no optional part: it asks for a group here, and loads the members that it needs.
+Another package adds a member in its own metadata, as entry points:
+
+    [project.entry-points."spacemap_vtk.formats"]
+    alphabet = "alphabet.files"
+
+The groups and what a member of each is:
+
+- ``commands``: "module:function", a command of the command line with the member's name; its
+  docstring is the help.
+- ``formats``: "module", which registers readers and writers (`spacemap_vtk.io.registry`).
+- ``stages``: "module:class", a stage (`spacemap_vtk.filters.base.Stage`).
+- ``maps``: "module:class", an interpolation from the vertices of a cage to points in it
+  (`spacemap_vtk.embedding.interpolation.Riding`).
+- ``data``: "module:function", which returns data of a scene for a file format.
+- ``renderers``: "module:function", which draws a picture of a scene.
+
+The head of such a module imports neither numpy nor VTK where lists are made of it: commands and
+formats. A stage's may.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from typing import Any
+
+from spacemap_vtk.errors import MissingLibraryError
+
+#: The program's own optional parts. They are listed here and not in the package's metadata, which
+#: a checkout on PYTHONPATH does not have, for example in ParaView. Formats are not: all modules of
+#: `spacemap_vtk.io.formats` register themselves.
+OWN = {
+    "commands": {
+        "serve": "spacemap_vtk.app.web.command:serve",
+        "paraview": "spacemap_vtk.paraview.command:paraview",
+    },
+    "maps": {"smooth": "spacemap_vtk.embedding.smooth:SmoothInterpolation"},
+    "data": {"analysis": "spacemap_vtk.scenes.for_solvers:analysis_of"},
+    "renderers": {"raytrace": "spacemap_vtk.draw.raytrace:raytraced"},
+}
+
+
+def members(group: str) -> list[EntryPoint]:
+    """Return the members of a group: the program's own, then those of installed packages."""
+    name = f"spacemap_vtk.{group}"
+    own = [EntryPoint(key, value, name) for key, value in OWN.get(group, {}).items()]
+    return [*own, *_installed().select(group=name)]
+
+
+def load(group: str, name: str) -> Any:
+    """Import one member of a group; the program's own comes before others of its name."""
+    for member in members(group):
+        if member.name == name:
+            return member.load()
+    raise MissingLibraryError(f"no installed package provides {name} among its {group}")
+
+
+def load_all(group: str) -> list[Any]:
+    """Import all members of a group; warn of a package that cannot be imported, and go on."""
+    found = []
+    for member in members(group):
+        try:
+            found.append(member.load())
+        except Exception as error:
+            if member.dist is None:  # one of our own
+                raise
+            # Not a SpacemapWarning: commands hide those, which they print in their own way.
+            warnings.warn(
+                f"the package {member.dist.name} is left out: {member.value} cannot be loaded: "
+                f"{type(error).__name__}: {error}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+    return found
+
+
+@cache
+def _installed() -> EntryPoints:
+    # All groups at once: it reads the metadata of every installed package.
+    return entry_points()

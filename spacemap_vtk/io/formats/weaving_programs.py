@@ -1,0 +1,50 @@
+"""Drafts of weaving programs: Fiberworks (.dtx), WeavePoint (.wpo) and TempoWeave (.twa)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+from zipfile import ZipFile
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.registry import of, reads, writes
+
+if TYPE_CHECKING:
+    from spacemap_vtk.fabric.draft import Draft
+
+#: The file in a .twa, which is a ZIP archive, that holds the draft as a WIF.
+_WIF_IN_TWA = "twamain.waf"
+
+reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("dtx", "read_dtx"))
+reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("wpo", "read_wpo"))
+
+
+@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("dtx", "losses"))
+def write_dtx(file: Path, draft: Draft) -> None:
+    """Write a draft of Fiberworks."""
+    write(file, [of("dtx", "format_dtx")(draft)])
+
+
+@reads(".twa", label="Draft of TempoWeave", holds="draft")
+def read_twa(path: Path) -> Draft:
+    """Read the WIF in a draft of TempoWeave."""
+    from spacemap_vtk.io.draft_bytes import unreadable
+    from spacemap_vtk.io.wif import parse_wif
+    from spacemap_vtk.io.wif_text import MAX_LENGTH
+
+    try:
+        with ZipFile(path) as archive:
+            name = next(name for name in archive.namelist() if name.lower() == _WIF_IN_TWA)
+            with archive.open(name) as stream:
+                return parse_wif(stream.read(MAX_LENGTH + 1))
+    except InputError:
+        raise
+    except OSError as error:
+        raise unreadable(error) from None
+    except Exception as error:  # zipfile and its decoders document no list of what they raise
+        raise InputError(
+            f"there is no {_WIF_IN_TWA} in it",
+            allowed="a .twa of TempoWeave",
+            cure="Export it as WIF",
+        ) from error

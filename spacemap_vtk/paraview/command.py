@@ -1,0 +1,27 @@
+"""The command that says how ParaView finds the plugin."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Annotated
+
+from spacemap_vtk.cli.options import flag
+from spacemap_vtk.paraview import environment
+
+
+def paraview(
+    *,
+    check: Annotated[bool, flag("Try the plugin in pvpython.")] = False,
+) -> None:
+    """Print how to start ParaView with the plugin, or --check it.
+
+    The plugin's place, and the environment for it. The lines are for a shell:
+    eval "$(spacemap paraview)" and then paraview.
+    """
+    if check:
+        print(environment.check())
+        return
+    print(f"# plugin: {environment.PLUGIN}")
+    for name, value in environment.variables().items():
+        rest = f'"${{{name}:+:${name}}}"' if name == "PYTHONPATH" else ""
+        print(f"export {name}={shlex.quote(value)}{rest}")

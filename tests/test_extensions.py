@@ -1,0 +1,154 @@
+"""Another package adds a format, a stage and a command; the core runs without optional parts."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from test_layers import OPTIONAL
+
+ROOT = Path(__file__).parents[1]
+FILES = {
+    "alphabet/__init__.py": "",
+    "alphabet/files.py": """
+from spacemap_vtk.io.registry import reads, writes
+
+@reads(".abc", label="Alphabet", holds="mesh")
+def read_abc(path):
+    import pyvista as pv
+    return pv.Sphere(radius=float(path.read_text()))
+
+@writes(".abc", label="Alphabet", holds=("surface",))
+def write_abc(file, surface):
+    file.write_text(f"{surface.GetLength() / 2}\\n")
+""",
+    "alphabet/stages.py": """
+from spacemap_vtk.datasets.arrays import add_array, points_of
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.parameters import Real
+
+class Lift(Stage):
+    \"\"\"Lift a cage, in place of a motion.\"\"\"
+
+    section = "lift"
+    role = "mover"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides = {"displacement": Provided("point", "m")}
+
+    height = Real(1e-3, "How far it is lifted.", unit="m")
+
+    def run(self, inputs, output, time):
+        output.ShallowCopy(inputs[0])
+        lifted = 0.0 * points_of(output)
+        lifted[:, 2] = self.height
+        add_array(output.GetPointData(), "displacement", lifted)
+""",
+    "alphabet/commands.py": """
+def spell(word: str, /) -> None:
+    \"\"\"Spell a word.\"\"\"
+    print(*word, sep="-")
+""",
+    "alphabet-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: alphabet\nVersion: 1.0\n",
+    "alphabet-1.0.dist-info/entry_points.txt": """
+[spacemap_vtk.commands]
+spell = alphabet.commands:spell
+[spacemap_vtk.formats]
+abc = alphabet.files
+[spacemap_vtk.stages]
+Lift = alphabet.stages:Lift
+""",
+}
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """Return a folder for PYTHONPATH with another package installed in it."""
+    for name, text in FILES.items():
+        file = tmp_path / "site" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return tmp_path / "site"
+
+
+def run(*words: str, path: list[Path], folder: Path, code: str = "pass") -> tuple[int, str, str]:
+    """Run a command of the program; return its exit status and what it printed."""
+    main = f"{code}; from spacemap_vtk.cli.main import main; main()"
+    places = os.pathsep.join(map(str, path))
+    done = subprocess.run(
+        [sys.executable, "-c", main, *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": places},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_package_adds_a_format_a_stage_and_a_command(installed: Path, tmp_path: Path) -> None:
+    def spacemap(*words: str) -> str:
+        status, out, err = run(*words, path=[installed, ROOT], folder=tmp_path)
+        assert (status, err) == (0, ""), err
+        return out
+
+    shown = " ".join(spacemap("--help").split())
+    assert "spell Spell a word." in shown
+    assert "serve Show a scene in a browser on this machine, live." in shown
+    assert spacemap("spell", "yarn") == "y-a-r-n\n"
+    assert "How far it is lifted" in spacemap("keys", "lift")
+    spacemap("export", "plain_weave", "-q", "-o", "a.abc", "--set", "lift.height=2mm")
+    assert float((tmp_path / "a.abc").read_text()) > 0
+    assert "vtkPolyData" in spacemap("info", "a.abc")
+    spacemap("export", "plain_weave", "-q", "-o", "a.vtu", "--set", "lift.height=2mm")
+    lifted = pv.read(tmp_path / "a.vtu")["displacement"][:, 2]
+    np.testing.assert_allclose(lifted, 0.002, rtol=1e-6)
+
+
+def test_a_package_that_cannot_be_loaded_is_named_and_left_out(
+    installed: Path, tmp_path: Path
+) -> None:
+    (installed / "alphabet/files.py").write_text("import no_such_module")
+    status, out, err = run("scenes", path=[installed, ROOT], folder=tmp_path)
+    assert status == 0
+    assert "plain_weave" in out
+    assert "the package alphabet is left out: alphabet.files cannot be loaded" in err
+    assert "No module named 'no_such_module'" in err
+
+
+def test_the_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
+    for folder in ("spacemap_vtk", "scenes"):
+        ignored = shutil.ignore_patterns("*.pyc.*")
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=ignored)
+    for root in (root for roots in OPTIONAL.values() for root in roots):
+        place = tmp_path.joinpath(*root.split("."))
+        if place.is_dir():
+            shutil.rmtree(place)
+        else:
+            place.with_suffix(".py").unlink()
+
+    def spacemap(*words: str) -> tuple[int, str]:
+        code = "from spacemap_vtk import extensions; extensions.OWN.clear()"
+        status, out, err = run(*words, path=[tmp_path], folder=tmp_path, code=code)
+        return status, out + err
+
+    status, shown = spacemap("--help")
+    assert status == 0
+    assert "serve" not in shown
+    export = "export", "plain_weave", "-q", "-o"
+    assert spacemap("render", "plain_weave", "-q", "-o", "a.png") == (0, "")
+    assert spacemap(*export, "a.vtu") == (0, "")
+    for name in ("a.inp", "a.usdc", "a.dtx"):
+        status, said = spacemap(*export, name)
+        assert status == 2
+        assert "is not known here" in said
+    status, said = spacemap(*export, "a.vtp", "--set", "warp.smooth=true")
+    assert status == 1
+    assert "no installed package provides smooth among its maps" in said
