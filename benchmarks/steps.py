@@ -113,7 +113,7 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
     count = last.output.GetNumberOfPoints()
     made = _surface(last)
     return {
-        "title": "{} x {} yarns".format(*scene.weave.cloth.size) if scene.woven else scene.title,
+        "title": "{} x {} yarns".format(*scene.woven.cloth.size) if scene.woven else scene.title,
         "points": scene.stages[0].output.GetNumberOfPoints(),
         "surface_points": count,
         "threads": thread_count(),
@@ -152,14 +152,14 @@ def _others(scene: Scene, steps: int) -> list[tuple[str, float]]:
         found.append(("Blender's lattice", _lattice_ms(rest)))
     with suppress(InputError):  # what is not woven, or in two layers, has no such crossings
         for name, yarns in _YARNS.items() if scene.woven else ():
-            solve = partial(Interchange(scene.weave.cloth, yarns).solve, _waves(scene))
+            solve = partial(Interchange(scene.woven.cloth, yarns).solve, _waves(scene))
             found.append((f"crossings, {name}", median(_ms(solve) for _ in range(_WARM + steps))))
     return found
 
 
 def _waves(scene: Scene) -> Floats:
     """Return stretches of up to 5 % along warp and weft, (2, picks, ends)."""
-    pick, end = (np.linspace(0.0, 6.0, size) for size in scene.weave.cloth.drawdown.shape)
+    pick, end = (np.linspace(0.0, 6.0, size) for size in scene.woven.cloth.drawdown.shape)
     phases = np.add.outer(pick, 0.7 * end), np.subtract.outer(0.8 * pick, end)
     return 1.0 + 0.05 * np.stack([np.sin(phases[0]), np.cos(phases[1])])
 

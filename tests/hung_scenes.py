@@ -132,7 +132,7 @@ def a_drape(scene: Scene) -> None:
 
 def a_cloth_whose_warp_carries_it(scene: Scene) -> None:
     scene.update(time=0.0)
-    cloth, cells = scene.weave.cloth, scene.stage("crimp").output.GetCellData()  # type: ignore[union-attr]
+    cloth, cells = scene.woven.cloth, scene.stage("crimp").output.GetCellData()  # type: ignore[union-attr]
     family, tension = (vtk_to_numpy(cells.GetArray(name)) for name in ("family", "yarn_tension"))
     # Of a yarn that is pulled only the cosine of its slope pulls the cloth (Peirce: dl/dp at the
     # same height); half of a 2/2 twill's gaps are floats. On the mean it carries half the cloth.

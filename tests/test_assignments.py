@@ -67,7 +67,7 @@ def test_each_value_is_checked(said: str, told: str) -> None:
 def test_lists_are_multiplied_or_paired() -> None:
     said = ["weave.ends=2,3", "weave.picks=4,5", "weave.pattern=plain"]
     every = [
-        (run.scene().weave.ends, run.scene().weave.picks) for run in sweep_of(SCENE, said).runs
+        (run.scene().source.ends, run.scene().source.picks) for run in sweep_of(SCENE, said).runs
     ]
     assert every == [(2, 4), (2, 5), (3, 4), (3, 5)]
     paired = sweep_of(SCENE, said, paired=True).runs

@@ -72,7 +72,7 @@ def test_a_scene_file_and_set_refuse_it_alike() -> None:
 )
 def test_si_and_units_are_taken_as_they_stand(key: str, value: Any, expected: float) -> None:
     scene = Scene({"weave": {key: value}})
-    assert getattr(scene.weave, key) == pytest.approx(expected, rel=1e-14)
+    assert getattr(scene.source, key) == pytest.approx(expected, rel=1e-14)
 
 
 def test_a_count_and_its_plies_are_a_cotton_count() -> None:
@@ -81,10 +81,10 @@ def test_a_count_and_its_plies_are_a_cotton_count() -> None:
     assert linear_density("20/2") == pytest.approx(hank / 10, rel=1e-12)
     assert linear_density("20/2") == linear_density("Ne 20/2")
     assert linear_density("8/2") == linear_density("Ne 4")
-    assert Scene({"weave": {"warp_count": "8/2"}}).weave.warp_count == linear_density("8/2")
+    assert Scene({"weave": {"warp_count": "8/2"}}).source.warp_count == linear_density("8/2")
     with pytest.raises(InputError, match='"Nm 28/2" or "Ne 28/2"'):
         linear_density("2/28")
-    assert "cotton" in Scene({}).weave.parameter("warp_count").allowed
+    assert "cotton" in Scene({}).source.parameter("warp_count").allowed
 
 
 def test_a_record_keeps_values_that_need_their_unit() -> None:
@@ -92,8 +92,8 @@ def test_a_record_keeps_values_that_need_their_unit() -> None:
     written = {"warp_diameter": [f"{odd} m", "0.4 m"], "warp_spacing": f"{3 * odd} m"}
     scene = Scene({"weave": written})
     again = Scene(values_of(scene))
-    assert again.weave.warp_diameter == scene.weave.warp_diameter == (odd, 0.4)
-    assert again.weave.warp_spacing == scene.weave.warp_spacing
+    assert again.source.warp_diameter == scene.source.warp_diameter == (odd, 0.4)
+    assert again.source.warp_spacing == scene.source.warp_spacing
     assert "0.4 m" in record_of(scene, {}, ()).scene.replace("400 mm", "0.4 m")
 
 
@@ -102,7 +102,7 @@ def test_a_sweep_of_large_yarns_keeps_their_unit() -> None:
     values = swept("weave.warp_diameter=linspace(200 mm, 400 mm, 3)", scene.parts).values
     for value, expected in zip(values, (0.2, 0.3, 0.4), strict=True):
         scene.assign("weave", "warp_diameter", value)
-        assert scene.weave.warp_diameter == expected
+        assert scene.source.warp_diameter == expected
 
 
 def test_kawabatas_shear_is_per_degree() -> None:

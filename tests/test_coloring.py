@@ -74,7 +74,7 @@ def test_a_uniform_strain_arrives_as_it_is(smooth: bool) -> None:
 
     producer, warp = vtkTrivialProducer(), BarycentricWarp(smooth=smooth, carried="strain")
     producer.SetOutput(cage)
-    warp.SetInputConnection(0, scene.weave.GetOutputPort())
+    warp.SetInputConnection(0, scene.source.GetOutputPort())
     warp.SetInputConnection(1, producer.GetOutputPort())
     warp.update()
     carried = vtk_to_numpy(warp.GetOutputDataObject(0).GetPointData().GetArray("strain"))
@@ -272,7 +272,7 @@ def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
     scene.update(time=0.0)
     crimp = measure(scene.polygons, "crimp")
     assert crimp is not None
-    assert crimp == pytest.approx(scene.weave.cloth.families[0].crimp.crimp, rel=1e-4)
+    assert crimp == pytest.approx(scene.woven.cloth.families[0].crimp.crimp, rel=1e-4)
     actor = SurfaceActor()
     actor.show(scene.polygons, "jammed")
     assert not actor.bar.GetVisibility()

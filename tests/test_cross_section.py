@@ -30,7 +30,7 @@ def test_yarns_touch_and_never_overlap(name: str) -> None:
         threads = Threads(diameter=0.2e-3, spacing=0.5e-3, **more)
         cloth = Cloth(drawdown=tile([[1, 0], [0, 1]], 7, 7), warp=threads, weft=threads)
     else:
-        cloth = Scene.read(name).weave.cloth
+        cloth = Scene.read(name).woven.cloth
     for family in (0, 1):
         cut = cross_section(cloth, family)
         assert cut.bends

@@ -24,13 +24,13 @@ _ASIDE = 0.15
 
 def cloth(**weave: Any) -> Scene:
     scene = Scene({"weave": {"ends": 6, "picks": 6, **weave}})
-    scene.weave.update()
+    scene.source.update()
     return scene
 
 
 def close_up(scene: Scene, near: float, flat: bool = False, size: Any = SIZE_4K) -> Seen:
     """Look slantwise at the middle from so many widths of the cloth."""
-    points = points_of(scene.weave.output).astype(float)
+    points = points_of(scene.source.output).astype(float)
     middle, width = points.mean(axis=0), float(np.ptp(points[:, 0]))
     way = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
     scale = 0.2 * near * width if flat else 0.0
@@ -43,10 +43,10 @@ def close_up(scene: Scene, near: float, flat: bool = False, size: Any = SIZE_4K)
 
 def chosen_for(scene: Scene, seen: Seen) -> PatchTessellator:
     """Return what makes the facets that are seen."""
-    stage, grid = PatchTessellator(), scene.weave.output
+    stage, grid = PatchTessellator(), scene.source.output
     stage.SetInputDataObject(grid)
     scale = pixels_per_metre(seen.camera, points_of(grid).astype(float), seen.size[1])
-    stage.choose(*facets_seen(scene.weave.cloth, scale, seen))
+    stage.choose(*facets_seen(scene.woven.cloth, scale, seen))
     return stage
 
 
@@ -62,7 +62,7 @@ def sides_of(stage: PatchTessellator, patches: np.ndarray, points: np.ndarray) -
 
 
 def patches_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    grid = scene.weave.output
+    grid = scene.source.output
     table = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 16)
     return points_of(grid).astype(float), table
 
@@ -213,7 +213,7 @@ def test_plies_near_the_camera_are_as_smooth() -> None:
     points, patches = patches_of(scene)
     sides, twice = sides_of(stage, patches, points), PatchTessellator()
     assert sides.max() > MOST_SIDES
-    twice.SetInputDataObject(scene.weave.output)
+    twice.SetInputDataObject(scene.source.output)
     twice.choose(LEAST, False, lambda *_: 2 * sides)
     twice.update()
     worst, first = 0.0, [0, 0]

@@ -291,11 +291,11 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     file = tmp_path / "double.txt"
     file.write_text("\n".join(rows(two_cloths(blocks(12, 24, 24), patterns.plain()))))
     scene = Scene({"weave": {"draft": str(file)}})
-    assert any("double weave" in text for text in scene.weave.cloth.warnings)
-    weave = scene.weave.update().output
+    assert any("double weave" in text for text in scene.woven.cloth.warnings)
+    weave = scene.source.update().output
     read = cloth_of(weave)
     assert read is not None
-    np.testing.assert_array_equal(read.passing(0).height, scene.weave.cloth.passing(0).height)
+    np.testing.assert_array_equal(read.passing(0).height, scene.woven.cloth.passing(0).height)
     single = WeaveSource(draft=file, warp_layer=1, weft_layer=[1, 2])
     assert single.cloth.layers is None
     assert single.cloth.warnings == ()

@@ -39,7 +39,7 @@ def test_a_draft_is_drawn_as_its_drawdown() -> None:
     image = drawn(scene, (20 * ENDS, 20 * PICKS))
     # end 1 at the left, pick 1 below, a pixel in the middle of each crossing
     seen = image[10::20, 10::20][::-1]
-    np.testing.assert_array_equal(seen[..., 0] > seen[..., 2], scene.weave.cloth.drawdown)
+    np.testing.assert_array_equal(seen[..., 0] > seen[..., 2], scene.woven.cloth.drawdown)
     # the cloth fills the picture, and its yarns their spacing
     background = (image.min(axis=2) > 180).mean()
     assert background < 0.06
@@ -52,10 +52,10 @@ def test_a_draft_without_thickness_fills_its_spacing(tmp_path: Path) -> None:
     file = tmp_path / "bare.txt"
     file.write_text("\n".join(rows(read_draft(REAL).drawdown[:6, :8])))
     scene = Scene({"weave": {"draft": str(file), "thick_yarns": "flatten"}})
-    widths = [threads.aspect * threads.diameter for threads in scene.weave.cloth.threads]
+    widths = [threads.aspect * threads.diameter for threads in scene.woven.cloth.threads]
     assert widths == pytest.approx([0.45e-3, 0.45e-3])
     # a pattern has its own
-    other = Scene({"weave": {"thick_yarns": "flatten"}}).weave.cloth
+    other = Scene({"weave": {"thick_yarns": "flatten"}}).woven.cloth
     assert other.warp.diameter == pytest.approx(0.25e-3)
 
 
@@ -77,7 +77,7 @@ def test_a_narrow_draft_is_drawn_once_and_whole(narrow: Path, tmp_path: Path) ->
     prepare_offscreen()  # without OpenGL there is a warning about that
     scene = red_and_blue(narrow)
     image = ordered(scene, (620, 620), tmp_path)
-    assert scene.weave.cloth.size == (8, 62)
+    assert scene.woven.cloth.size == (8, 62)
     # It stands in the middle, as high as the picture but for a hundredth at each edge.
     high = 0.98 * 620
     left = 310 - 0.5 * high * 8 / 62
@@ -87,14 +87,14 @@ def test_a_narrow_draft_is_drawn_once_and_whole(narrow: Path, tmp_path: Path) ->
     )
     seen = image[np.ix_(y, x)][::-1]
     over = seen[..., 0] > seen[..., 2]
-    np.testing.assert_array_equal(over, scene.weave.cloth.drawdown)
+    np.testing.assert_array_equal(over, scene.woven.cloth.drawdown)
     beside = np.concatenate([image[:, : int(left) - 4], image[:, -int(left) + 4 :]], axis=1)
     assert beside.min() > 180
     assert not any("picture" in text or "drawn" in text for text in scene.warnings)
     # It is repeated for those who ask for that.
     scene = red_and_blue(narrow, "weave.ends=24")
     ordered(scene, (160, 160), tmp_path)
-    assert scene.weave.cloth.size == (24, 62)
+    assert scene.woven.cloth.size == (24, 62)
 
 
 def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
@@ -138,11 +138,11 @@ def test_of_a_draft_too_long_to_be_seen_whole_the_beginning_is_drawn(tmp_path: P
         "only picks 1 to 320 of 3000 are drawn, as the cloth is so long: "
         "--set weave.picks=3000 draws all"
     )
-    assert scene.weave.cloth.size == (20, 320)
-    np.testing.assert_array_equal(scene.weave.cloth.drawdown, whole[:320])
+    assert scene.woven.cloth.size == (20, 320)
+    np.testing.assert_array_equal(scene.woven.cloth.drawdown, whole[:320])
     assert image[:, :140].min() > 180  # beside the cloth
     for word in ("weave.picks=3000", "view.camera=front"):
         scene = Scene(values)
         scene.set(word)
         ordered(scene, (160, 160), tmp_path)
-        assert scene.weave.cloth.size == (20, 3000)
+        assert scene.woven.cloth.size == (20, 3000)

@@ -30,7 +30,7 @@ from spacemap_vtk.scenes.scene import Scene
 
 scene, times, size = Scene(json.loads(sys.argv[1])), json.loads(sys.argv[2]), (640, 480)
 asked = PictureAsked(size, len(times))
-small = scene.surface.subdivisions is None and scene.weave.cloth.size[0] > 600
+small = scene.surface.subdivisions is None and scene.woven.cloth.size[0] > 600
 estimate = sheet_bytes(scene, asked) if small else picture_bytes(scene, asked)
 with open("/proc/self/statm") as stream:
     before = int(stream.read().split()[1]) * resource.getpagesize()
@@ -201,7 +201,7 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     scene.surface.subdivisions = int(found[1])
     require_picture(scene, PictureAsked((640, 480)))
     scene.surface.subdivisions = 4
-    scene.weave.ends = scene.weave.picks = int(found[2])
+    scene.source.ends = scene.source.picks = int(found[2])
     require_picture(scene, PictureAsked((640, 480)))
     with pytest.raises(SizeError, match="a film of"):
         require_picture(scene, PictureAsked((640, 480), 100))
@@ -215,7 +215,7 @@ def test_what_is_there_is_not_asked_for_once_more(monkeypatch: pytest.MonkeyPatc
         "spacemap_vtk.scenes.footprint.require", lambda size, *_, **__: asked.append(size)
     )
     Picture(scene, [0.0, 0.1], (64, 48)).close()
-    points = scene.weave.counts.points
+    points = scene.woven.counts.points
     # Before anything is taken, and when places at both times and moved ones are there.
     assert asked[-1] < asked[0] - 2 * 24 * points
 
@@ -228,7 +228,7 @@ def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) 
         SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"
     ):
         Picture(scene, [0.0], (640, 480))
-    assert scene.weave.executions == 0
+    assert scene.source.executions == 0
 
 
 def test_a_draft_that_no_machine_can_draw(
@@ -247,7 +247,7 @@ def test_a_draft_that_no_machine_can_draw(
 def test_what_rides_along_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 9, "picks": 9}, "response": {}})
     scene.update_stage(scene.response, 0.1)
-    points = scene.weave.GetOutputDataObject(0).GetNumberOfPoints()
+    points = scene.source.GetOutputDataObject(0).GetNumberOfPoints()
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
     size = barycentric_warp.estimate_bytes(points)
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size - 1)

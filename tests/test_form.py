@@ -195,7 +195,7 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
     assert (
         len(points_of(scene.source.output))
-        < len(points_of(Scene(values).weave.update().output)) / 5
+        < len(points_of(Scene(values).source.update().output)) / 5
     )
 
 
@@ -241,7 +241,7 @@ def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:
     assert small.scene.surface.sides < large.scene.surface.sides
     scene = Scene({"weave": {"ends": 2, "picks": 2}})
     scene.update()
-    patches = scene.weave.output.GetNumberOfCells()
+    patches = scene.source.output.GetNumberOfCells()
     assert scene.polygons.GetNumberOfCells() == AUTOMATIC_SIDES**2 * patches
 
 

@@ -125,7 +125,7 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
     assert curves is not None
     areas = []
     for family in (1, 0):  # a cut along a pick goes across the ends
-        x, z = np.moveaxis(cross_section(scene.weave.cloth, family).sections, 2, 0)
+        x, z = np.moveaxis(cross_section(scene.woven.cloth, family).sections, 2, 0)
         areas += list(0.5 * np.abs((x * np.roll(z, -1, 1) - np.roll(x, -1, 1) * z).sum(axis=1)))
     np.testing.assert_allclose(np.pi / 4 * curves.widths**2, areas, rtol=2e-3)
 
@@ -220,4 +220,4 @@ def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
         most = 2**27
     with pytest.raises(SizeError, match=r"million points.*memory|points do not fit into a file"):
         moving(scene, [0.0], None, lambda *_: None, most=most, sides=4)
-    assert scene.weave.executions == 0
+    assert scene.source.executions == 0

@@ -66,7 +66,7 @@ def test_a_cloth_as_woven_touches_and_an_open_one_does_not() -> None:
     scene.update()
     found = measure(scene.polygons, "clearance")
     assert found is not None
-    diameter = scene.weave.cloth.diameter_sum / 2
+    diameter = scene.woven.cloth.diameter_sum / 2
     weave = WeaveSource(ends=4, picks=4)
     exact = least_clearance(weave.cloth).distance
     assert abs(exact) < 1e-12

@@ -197,7 +197,7 @@ def a_basket(scene: Scene) -> None:
 
 
 def a_tartan(scene: Scene) -> None:
-    cloth = scene.weave.cloth
+    cloth = scene.woven.cloth
     assert len(np.unique(cloth.warp.colors, axis=0)) == 4
     np.testing.assert_array_equal(cloth.warp.colors[0], cloth.warp.colors[14])
     thick = np.flatnonzero(np.asarray(cloth.warp.diameter) > 0.3e-3)
@@ -215,7 +215,7 @@ def a_real_draft(scene: Scene) -> None:
 
 
 def a_double_cloth(scene: Scene) -> None:
-    cloth = scene.weave.cloth
+    cloth = scene.woven.cloth
     found = find_layers(cloth.drawdown)
     assert found is not None
     assert cloth.layers is not None
@@ -253,7 +253,7 @@ def test_scene(name: str) -> None:
     scene = Scene.read(name)
     assert scene.title
     scene.check()
-    if scene.woven and sum(scene.weave.cloth.size) > 60:
+    if scene.woven and sum(scene.woven.cloth.size) > 60:
         scene.surface.subdivisions = 2  # of a picture this small more is not seen
     picture = Picture(scene, [scene.view.time], (200, 150))
     image = picture.draw(scene.view.time).astype(int)

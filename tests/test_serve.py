@@ -197,7 +197,7 @@ def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
             assert session.screen.frame is shown
             # No row names a file, and what is no row is not taken.
             session.set("weave.draft", "/etc/passwd")
-            assert session.scene.weave.draft is None
+            assert session.scene.source.draft is None
         finally:
             work.cancel()
             session.close()

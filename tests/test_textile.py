@@ -98,6 +98,14 @@ class Rods(Yarns):
     length = Real(1e-2, "Length of each rod.", unit="m", above=0.0)
 
     @property
+    def extent(self) -> Floats:
+        return np.array([(1.5 * self.count - 0.5) * self.diameter, self.length, self.diameter])
+
+    @property
+    def linear_densities(self) -> Floats:
+        return np.full(self.count, 7850.0 * np.pi / 4 * self.diameter**2)
+
+    @property
     def measures(self) -> list[Measure]:
         return [Measure("rod_length", "length of a rod", self.length, "m")]
 
@@ -194,10 +202,17 @@ def test_its_figures_are_its_own(scene: Path, capsys: pytest.CaptureFixture[str]
     assert (own["kind"], own["yarns"], own["diameters"]) == (scene.stem, 5, [4e-4, 4e-4])
     assert own["families"] == ({"yarns": 5} if scene.stem == "rods" else {"courses": 5})
     assert (own["rod_length"] if scene.stem == "rods" else own["wale_spacing"]) > 0
+    if scene.stem == "rods":
+        assert own["extent"] == pytest.approx(found["size"], rel=1e-6)
+        assert own["linear_densities"] == pytest.approx([9.8646e-4] * 2, rel=1e-4)
+    else:
+        assert (own["extent"], own["linear_densities"]) == (None, None)
     assert not {"ends", "picks", "drawdown", "warp", "weft"} & found.keys()
     assert called("info", scene) == 0
     told = capsys.readouterr().out
     assert "0.4 mm" in told
+    assert ("2.8 mm x 10 mm x 0.4 mm" in told) == (scene.stem == "rods")
+    assert ("986.46 tex" in told) == (scene.stem == "rods")
     assert "crimp" not in told
 
 
@@ -206,6 +221,14 @@ def test_a_weave_says_as_much_of_its_yarns() -> None:
     assert scene.textile is scene.source
     np.testing.assert_allclose(scene.textile.yarn_diameters, [2.5e-4] * 3 + [3e-4] * 2)
     assert scene.textile.families == {"warp": 3, "weft": 2}
+    scene.update()
+    low, high = np.reshape(scene.patches.GetBounds(), (3, 2)).T
+    np.testing.assert_allclose(scene.textile.extent, high - low)
+    # 0.25 mm and 0.3 mm of cotton, 1520 kg/m3, that fills 0.6 of the section.
+    expected = [0.6 * 1520 * np.pi / 4 * d**2 for d in [2.5e-4] * 3 + [3e-4] * 2]
+    np.testing.assert_allclose(scene.textile.linear_densities, expected)
+    assert scene.textile.make_draft().size == (3, 2)
+    assert scene.woven is scene.textile
 
 
 def test_it_is_drawn_and_exported_but_has_no_draft(
@@ -242,11 +265,13 @@ def test_a_sweep_has_its_figures_and_its_pictures(scene: Path) -> None:
     assert all(len(one.pictures[0]) > 10_000 for one in found)
 
 
-def test_what_needs_a_weave_is_refused(scene: Path) -> None:
+def test_what_needs_a_weave_is_absent_or_refused(scene: Path) -> None:
     read = Scene.read(scene)
-    with pytest.raises(InputError, match=f"{scene.name}: this scene is not woven"):
-        _ = read.weave
-    with pytest.raises(InputError, match="has no draft"):
+    assert read.woven is None
+    assert not hasattr(read, "weave")
+    assert read.draft_file is None
+    assert read.obstacle() is None
+    with pytest.raises(InputError, match="this scene is not woven, and has no draft"):
         _ = read.draft
 
 

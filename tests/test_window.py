@@ -50,7 +50,7 @@ def test_a_typed_value_takes_its_unit(open_scene: Any) -> None:
     window = open_scene()
     before = executions(window)
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
-    assert window.document.scene.weave.warp_diameter == 0.0003
+    assert window.document.scene.source.warp_diameter == 0.0003
     assert window.document.written("weave", "warp_diameter") == "0.3 mm"
     wait_until(lambda: settled(window))
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
@@ -173,16 +173,16 @@ def test_the_feasible_interval_of_h1_is_live(open_scene: Any) -> None:
     wait_until(lambda: field.editor.toolTip() != before)
     assert "feasible: " in field.editor.toolTip()
     # What is automatic is seen, in grey.
-    found = window.document.scene.weave.found["warp_crimp_height"]
+    found = window.document.scene.source.found["warp_crimp_height"]
     assert f"{found * 1e3:.4g} mm" == field.editor.line.placeholderText()
     # "automatic" off begins where automatic was.
     QTest.mouseClick(
         field.automatic, Qt.MouseButton.LeftButton, pos=field.automatic.rect().center()
     )
     field.automatic.click() if field.automatic.isChecked() else None
-    assert window.document.scene.weave.warp_crimp_height is not None
+    assert window.document.scene.source.warp_crimp_height is not None
     field.reset.click()
-    assert window.document.scene.weave.warp_crimp_height is None
+    assert window.document.scene.source.warp_crimp_height is None
 
 
 def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> None:

@@ -96,7 +96,7 @@ def test_what_is_automatic_again_is_said(open_scene: Any) -> None:
     for number, word in enumerate(words):
         if word == "--set":
             again.set(words[number + 1])
-    assert again.weave.settings == window.document.scene.weave.settings
+    assert again.source.settings == window.document.scene.source.settings
 
 
 def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
@@ -124,7 +124,7 @@ def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_sce
     width, height = image.width(), image.height()
     seen = {image.pixelColor(x, y).name() for x in range(width) for y in range(20, height, 8)}
     paper, share = np.full(3, 255), 0.38  # of a yarn's colour, for lines to be seen on it
-    for yarns in window.document.scene.weave.cloth.threads:
+    for yarns in window.document.scene.woven.cloth.threads:
         tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
         assert "#{:02x}{:02x}{:02x}".format(*tint) in seen
     found, told = report.fabric(Scene.read("twill_2_2")), rows()

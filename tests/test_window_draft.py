@@ -40,7 +40,7 @@ def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> No
 def woven(window: Any) -> np.ndarray:
     """The drawdown of the fabric that is drawn."""
     wait_until(lambda: settled(window))
-    return scene_of(window).weave.cloth.drawdown
+    return scene_of(window).woven.cloth.drawdown
 
 
 def runs(window: Any) -> dict[str, int]:
@@ -145,7 +145,7 @@ def test_numbers_of_yarns_shafts_and_treadles(draft_of: Any, qtbot: Any, twill: 
     window = draft_of(twill)
     before, counts = woven(window), window.draft.counts
     type_into(counts["ends"].lineEdit(), "12")
-    assert window.document.scene.weave.ends == 12
+    assert window.document.scene.source.ends == 12
     np.testing.assert_array_equal(woven(window), np.tile(before, (1, 2))[:, :12])
     assert window.draft.grid.shown.loom.shafts == 4  # the draft's own loom, repeated
     type_into(counts["shafts"].lineEdit(), "6")
@@ -172,12 +172,12 @@ def test_the_drawdown_of_a_pattern_is_painted_by_hand(draft_of: Any, qtbot: Any)
     after[:4, 1] = before[:4, 1]
     np.testing.assert_array_equal(after, before)
     assert window.document.undo.count() == 1
-    assert Scene(window.document.values).weave.pattern[0][:2] == "11"
+    assert Scene(window.document.values).source.pattern[0][:2] == "11"
     # Its loom is found anew: end 2 has a shaft of its own now.
     assert window.draft.grid.shown.loom.shafts == 3
     # A pattern becomes a draft as soon as its loom is changed.
     click(qtbot, window, "tieup", 1, 2)
-    assert window.document.scene.weave.draft is not None
+    assert window.document.scene.source.draft is not None
     np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
 
 
@@ -200,7 +200,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     qtbot.mouseMove(view, spot(window, "warp", 3, 0))
     qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 3, 0))
     wait_until(lambda: settled(window))
-    colors = scene_of(window).weave.cloth.warp.colors
+    colors = scene_of(window).woven.cloth.warp.colors
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
     assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
     assert window.document.undo.count() == 1
@@ -209,7 +209,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     index = [color.name() for color in draft.palette_row.colors].index("#112233")
     qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
     wait_until(lambda: settled(window))
-    assert (scene_of(window).weave.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
+    assert (scene_of(window).woven.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
     window.document.undo.undo()
     window.document.undo.undo()
     assert window.document.written("weave", "warp_color") is None
@@ -401,4 +401,4 @@ def test_counts_that_are_typed_keep_their_digits(draft_of: Any, twill: Path) -> 
     QTest.keyClicks(line, "10")
     assert "out of range" not in hint.text()
     QTest.keyClick(line, Qt.Key.Key_Return)
-    assert window.document.scene.weave.ends == 10
+    assert window.document.scene.source.ends == 10

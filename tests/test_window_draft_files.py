@@ -29,7 +29,7 @@ def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, tw
     window = draft_of(twill)
     original = read_wif(twill.with_suffix(".wif")).loom
     click(qtbot, window, "threading", 2, 4)
-    kept = window.document.scene.weave.draft
+    kept = window.document.scene.source.draft
     window.menus.actions["Copy as command line"].trigger()
     assert "save the scene" in window.errors.text
     # Another file of that name is never written over.
@@ -38,8 +38,8 @@ def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, tw
     window.document.save(twill.parent / "mine.toml")
     assert other.read_text() == "not mine"
     scene = Scene.read(twill.parent / "mine.toml")
-    assert scene.weave.draft.name == "mine-2.wif"
-    assert read_wif(scene.weave.draft).loom.threading[1] == (4,)
+    assert scene.source.draft.name == "mine-2.wif"
+    assert read_wif(scene.source.draft).loom.threading[1] == (4,)
     # The scene's own draft is.
     click(qtbot, window, "threading", 3, 4)
     window.document.save()
@@ -92,7 +92,7 @@ def test_drafts_are_opened_and_saved_as_wif(
     qtbot.mouseClick(window.draft.saved, LEFT)
     written = read_wif(out.with_suffix(".wif"))
     assert written.loom == window.draft.grid.shown.loom
-    assert window.document.scene.weave.draft == out.with_suffix(".wif")
+    assert window.document.scene.source.draft == out.with_suffix(".wif")
     wait_until(lambda: settled(window))
     # A file that is no draft is told, and the cloth stays.
     bad = twill.parent / "bad.wif"
@@ -123,9 +123,9 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     # To leave the field as it is changes nothing.
     type_into(line, line.text())
     assert window.errors.text == ""
-    assert window.document.drafts.holds(window.document.scene.weave.draft)
+    assert window.document.drafts.holds(window.document.scene.source.draft)
     # Nor does a message have its file, as when somebody tidies up.
-    window.document.scene.weave.draft.unlink()
+    window.document.scene.source.draft.unlink()
     window.document.set("weave", "warp_spacing", "1 mm")
     wait_until(lambda: window.errors.text)
     assert "twill.wif, edited" in window.errors.text
@@ -174,8 +174,8 @@ def test_a_draft_that_was_opened_is_saved_as_one(
     save_draft(window, qtbot, monkeypatch, file)
     assert not window.isWindowModified()
     # Nothing is lost by leaving: the file is what is seen.
-    seen = window.document.scene.weave.cloth
-    again = Scene.read(file).weave.cloth
+    seen = window.document.scene.woven.cloth
+    again = Scene.read(file).woven.cloth
     np.testing.assert_array_equal(again.drawdown, seen.drawdown)
     np.testing.assert_array_equal(again.warp.colors, seen.warp.colors)
     window.document.undo.undo()
@@ -212,7 +212,7 @@ def test_a_draft_is_a_document(
     # Undo leads back to what was in the file.
     for _ in range(2):
         window.menus.actions["Undo"].trigger()
-    assert window.document.scene.weave.draft.read_bytes() == original
+    assert window.document.scene.source.draft.read_bytes() == original
     # What no draft holds is told, and not taken for saved.
     window.document.set("cage", "divisions", [3, 3, 1])
     window.menus.actions["Save"].trigger()
@@ -266,9 +266,9 @@ def test_colours_are_written_as_their_repeat() -> None:
 def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> None:
     source = library.folder() / "32-shaft_twill.wif"
     window = draft_of(source)
-    before = window.document.scene.weave.cloth
+    before = window.document.scene.woven.cloth
     click(qtbot, window, "threading", 31, 1)
-    now = window.document.scene.weave
+    now = window.document.scene.source
     kept, original = read_wif(now.draft), read_wif(source)
     assert kept.loom.tieup == original.loom.tieup
     assert kept.warp.thickness == original.warp.thickness

@@ -120,10 +120,10 @@ def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
     file.write_text(SMALL)
     document.open(file)
     assert document.file == file
-    assert document.scene.weave.ends == 3
+    assert document.scene.source.ends == 3
     document.set("weave", "ends", 4)
     document.save()
-    assert Scene.read(file).weave.ends == 4
+    assert Scene.read(file).source.ends == 4
 
 
 def test_leaving_the_time_untouched_leaves_the_time(open_scene: Any) -> None:

@@ -81,7 +81,7 @@ def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
     pattern.line.setFocus()
     QTest.keyClicks(pattern.line, "twill 2/2")
     QTest.keyClick(pattern.line, Qt.Key.Key_Return)
-    assert window.document.scene.weave.pattern == "twill 2/2"
+    assert window.document.scene.source.pattern == "twill 2/2"
     repeat = pattern.grid.repeat.copy()
     assert repeat.shape == (4, 4)
     # One stroke over a row: one step back.
@@ -94,11 +94,11 @@ def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
         QTest.qWait(20)
     QTest.mouseRelease(pattern.grid, Qt.MouseButton.LeftButton, pos=start + 2 * step)
     wait_until(lambda: settled(window))
-    rows = window.document.scene.weave.pattern
+    rows = window.document.scene.source.pattern
     assert rows[0][:3] == ("0" if repeat[0, 0] else "1") * 3
     assert rows[1:] == tuple("".join("01"[int(c)] for c in row) for row in repeat[1:])
     assert window.document.undo.count() == count + 1
-    drawdown = scene_of(window).weave.cloth.drawdown
+    drawdown = scene_of(window).woven.cloth.drawdown
     np.testing.assert_array_equal(drawdown[:4, :4], pattern.grid.repeat)
     click(pattern.buttons["+ end"])
     assert pattern.grid.repeat.shape == (4, 5)
@@ -118,9 +118,9 @@ def test_a_swatch_opens_the_dialog_for_its_colour(
         return QColor("#010203")
 
     monkeypatch.setattr(QColorDialog, "getColor", choose)
-    before = window.document.scene.weave.warp_color
+    before = window.document.scene.source.warp_color
     click(colors.swatches, colors.swatches.place(6).center().toPoint())
-    after = window.document.scene.weave.warp_color
+    after = window.document.scene.source.warp_color
     assert asked == ["#3d5fa8"]
     assert after[6] == (1, 2, 3)
     assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
@@ -364,6 +364,6 @@ def test_a_number_typed_alone_is_in_the_unit_of_its_field(open_scene: Any) -> No
     assert diameter.line.text().endswith("mm")
     type_into(diameter.line, "0.3")
     assert window.document.values["weave"]["warp_diameter"] == "0.3 mm"
-    assert window.document.scene.weave.warp_diameter == 0.0003
+    assert window.document.scene.source.warp_diameter == 0.0003
     type_into(diameter.line, "200 um")
-    assert window.document.scene.weave.warp_diameter == 0.0002
+    assert window.document.scene.source.warp_diameter == 0.0002

@@ -179,7 +179,7 @@ def test_paths_lead_to_the_same_file_from_another_folder(tmp_path: Path) -> None
     document.open(first / "scene.toml")
     document.save(second / "scene.toml")
     scene = Scene.read(second / "scene.toml")
-    assert scene.weave.draft.resolve() == first / "twill.wif"
+    assert scene.source.draft.resolve() == first / "twill.wif"
 
 
 LOADS = """[weave]
@@ -236,7 +236,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 def leads_to(document: Document) -> tuple[Path | None, Path]:
     """Return the draft and the table of the first load, by the files that they are."""
     scene = document.scene
-    draft = None if scene.weave.draft is None else scene.weave.draft.resolve(strict=True)
+    draft = None if scene.source.draft is None else scene.source.draft.resolve(strict=True)
     return draft, scene.response.loads[0].file.resolve(strict=True)
 
 
@@ -258,7 +258,7 @@ def test_undo_after_save_as_keeps_every_reference(folders: tuple[Path, Path]) ->
     assert leads_to(document) == wanted
     assert document.written("weave", "draft") == "../../a/twill.wif"
     document.save()
-    assert Scene.read(second / "scene.toml").weave.draft.resolve() == first / "twill.wif"
+    assert Scene.read(second / "scene.toml").source.draft.resolve() == first / "twill.wif"
     assert "on loan" in (second / "scene.toml").read_text()
     document.save(first / "again.toml")
     for _ in range(2):
@@ -296,18 +296,18 @@ def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, P
     loom = replace(wif.loom, rising=not wif.loom.rising)
     edited = replace(wif, loom=loom, drawdown=loom.drawdown())
     document.set("weave", "draft", str(document.drafts.keep(edited)))
-    inverted = document.scene.weave.wif.drawdown
+    inverted = document.scene.woven.make_draft().drawdown
     document.save()
     assert (first / "twill.wif").read_bytes() != original
     document.undo.undo()
-    assert document.scene.weave.draft.read_bytes() == original
+    assert document.scene.source.draft.read_bytes() == original
     document.undo.redo()
-    assert (document.scene.weave.wif.drawdown == inverted).all()
+    assert (document.scene.woven.make_draft().drawdown == inverted).all()
     document.undo.undo()
     document.save(second / "twill.toml")
-    assert Scene.read(second / "twill.toml").weave.draft.read_bytes() == original
+    assert Scene.read(second / "twill.toml").source.draft.read_bytes() == original
     document.undo.redo()
-    assert (document.scene.weave.wif.drawdown == inverted).all()
+    assert (document.scene.woven.make_draft().drawdown == inverted).all()
 
 
 def test_undo_to_a_file_that_is_gone_is_told(open_scene: Any, folders: tuple[Path, Path]) -> None:
@@ -339,7 +339,7 @@ def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.M
     window.close()
     assert answers == ["asked"]
     assert window.engine.isRunning()
-    assert window.document.scene.weave.ends == 5
+    assert window.document.scene.source.ends == 5
 
 
 def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: Path) -> None:
@@ -362,14 +362,14 @@ def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: P
     bad.write_text("[weave]\nends = -3\n")
     drop(bad)
     assert "ends" in window.errors.text
-    assert window.document.scene.weave.ends == 7
+    assert window.document.scene.source.ends == 7
     window.document.set("view", "ghost", True)  # one goes on without it
     assert window.errors.text == ""
     window.document.undo.undo()
     drop(bad)
     drop(scene)
     wait_until(lambda: settled(window))
-    assert window.document.scene.weave.ends == 3
+    assert window.document.scene.source.ends == 3
     assert window.errors.text == ""
 
 

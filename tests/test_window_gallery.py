@@ -99,7 +99,7 @@ def test_unsaved_changes_are_asked_about(open_scene: Any, monkeypatch: pytest.Mo
     at = place(window, "gust")
     QTest.mouseClick(window.gallery.list.viewport(), Qt.MouseButton.LeftButton, pos=at)
     assert window.document.source.stem == "plain_weave"
-    assert window.document.scene.weave.ends == 5
+    assert window.document.scene.source.ends == 5
 
 
 def test_what_was_used_lately_is_listed(open_scene: Any, tmp_path: Path) -> None:

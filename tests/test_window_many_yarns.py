@@ -94,7 +94,7 @@ def test_yarns_are_made_where_they_are_seen_near(
     # The sheet has the same crossing there.
     ends_and_picks = [(p.number, p.crossed)[:: 1 - 2 * p.family] for p in (afar, found)]
     assert np.abs(np.diff(ends_and_picks, axis=0)).max() <= 1
-    over = scene_of(window).weave.cloth.drawdown[tuple(np.subtract(ends_and_picks[0][::-1], 1))]
+    over = scene_of(window).woven.cloth.drawdown[tuple(np.subtract(ends_and_picks[0][::-1], 1))]
     assert afar.family == 1 - over
     view.steer(True)
     coarse = view.image()

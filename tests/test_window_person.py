@@ -56,9 +56,9 @@ def test_keys_play_step_look_and_undo(open_scene: Any, qtbot: Any) -> None:
     assert np.abs(window.view.image().astype(int) - front).max() > 30
     window.document.set("weave", "ends", 5)
     press(qtbot, window, "Z", CONTROL)
-    assert window.document.scene.weave.ends == 7
+    assert window.document.scene.source.ends == 7
     press(qtbot, window, "Z", CONTROL | Qt.KeyboardModifier.ShiftModifier)
-    assert window.document.scene.weave.ends == 5
+    assert window.document.scene.source.ends == 5
 
 
 def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
@@ -68,7 +68,7 @@ def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
     line = getattr(line, "line", line)
     cage = window.view.look.cage
     type_into(line, "twill 2/2")
-    assert window.document.scene.weave.pattern == "twill 2/2"
+    assert window.document.scene.source.pattern == "twill 2/2"
     assert window.view.look.cage == cage
     assert not window.times.playing
 
@@ -111,24 +111,24 @@ def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot:
     window.stages.choose("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "0.2 mm")
-    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    assert window.document.scene.source.warp_diameter == pytest.approx(0.2e-3)
     press(qtbot, line, "Z", CONTROL)
-    assert window.document.scene.weave.warp_diameter == pytest.approx(0.25e-3)
+    assert window.document.scene.source.warp_diameter == pytest.approx(0.25e-3)
     assert line.text() == "0.25 mm"
     press(qtbot, line, "Z", CONTROL | Qt.KeyboardModifier.ShiftModifier)
-    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    assert window.document.scene.source.warp_diameter == pytest.approx(0.2e-3)
     # What is typed and not yet entered is the line's own.
     qtbot.keyClicks(line, "5")
     press(qtbot, line, "Z", CONTROL)
     assert line.text() == "0.2 mm"
-    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    assert window.document.scene.source.warp_diameter == pytest.approx(0.2e-3)
     window.tabs.setCurrentWidget(window.draft)
     spin = window.draft.counts["ends"]
     spin.setFocus()
     press(qtbot, spin, Qt.Key.Key_Up)
-    assert window.document.scene.weave.ends == 8
+    assert window.document.scene.source.ends == 8
     press(qtbot, spin, "Z", CONTROL)
-    assert window.document.scene.weave.ends == 7
+    assert window.document.scene.source.ends == 7
 
 
 @pytest.mark.parametrize("moment", ["playing", "stroke", "curves", "swing", "loading"])
@@ -241,7 +241,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
         dice.choice([slide, write, draw, plot, swing, look, step, back, back])()
         qtbot.wait(dice.choice([0, 5, 30]))
         # What is asked for stays small enough for a test.
-        weave = window.document.scene.weave
+        weave = window.document.scene.source
         if max(weave.ends or 0, weave.picks or 0) > 30:
             window.document.open("plain_weave")
     window.document.open("plain_weave")

@@ -10,12 +10,30 @@ from window import require_display, settled, wait_until
 
 require_display()
 
+from PySide6.QtWidgets import QFileDialog  # noqa: E402
 from test_textile import MOVING, Loops, Rods, sources  # noqa: E402, F401
+
+
+def offered(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+    """What the dialog that exports data offers."""
+    asked: list[str] = []
+
+    def ask(parent: Any, title: str, proposal: str, filters: str) -> tuple[str, str]:
+        asked.append(filters)
+        return "", ""
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", ask)
+    window.exports.data()
+    return asked[0]
+
+
+def test_a_weave_is_offered_as_a_draft(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "draft" in offered(open_window("plain_weave"), monkeypatch)
 
 
 @pytest.mark.parametrize("source", [Rods, Loops])
 def test_a_textile_is_shown_with_its_own_figures(
-    source: type[Rods], open_window: Any, tmp_path: Path
+    source: type[Rods], open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "textile.toml"
     file.write_text(f"[{source.section}]\ncount = 4\n{MOVING}", "utf-8")
@@ -31,6 +49,8 @@ def test_a_textile_is_shown_with_its_own_figures(
     assert "crimp c" not in rows
     window.tabs.setCurrentWidget(window.draft)
     wait_until(lambda: "not woven" in window.draft.empty.text())
+    assert not window.draft.saved.isEnabled()
+    assert "draft" not in offered(window, monkeypatch)
     # Another value of the source is another textile.
     window.document.set(source.section, "count", 6)
     window.tabs.setCurrentWidget(window.figures)

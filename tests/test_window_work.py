@@ -40,12 +40,12 @@ def test_a_new_scene_is_drawn_and_saved(
     file = tmp_path / "first.toml"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
     press(window, "Save")
-    assert Scene.read(file).weave.ends is None
+    assert Scene.read(file).source.ends is None
     window.document.set("weave", "ends", 4)
     assert window.isWindowModified()
     press(window, "Save")
     assert not window.isWindowModified()
-    assert Scene.read(file).weave.ends == 4
+    assert Scene.read(file).source.ends == 4
 
 
 def test_save_as_keeps_every_comment_and_value(
@@ -108,7 +108,7 @@ def test_a_drop_on_the_view_opens_and_asks_first(
 
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Cancel)
     drop()
-    assert window.document.scene.weave.ends == 5
+    assert window.document.scene.source.ends == 5
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Discard)
     drop()
     wait_until(lambda: settled(window))

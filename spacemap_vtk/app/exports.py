@@ -90,6 +90,8 @@ class Exports(QObject):
         if not self._free():
             return
         filters = written_filters()
+        if not self._document.scene.has_draft:
+            filters = {text: kind for text, kind in filters.items() if kind != "draft"}
         name, chosen = QFileDialog.getSaveFileName(
             self._window,
             "Export data (a name with %04d in it: a file for each time)",

@@ -86,7 +86,8 @@ def _figures(
     """Find all but the least clearance, or that."""
     yield
     if figures is None:
-        figures, cloth = report.cloth(scene), scene.weave.cloth
+        assert scene.woven is not None
+        figures, cloth = report.cloth(scene), scene.woven.cloth
         yield
         ways = range(2 if figures["thickness"] is not None else 0)
         cuts, colors = [cross_section(cloth, n) for n in ways], [t.colors for t in cloth.threads]
@@ -197,7 +198,7 @@ class FiguresTab(QWidget):
 
     def _known(self) -> Any:
         scene = self._document.scene
-        return scene.woven, scene.source.settings
+        return scene.woven is not None, scene.source.settings
 
     def _ask(self) -> None:
         known = self._known()

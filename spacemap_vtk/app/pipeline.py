@@ -156,12 +156,13 @@ class Pipeline:
     def _can_follow(self, scene: Scene) -> bool:
         """Return whether facets follow what is in view."""
         # Clearances belong to the facets that they are measured on.
-        automatic = scene.woven and scene.surface.subdivisions is None
+        automatic = scene.woven is not None and scene.surface.subdivisions is None
         return automatic and scene.view.color != "clearance"
 
     def _detail_of(self, scene: Scene, source: Stage, job: Job) -> Detail | None:
         """Return what gives yarns near the camera more facets; None where nobody would see them."""
-        grid, cloth = source.GetOutputDataObject(0), scene.weave.cloth
+        assert scene.woven is not None
+        grid, cloth = source.GetOutputDataObject(0), scene.woven.cloth
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
         self._enough = pixels_enough(cloth, points, patches)
         if job.seen is None:

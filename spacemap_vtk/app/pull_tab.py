@@ -90,14 +90,18 @@ class PullTab(QWidget):
         """Find the map of the present cloth, if it is seen."""
         scene = self._document.scene
         stage = scene.stage("crimp")
-        known = scene.woven, scene.source.settings, None if stage is None else stage.settings
+        known = (
+            scene.woven is not None,
+            scene.source.settings,
+            None if stage is None else stage.settings,
+        )
         if not self.isVisible() or known == self._known:
             return
         self._known, self._crossings, found = known, None, None
-        hint = _NONE[not scene.woven]
-        if scene.woven and isinstance(stage, YarnParameters):
+        hint = _NONE[scene.woven is None]
+        if scene.woven is not None and isinstance(stage, YarnParameters):
             try:
-                cloth = scene.weave.cloth
+                cloth = scene.woven.cloth
                 self._crossings = Interchange(cloth, stage.yarns(cloth))
                 found = stretch_map(self._crossings)
                 hint = _HINT + _OF[stage.inextensible]

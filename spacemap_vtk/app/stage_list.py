@@ -117,7 +117,7 @@ class StageList(QTreeWidget):
         for section, item in self.items.items():
             part, on = scene.parts[section], self.states[section] != "off"
             role = part.role if isinstance(part, Stage) else ""
-            if role in ROLES[1:-1] and (on or scene.woven or role != "crimp"):
+            if role in ROLES[1:-1] and (on or scene.woven is not None or role != "crimp"):
                 state = _CHECKED if on else Qt.CheckState.Unchecked
                 item.setCheckState(_BOX, state)
                 self._boxes[section] = on

@@ -224,8 +224,8 @@ def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
     if quiet:
         return
     texts = scene.warnings
-    if brief and len(texts) > 1 and scene.draft_file is not None:
-        of_draft = [text for text in texts if text in scene.weave.cloth.warnings]
+    if brief and len(texts) > 1 and scene.draft_file is not None and scene.woven is not None:
+        of_draft = [text for text in texts if text in scene.woven.cloth.warnings]
         others = [text for text in texts if text not in of_draft]
         shown = others or of_draft[:1]
         if hidden := len(texts) - len(shown):

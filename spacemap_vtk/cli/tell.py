@@ -69,7 +69,7 @@ def info(
     if _told_origin(Path(scene), json_):
         return
     chosen = opened(scene, set_, time=time)
-    if not chosen.woven:
+    if chosen.woven is None:
         _tell_object(chosen, json_, quiet)
         return
     from spacemap_vtk.scenes import figure_list, report

@@ -114,9 +114,9 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
     first = sweep.runs[0].scene()
     panels = asked.panels
     if not panels:
-        still = not scene.moves and scene.woven and len(sweep.runs) == 1
+        still = not scene.moves and scene.woven is not None and len(sweep.runs) == 1
         panels = ("draft", "cloth", "section") if still else ("pictures",)
-    if not scene.woven and (no := [name for name in panels if name != "pictures"]):
+    if scene.woven is None and (no := [name for name in panels if name != "pictures"]):
         raise InputError(
             f"{scene.title}: this scene is not woven",
             key="--panels",
@@ -130,10 +130,13 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
             shots = _Shots(sweep, asked)
             rows += shots.rows
             drawn += shots.scenes
-        elif name == "section":
+            continue
+        woven = first.woven
+        assert woven is not None  # asked above
+        if name == "section":
             for family, number in enumerate((asked.end, asked.pick)):
                 yarn = None if number is None else number - 1
-                rows.append([section_tile(cross_section(first.weave.cloth, family, yarn))])
+                rows.append([section_tile(cross_section(woven.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
             drawn.append(_still(sweep.runs[0]))
             rows.append(
@@ -141,7 +144,7 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
                     drawn[-1],
                     [k for k in ("draft", "cloth") if k in panels],
                     asked.dark,
-                    first.weave.cloth.size,
+                    woven.cloth.size,
                 )
             )
     made = page(rows, asked, tell)
@@ -152,11 +155,13 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
 
 def _still(run: Run) -> Scene:
     """Return the cloth alone, as much of it as can be seen."""
-    weave = run.whole.get("weave", {})
-    scene = Scene({"title": run.scene().title, "weave": weave}, run.file)
-    ends, picks = scene.weave.cloth.size
+    whole = run.scene()
+    source = whole.source.section
+    scene = Scene({"title": whole.title, source: run.whole.get(source, {})}, run.file)
+    assert scene.woven is not None
+    ends, picks = scene.woven.cloth.size
     if max(ends, picks) > _SEEN:
-        scene.weave.configure(ends=min(ends, _SEEN), picks=min(picks, _SEEN))
+        scene.source.configure(ends=min(ends, _SEEN), picks=min(picks, _SEEN))
         scene.warn(f"of {ends} ends and {picks} picks the first {_SEEN} are drawn")
     return scene
 
@@ -165,9 +170,10 @@ def _weave_row(
     scene: Scene, kinds: Sequence[str], dark: bool, whole: tuple[int, int]
 ) -> list[Tile]:
     """Return draft and cloth side by side, each pick beside its row."""
-    shown = shown_of(scene.weave)
+    assert scene.woven is not None
+    shown = shown_of(scene.woven)
     ends, picks = shown.size
-    sides = lengths_of(scene.weave.cloth)
+    sides = lengths_of(scene.woven.cloth)
     shape = sides[1] / sides[0]
 
     def draw(axes: Axes, paper: Paper) -> None:

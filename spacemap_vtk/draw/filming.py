@@ -393,7 +393,7 @@ def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
         return 1
     if _sheet(scene, job) is not None:
         return asked or 1  # drawn piece by piece, it keeps the cores busy
-    need = picture_bytes(scene, job.asked) if scene.woven else 0
+    need = picture_bytes(scene, job.asked) if scene.woven is not None else 0
     return process_count(frames, frames * prod(job.size) // _WORTHWHILE, need, asked)
 
 

@@ -64,8 +64,9 @@ class Sheet:
         self._scene = scene
         #: How many its yarns would have.
         self.patches = patches
+        assert scene.woven is not None
         with scene.naming_file():
-            self.cloth: Cloth = scene.weave.cloth
+            self.cloth: Cloth = scene.woven.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
         self._flat = self.moved = sheet_of(self.cloth, self.cells)
         #: Facets of a patch that is measured: those of the yarns that are drawn, if any are.
@@ -83,10 +84,10 @@ class Sheet:
     @classmethod
     def of(cls, scene: Scene, fits: bool = True, few: int | None = None) -> Sheet | None:
         """Return a scene's sheet; None where yarns are few, and fit into memory, or all must."""
-        if not scene.woven:
+        if scene.woven is None:
             return None
         try:
-            patches = estimate_counts(scene.weave.cloth).patches
+            patches = estimate_counts(scene.woven.cloth).patches
         except SpacemapError:
             return None  # the stage says why
         sides = scene.surface.subdivisions
@@ -131,7 +132,7 @@ class Sheet:
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
-        return same and scene.woven and scene.weave.cloth is self.cloth
+        return same and scene.woven is not None and scene.woven.cloth is self.cloth
 
     @property
     def one(self) -> Piece:

@@ -344,9 +344,9 @@ def _taken(
 
 def _subdivide(scene: Scene, sides: int, say: Say) -> None:
     """Subdivide patches as asked, or less than the scene says where a file would be too large."""
-    if scene.woven and scene.stages[-1] is scene.surface:
+    if scene.woven is not None and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
-        patches = estimate_counts(scene.weave.cloth).patches
+        patches = estimate_counts(scene.woven.cloth).patches
         chosen = sides or max(1, min(usual, int((_POINTS / patches) ** 0.5)))
         if not sides and chosen < usual:
             say(
@@ -359,15 +359,15 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
 
 def _require_patches(scene: Scene, most: int) -> None:
     """Refuse a weave that would not fit into memory, or into a file, before any memory is taken."""
-    if not scene.woven or scene.stages[-1] is not scene.surface:
+    if scene.woven is None or scene.stages[-1] is not scene.surface:
         return
-    counts, sides = estimate_counts(scene.weave.cloth), scene.surface.sides
+    counts, sides = estimate_counts(scene.woven.cloth), scene.surface.sides
     points, triangles = counts.patches * (sides + 1) ** 2, 2 * counts.patches * sides**2
     # Of closed tubes there are as many points as quadrilaterals, once neighbours share theirs.
     least = int(0.9 * counts.patches * sides**2)
     _require_fitting(24 * least + 12 * triangles, f"{least} points", most, _COARSER)
     size = estimate_bytes(counts.patches, sides) + weave.estimate_bytes(
-        scene.weave.cloth, scene.weave.single
+        scene.woven.cloth, scene.woven.single
     )
     size += max(int(np.dot(each, (points, triangles))) for each in (_ALIKE, _CORNERS))
     require(

@@ -73,7 +73,7 @@ class NearYarns:
             if part is None:
                 return CROWD
             self.part = part
-            self._scene.weave.lend(self._own.weave, yarns_in(sheet, *part))
+            self._own.choose(yarns_in(sheet, *part))
         if self.part is not None:
             self._own.borrow(yarns_in(sheet, *self.part), sheet.crimp)
         most = max(1, isqrt(_MOST_QUADS // self._patches))

@@ -143,7 +143,7 @@ class Picture:
     def _choose_form(self, room: Floats, begun: bool) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
-        if not scene.woven:
+        if scene.woven is None:
             return
         seen = Seen.through(camera, self.panels[-1].size)
         pixels, near = _choose_facets(scene, room, seen)
@@ -297,7 +297,8 @@ def _aim(
 
 def _choose_facets(scene: Scene, room: Floats, seen: Seen) -> tuple[float, bool]:
     """Choose facets by what is seen; return a yarn's pixels, and whether near ones have more."""
-    cloth, scale = scene.weave.cloth, pixels_per_metre(seen.camera, room, seen.size[1])
+    assert scene.woven is not None
+    cloth, scale = scene.woven.cloth, pixels_per_metre(seen.camera, room, seen.size[1])
     sides, strands, detail = facets_seen(cloth, scale, seen)
     if detail is not None and scene.view.color == "clearance":
         # Tiles in which clearances are measured have as many facets in each patch.
@@ -316,7 +317,7 @@ def choose_facets(
     room: Floats,
 ) -> float:
     """Let a scene have the facets of pictures of some points; return the pixels between yarns."""
-    if not scene.woven:
+    if scene.woven is None:
         return 0.0
     camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
     scaled = COLORINGS[scene.view.color].numbers and not bare

@@ -35,7 +35,8 @@ class DrawnPieces:
     """The yarns of a scene, piece by piece, in stages of their own."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self._cloth, sides = scene, scene.weave.cloth, scene.surface.sides
+        assert scene.woven is not None
+        self._scene, self._cloth, sides = scene, scene.woven.cloth, scene.surface.sides
         patches = estimate_counts(self._cloth).patches
         wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
         self.count = min(ceil(wanted), sum(self._cloth.size))

@@ -211,13 +211,19 @@ def crossings_of(scene: Scene) -> Interchange:
             allowed="false, with a tension or a modulus",
             cure="For example --set yarns.inextensible=false --set yarns.modulus='500 cN/tex'",
         )
-    return Interchange(scene.weave.cloth, stage.yarns(scene.weave.cloth))
+    if scene.woven is None:
+        raise InputError(
+            f"{scene.file or scene.title}: this scene is not woven", key=scene.source.section
+        )
+    cloth = scene.woven.cloth
+    return Interchange(cloth, stage.yarns(cloth))
 
 
 def biaxial_plot(scene: Scene, file: Path) -> None:
     """Plot force per width against extension, of strips and pulled both ways; or write a table."""
     crossings = crossings_of(scene)
-    crimp = max(float(family.crimp.crimp) for family in scene.weave.cloth.families)
+    assert scene.woven is not None
+    crimp = max(float(family.crimp.crimp) for family in scene.woven.cloth.families)
     tests = tensile_tests(crossings, crimp + _PAST)
     if file.suffix.lower() == ".csv":
         write(file, [_table(tests).encode()])

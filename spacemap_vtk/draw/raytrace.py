@@ -93,7 +93,7 @@ def require_mitsuba() -> None:
 def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
     """Return a scene's cloth at a time, traced by so many rays a pixel."""
     require_mitsuba()
-    if not scene.woven:
+    if scene.woven is None:
         raise InputError(
             "rays are traced from fibre to fibre, and this is no weave", key="raytrace"
         )
@@ -118,7 +118,8 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
 
 def _curves(scene: Scene, camera: vtkCamera, size: tuple[int, int]) -> tuple[StrandCurves, Floats]:
     """Return the fibres in sight, and the colour of each as shares of light."""
-    cloth = scene.weave.cloth
+    assert scene.woven is not None
+    cloth = scene.woven.cloth
 
     def in_sight(places: NDArray[Any]) -> Bools:
         seen = projected(camera, places, size[0] / size[1])

@@ -39,8 +39,9 @@ class SeenYarns:
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
         self._scene, self._strands, self._times = scene, strands, times
         self._made: Weave | None = None
-        if scene.woven:
-            made = build(scene.weave.cloth, kind=np.float32)
+        if scene.woven is not None:
+            self._cloth = scene.woven.cloth
+            made = build(self._cloth, kind=np.float32)
             # a part of a weave has other points
             if len(made.points) == scene.patches.GetNumberOfPoints():
                 self._made = made
@@ -67,7 +68,7 @@ class SeenYarns:
     def strands(self, fibres: int | None, within: Within | None = None) -> StrandCurves:
         """Return plies (0) or so many fibres of each yarn, as the last update has moved them."""
         assert self._made is not None
-        patches, cloth = self._scene.patches, self._scene.weave.cloth
+        patches, cloth = self._scene.patches, self._cloth
         rational = patches.GetPointData().GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         fibres = fibre_count(cloth) if fibres is None else fibres
@@ -90,7 +91,7 @@ class SeenYarns:
             colors = self.colors[curves.yarn]
             return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
         counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
-        return YarnCurves(self._points, counts, self._scene.weave.cloth.strands[2], self.colors)
+        return YarnCurves(self._points, counts, self._cloth.strands[2], self.colors)
 
 
 class SeenOverTime(SeenYarns):

@@ -92,7 +92,7 @@ def carry_out_run(run: Run) -> Result:
 
 def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
     """Yield what `info` and `modes` tell of a scene, and how far it has moved at each time."""
-    if scene.woven:
+    if scene.woven is not None:
         found = report.fabric(scene, asked[0] if asked and scene.moves else None)
         for warp, weft in yarn_figures(found):
             yield warp

@@ -24,7 +24,7 @@ from spacemap_vtk.fabric.point_clearance import crossing_means, spread_over
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.scene import Scene
 
@@ -49,16 +49,17 @@ class OwnStages:
     # The scene's stages keep what they have made of the cage, which all parts need.
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.cloth = scene, scene.weave.cloth
+        assert scene.woven is not None
+        self._scene, self._woven, self.cloth = scene, scene.woven, scene.woven.cloth
         self.beside = _BESIDE_SPLINES if self.cloth.axis == "spline" else _BESIDE
         self.all: list[Stage] = [
             type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
         ]
         first, last = self.all[0], self.all[-1]
-        assert isinstance(first, WeaveSource)
+        assert isinstance(first, Woven)
         assert isinstance(last, PatchTessellator)
-        self.weave, self.surface = first, last
-        scene.weave.lend(first)
+        self.weave, self.surface = self.all[0], last
+        scene.woven.lend(first)
         for before, stage in pairwise(self.all):
             stage.SetInputConnection(0, before.GetOutputPort())
 
@@ -68,9 +69,15 @@ class OwnStages:
             if len(stage.takes) > 1:
                 stage.SetInputDataObject(1, copied(cage))
 
+    def choose(self, part: Share) -> None:
+        """Make some yarns, where they cross."""
+        source = self.all[0]
+        assert isinstance(source, Woven)
+        self._woven.lend(source, part)
+
     def take(self, part: Share, crimp: CrimpInterchange | None) -> None:
         """Make some yarns where they cross; what crossings do is taken as `borrow` says."""
-        self._scene.weave.lend(self.weave, part)
+        self.choose(part)
         self.borrow(part, crimp)
 
     def borrow(self, part: Share, crimp: CrimpInterchange | None) -> None:

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.partition import whole_bounds
+from spacemap_vtk.fabric.weave import Counts
+from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.ndarrays import Floats
 
 
@@ -28,20 +36,31 @@ class Textile:
     # A source inherits from `spacemap_vtk.filters.base.Stage` and from this class. It has to state
     # the diameters of its yarns, and overrides what else it knows. What it does not know stays None
     # or empty: tabs, figures and exports that need it are then absent, or refused in one sentence.
+    # Nothing here may build the patches.
 
     @property
     def yarn_diameters(self) -> Floats:
-        """The diameter of each yarn, of a flattened one its height [m], (yarns,)."""
+        """Diameter of each yarn, of a flattened one its height [m], (yarns,)."""
         raise NotImplementedError(f"{type(self).__name__} does not state its yarns' diameters")
 
     @property
     def families(self) -> Mapping[str, int]:
-        """The number of yarns in each family, by its name, in the order of their numbers."""
+        """Number of yarns in each family by the family's name, in the order of the yarns."""
         return {"yarns": len(self.yarn_diameters)}
 
     @property
+    def extent(self) -> Floats | None:
+        """Length of the textile along x, y and z [m], (3,)."""
+        return None
+
+    @property
+    def linear_densities(self) -> Floats | None:
+        """Mass of each yarn per length [kg/m], (yarns,)."""
+        return None
+
+    @property
     def measures(self) -> Sequence[Measure]:
-        """Its own figures."""
+        """Other figures."""
         return ()
 
     @property
@@ -50,6 +69,82 @@ class Textile:
         return False
 
     @property
-    def wif(self) -> Draft | None:
-        """The draft by which it is woven; None where no loom makes it."""
+    def draft_file(self) -> Path | None:
+        """File of the draft that the source reads."""
         return None
+
+    def make_draft(self) -> Draft | None:
+        """Return the draft by which a loom makes the textile; None where no loom does."""
+        return None
+
+
+class Woven(Textile):
+    """A textile of warp and weft: it has a cloth with Peirce's figures, and a draft."""
+
+    # What is drawn of a large cloth is counted before it is built, and built in parts.
+
+    @property
+    def cloth(self) -> Cloth:
+        """Weave and measures of all yarns; `Cloth.check` refuses yarns that have no room."""
+        raise NotImplementedError(f"{type(self).__name__} does not state its cloth")
+
+    @property
+    def counts(self) -> Counts:
+        """Number of control points and patches, at most; refuses what does not fit into memory."""
+        raise NotImplementedError(f"{type(self).__name__} does not count its patches")
+
+    @property
+    def source(self) -> Draft:
+        """Draft that it weaves, before any parameter changes it; of a pattern one repeat."""
+        raise NotImplementedError(f"{type(self).__name__} does not state what it weaves")
+
+    @property
+    def fibre_share(self) -> float:
+        """Share of fibre in a yarn's section; the rest is air."""
+        raise NotImplementedError(f"{type(self).__name__} does not state its share of fibre")
+
+    @property
+    def feasible(self) -> Mapping[str, tuple[float, float]]:
+        """Interval in which each parameter may lie, all the others as they are."""
+        return {}
+
+    @property
+    def single(self) -> bool:
+        """Whether control points are in single precision."""
+        return False
+
+    def lend(self, other: Woven, part: Share | None = None) -> None:
+        """Let another source with the same settings make a part of the cloth, or all of it.
+
+        Parameters
+        ----------
+        other : Woven
+            Of the same class and settings.
+        part : Share, optional
+            Slices: the yarns to make, where they cross; by default all.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not make parts of its cloth")
+
+    @property
+    def yarn_diameters(self) -> Floats:
+        """Diameter of each yarn, of a flattened one its height [m], (yarns,)."""
+        return np.concatenate([yarns.diameter for yarns in self.cloth.yarns])
+
+    @property
+    def families(self) -> dict[str, int]:
+        """Number of ends, and of picks."""
+        return dict(zip(FAMILIES, self.cloth.size, strict=True))
+
+    @property
+    def extent(self) -> Floats:
+        """Length of the cloth along x, y and z [m], (3,)."""
+        return np.ptp(whole_bounds(self.cloth).reshape(3, 2), axis=1)
+
+    @property
+    def linear_densities(self) -> Floats | None:
+        """Mass of each yarn per length [kg/m], (yarns,)."""
+        cloth = self.cloth
+        if cloth.density is None:
+            return None
+        areas = [section_factor(y.aspect, y.section) * y.diameter**2 for y in cloth.yarns]
+        return cloth.density * np.concatenate(areas)

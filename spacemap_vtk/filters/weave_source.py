@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,7 +23,7 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.filters.base import Provided, Stage, written
-from spacemap_vtk.filters.textile import Textile
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words, refusal
@@ -35,7 +36,7 @@ SIZE = 7
 _CROSSING_BYTES = 4
 
 
-class WeaveSource(WeaveParameters, Textile, Stage):
+class WeaveSource(WeaveParameters, Woven, Stage):
     """Make any woven fabric by Peirce's exact geometry, as bicubic Bézier patches.
 
     A yarn is arc, straight, arc where it changes side between neighbouring crossings, and straight
@@ -119,16 +120,6 @@ class WeaveSource(WeaveParameters, Textile, Stage):
         return weave.estimate_counts(cloth)
 
     @property
-    def yarn_diameters(self) -> Floats:
-        """The diameter of each yarn, of a flattened one its height [m], (yarns,)."""
-        return np.concatenate([yarns.diameter for yarns in self.cloth.yarns])
-
-    @property
-    def families(self) -> dict[str, int]:
-        """The number of ends, and of picks."""
-        return dict(zip(FAMILIES, self.cloth.size, strict=True))
-
-    @property
     def closed(self) -> bool:
         """Whether the ends of yarns are closed by caps."""
         return bool(self.caps)
@@ -155,8 +146,17 @@ class WeaveSource(WeaveParameters, Textile, Stage):
         return feasible_intervals(self.cloth)
 
     @property
-    def wif(self) -> Draft:
-        """The draft of the fabric: the file's own, as far as no parameter changes it."""
+    def draft_file(self) -> Path | None:
+        """File of the draft; None for a pattern."""
+        return self.draft
+
+    @property
+    def fibre_share(self) -> float:
+        """Share of fibre in a yarn's section; the rest is air."""
+        return self.packing
+
+    def make_draft(self) -> Draft:
+        """Return the draft of the fabric: the file's own, as far as no parameter changes it."""
         # Also of yarns that have no room to be woven.
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
@@ -280,16 +280,19 @@ class WeaveSource(WeaveParameters, Textile, Stage):
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
 
-    def lend(self, other: WeaveSource, part: Share | None = None) -> None:
-        """Spare another source of the same cloth to read and measure it anew.
+    def lend(self, other: Woven, part: Share | None = None) -> None:
+        """Let another source with the same settings make a part of the cloth, or all of it.
+
+        It need not read and measure the cloth anew.
 
         Parameters
         ----------
         other : WeaveSource
             With the same settings.
         part : Share, optional
-            Slices: what the other makes of the cloth, where these yarns cross; by default all.
+            Slices: the yarns to make, where they cross; by default all.
         """
+        assert isinstance(other, WeaveSource)
         other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
         other._part = None if part is None else (part, cropped(self.cloth, part))
         other.Modified()

@@ -67,12 +67,14 @@ def textile(scene: Scene) -> dict[str, Any] | None:
     made = scene.textile
     if made is None:
         return None
-    diameters = made.yarn_diameters
+    diameters, extent, masses = made.yarn_diameters, made.extent, made.linear_densities
     return {
         "kind": scene.source.section,
         "yarns": len(diameters),
         "families": dict(made.families),
         "diameters": [float(diameters.min()), float(diameters.max())],
+        "extent": None if extent is None else extent.tolist(),
+        "linear_densities": None if masses is None else [float(masses.min()), float(masses.max())],
         **{measure.key: measure.value for measure in made.measures},
     }
 

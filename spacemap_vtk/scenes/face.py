@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from spacemap_vtk.errors import SpacemapError, naming_section
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
 
@@ -23,11 +24,12 @@ def picture_size(scene: Scene) -> tuple[int, int]:
         width, height = scene.view.size
         return width, height
     try:
-        cloth = scene.weave.cloth if _is_flat(scene) else None
+        woven = _face(scene)
+        if woven is None:
+            return USUAL_SIZE
+        cloth = woven.cloth
     except SpacemapError:
-        cloth = None  # whoever draws it says why
-    if cloth is None:
-        return USUAL_SIZE
+        return USUAL_SIZE  # whoever draws it says why
     side = WIDE_SIDE if sum(cloth.size) > MANY_THREADS else max(USUAL_SIZE)
     lengths = lengths_of(cloth)
     counts = _drawn_counts(scene, cloth, (side, side))
@@ -41,26 +43,29 @@ def picture_size(scene: Scene) -> tuple[int, int]:
 
 def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
     """Leave out the end of a still cloth that is far longer than wide, and warn of that."""
-    if not _is_flat(scene):
+    woven = _face(scene)
+    if woven is None:
         return
-    with scene.naming_file(), naming_section("weave"):
-        cloth = scene.weave.cloth
+    section = scene.source.section
+    with scene.naming_file(), naming_section(section):
+        cloth = woven.cloth
     counts = _drawn_counts(scene, cloth, size)
     for family, name in enumerate(("ends", "picks")):
         if counts[family] < (whole := cloth.size[family]):
-            scene.weave.configure(**{name: counts[family]})
+            scene.source.configure(**{name: counts[family]})
             scene.warn(
                 f"only {name} 1 to {counts[family]} of {whole} are drawn, as the cloth is so long: "
-                f"--set weave.{name}={whole} draws all"
+                f"--set {section}.{name}={whole} draws all"
             )
 
 
 def face_pixels(scene: Scene, size: tuple[int, int]) -> float:
     """Return how many pixels a yarn of a still cloth's face has; infinity of what is no face."""
-    if not _is_flat(scene):
+    woven = _face(scene)
+    if woven is None:
         return float("inf")
     try:
-        cloth = scene.weave.cloth
+        cloth = woven.cloth
     except SpacemapError:
         return float("inf")
     each = zip(size, lengths_of(cloth), strict=True)
@@ -72,16 +77,16 @@ def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[in
     """Return how many ends and picks are drawn: all but of a family that makes the cloth long."""
     lengths, counts = lengths_of(cloth), list(cloth.size)
     long = 0 if lengths[0] > lengths[1] else 1
-    asked = (scene.weave.ends, scene.weave.picks)[long]
-    if asked is None:
+    if scene.source.settings[("ends", "picks")[long]] is None:
         place = cloth.yarns[long].position
         wide = int((place - place[0] < _LONGEST * lengths[1 - long]).sum())
         counts[long] = min(counts[long], max(wide, int(size[long] / _SEEN)))
     return counts[0], counts[1]
 
 
-def _is_flat(scene: Scene) -> bool:
-    return scene.view.camera == FLAT and not scene.moves and scene.woven
+def _face(scene: Scene) -> Woven | None:
+    """Return the textile whose face a picture shows undistorted; None of any other picture."""
+    return scene.woven if scene.view.camera == FLAT and not scene.moves else None
 
 
 def lengths_of(cloth: Cloth) -> list[float]:

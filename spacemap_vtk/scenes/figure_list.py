@@ -190,14 +190,18 @@ def textile_figures(textile: Textile) -> list[Figure]:
     low, high = float(diameters.min()), float(diameters.max())
     told = _cell(low, "m") if low == high else f"{_cell(low, 'm')} to {_cell(high, 'm')}"
     families = ", ".join(f"{count} {name}" for name, count in textile.families.items())
-    return [
+    found = [
         Figure("yarns", "yarns", families, len(diameters)),
         Figure("diameter", "diameter d", told, float(diameters.mean()), "m"),
-        *(
-            Figure(key, label, _cell(value, unit), value, unit)
-            for key, label, value, unit in textile.measures
-        ),
     ]
+    if (masses := textile.linear_densities) is not None:
+        mean = float(masses.mean())
+        found.append(Figure("linear_density", "yarn count", _cell(mean, "kg/m"), mean, "kg/m"))
+    if (extent := textile.extent) is not None:
+        found.append(Figure("extent", "extent", " x ".join(_cell(x, "m") for x in extent.tolist())))
+    for key, label, value, unit in textile.measures:
+        found.append(Figure(key, label, _cell(value, unit), value, unit))
+    return found
 
 
 def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:

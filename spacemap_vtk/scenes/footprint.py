@@ -123,14 +123,16 @@ def drawing_bytes(quads: int, points: int) -> int:
 
 def picture_bytes(scene: Scene, asked: PictureAsked) -> int:
     """Return what it takes to draw the fabric of a scene, from the weave to the picture."""
-    return _picture_bytes(scene, scene.weave.counts, _sides(scene, asked), asked)
+    assert scene.woven is not None
+    return _picture_bytes(scene, scene.woven.counts, _sides(scene, asked), asked)
 
 
 def _sides(scene: Scene, asked: PictureAsked) -> int:
     """Return how many facets patches have along each side, or about how many can be seen."""
     if asked.sides or scene.surface.subdivisions:
         return asked.sides or scene.surface.sides
-    cloth, scale = scene.weave.cloth, np.inf
+    assert scene.woven is not None
+    cloth, scale = scene.woven.cloth, np.inf
     for yarns, threads, pixels in zip(cloth.size, cloth.threads, asked.size, strict=True):
         width = float(np.max(threads.diameter)) * threads.aspect
         scale = min(scale, pixels / (yarns * threads.mean_spacing(width)))
@@ -164,8 +166,9 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: PictureAsked) ->
 
 def _moved_bytes(scene: Scene, counts: Counts, columns: int, films: bool) -> int:
     """Return what control points take, and what moves them."""
-    warp, single = scene.warp, scene.weave.single
-    total = counts.bytes(scene.weave.exact, single)
+    assert scene.woven is not None
+    warp, single = scene.warp, scene.woven.single
+    total = counts.bytes(scene.woven.cloth.exact, single)
     if scene.moves:
         nodes = 10 if scene.cage.order == 2 else 4
         total += _SOLVER + (24 if single else 48) * counts.points * films
@@ -188,7 +191,7 @@ def fits_picture(scene: Scene, asked: PictureAsked) -> bool:
 
 def require_picture(scene: Scene, asked: PictureAsked, pieces: int = 1) -> None:
     """Refuse pictures that would not fit into memory, before any is taken."""
-    if scene.woven:
+    if scene.woven is not None:
         with scene.naming_file():
             _require_picture(scene, asked, pieces)
     else:
@@ -199,7 +202,8 @@ def require_picture(scene: Scene, asked: PictureAsked, pieces: int = 1) -> None:
 
 def sheet_bytes(scene: Scene, asked: PictureAsked) -> int:
     """Return what it takes to draw a scene's cloth as a sheet."""
-    ends, picks = scene.weave.cloth.size
+    assert scene.woven is not None
+    ends, picks = scene.woven.cloth.size
     solved = COLORINGS[scene.view.color].array in crimp_interchange.CrimpInterchange.provides
     gaps = scene.view.color == "clearance"
     solved |= gaps and scene.stage("crimp") is not None
@@ -211,10 +215,11 @@ def sheet_bytes(scene: Scene, asked: PictureAsked) -> int:
 
 def require_sheet(scene: Scene, asked: PictureAsked) -> None:
     """Refuse a picture of a sheet that would not fit into memory, before any is taken."""
+    assert scene.woven is not None
     with scene.naming_file(), naming_section("view"):
         require(
             round(_MARGIN * sheet_bytes(scene, asked)),
-            "a picture of {} x {} yarns, as a sheet,".format(*scene.weave.cloth.size),
+            "a picture of {} x {} yarns, as a sheet,".format(*scene.woven.cloth.size),
             key="size",
             cure="Take a smaller one, or fewer ends and picks.",
         )
@@ -222,10 +227,12 @@ def require_sheet(scene: Scene, asked: PictureAsked) -> None:
 
 def _require_picture(scene: Scene, asked: PictureAsked, pieces: int) -> None:
     seen = _SEEN if scene.surface.subdivisions else ""
+    woven = scene.woven
+    assert woven is not None
     try:
-        with naming_section(scene.weave.section):
-            ends, picks = scene.weave.cloth.size
-            counts = scene.weave.counts
+        with naming_section(scene.source.section):
+            ends, picks = woven.cloth.size
+            counts = woven.counts
             now = _sides(scene, asked)
     except SizeError as error:
         error.cure = f"{seen}{error.cure}"

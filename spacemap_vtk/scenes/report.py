@@ -265,14 +265,15 @@ def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, flo
 
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures."""
-    if not scene.woven:
+    woven = scene.woven
+    if woven is None:
         raise InputError(
             f"{scene.file}: this scene is not woven",
             cure="Its own figures are those of `spacemap_vtk.scenes.anatomy.body`.",
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
-    figures, over = cloth(scene), scene.weave.cloth.drawdown
+    figures, over = cloth(scene), woven.cloth.drawdown
     room = figures["thickness"] is not None
     solver, made = scene.stage("solver"), scene.stage("cage")
     if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
@@ -289,7 +290,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     elif room and time is not None:
         scene.update_stage(scene.warp, time)
         moved = points_of(scene.patches)
-        figures["deformed_clearance"] = _clearance(clearance_of(build(scene.weave.cloth), moved))
+        figures["deformed_clearance"] = _clearance(clearance_of(build(woven.cloth), moved))
     figures["warnings"] = scene.warnings
     return figures
 
@@ -297,24 +298,24 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
 def cloth(scene: Scene) -> dict[str, Any]:
     """Return the figures of a fabric that are soon found: no clearance, and nothing of a cage."""
     room = not isinstance(scene.obstacle(), GeometryError)
-    weave = scene.weave
-    woven, over = weave.cloth, weave.cloth.drawdown
-    density = weave.packing * weave.fibre_density
+    textile = scene.woven
+    assert textile is not None
+    woven, over = textile.cloth, textile.cloth.drawdown
     figures = _NO_FIGURES | {"ends": over.shape[1], "picks": over.shape[0]}
     if room:
         figures |= fabric_figures(woven)
-        figures["fibre_volume_fraction"] = weave.packing * figures["volume_fraction"]
+        figures["fibre_volume_fraction"] = textile.fibre_share * figures["volume_fraction"]
         figures["feasible_height"] = list(woven.feasible_heights)
         counts, figures["radial_error"] = count(woven)
         figures["patches"], figures["control_points"] = counts.patches, counts.points
         figures["memory_bytes"] = counts.bytes(woven.exact)
-    loom = weave.source.loom_for(over)
+    loom = textile.source.loom_for(over)
     floats, means = drawdown.floats(over), drawdown.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
             "yarns": over.shape[1 - number],
-            **_yarns(threads, density),
+            **_yarns(threads, woven.density),
             "longest_float": floats[number],
             "mean_float": means[number],
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
@@ -325,7 +326,7 @@ def cloth(scene: Scene) -> dict[str, Any]:
         "shafts": loom.shafts,
         "treadles": loom.treadles,
         "threading": [list(shafts) for shafts in loom.threading],
-        "feasible": {name: list(ends) for name, ends in weave.feasible.items()},
+        "feasible": {name: list(ends) for name, ends in textile.feasible.items()},
     }
     return figures
 
@@ -334,7 +335,8 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
     """Add the least clearance to those of `cloth`, if there is room; pauses now and then."""
     if figures["thickness"] is None:
         return
-    woven = scene.weave.cloth
+    assert scene.woven is not None
+    woven = scene.woven.cloth
     found = None
     if woven.drawdown.size > FEW_CROSSINGS:
         found = yield from clearance_in_steps(woven, min(woven.drawdown.size, MOST_CROSSINGS) // 2)
@@ -343,16 +345,17 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
     figures["least_clearance"] = found and _clearance(found)
 
 
-def _yarns(threads: Threads, density: float) -> dict[str, Any]:
+def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
     """Return what the yarns of a family measure, whether or not they can be woven."""
     height, aspect, section = np.asarray(threads.diameter), threads.aspect, threads.shape
     diameter = float(height.mean())
+    area = section_factor(aspect, section) * float((height**2).mean())
     return {
         "diameter": diameter,
         "width": aspect * diameter,
         "spacing": threads.mean_spacing(aspect * diameter),
         "section": section,
-        "tex": 1e6 * density * section_factor(aspect, section) * float((height**2).mean()),
+        "tex": None if density is None else 1e6 * density * area,
     }
 
 

@@ -110,7 +110,9 @@ class Sweep:
 def _bytes(scene: Scene) -> int:
     """Return what it takes to draw a fabric; of one drawn in parts all that there is."""
     try:
-        return picture_bytes(scene, PictureAsked(picture_size(scene))) if scene.woven else 0
+        if scene.woven is None:
+            return 0
+        return picture_bytes(scene, PictureAsked(picture_size(scene)))
     except SizeError:
         return sys.maxsize
 

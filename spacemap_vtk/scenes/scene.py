@@ -26,8 +26,7 @@ from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
-from spacemap_vtk.filters.textile import Textile
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.textile import Textile, Woven
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
@@ -173,31 +172,21 @@ class Scene:
         return self.source if isinstance(self.source, Textile) else None
 
     @property
-    def woven(self) -> bool:
-        """Whether its source is a weave."""
-        return isinstance(self.source, WeaveSource)
-
-    @property
-    def weave(self) -> WeaveSource:
-        """The source of a woven scene.
-
-        Raises
-        ------
-        InputError
-            If the source is anything else: it has no ends and picks, and no draft.
-        """
-        if not isinstance(self.source, WeaveSource):
-            raise InputError(
-                f"{self.file or self.title}: this scene is not woven",
-                key=self.source.section,
-                cure="Weaves have a section [weave], or are drafts.",
-            )
-        return self.source
+    def woven(self) -> Woven | None:
+        """The source as a textile of warp and weft; None where it is anything else."""
+        return self.source if isinstance(self.source, Woven) else None
 
     @property
     def draft_file(self) -> Path | None:
         """The file of the draft that it weaves; None where there is none."""
-        return self.weave.draft if self.woven else None
+        return None if self.textile is None else self.textile.draft_file
+
+    @property
+    def has_draft(self) -> bool:
+        """Whether a loom makes its source."""
+        if self.woven is not None:
+            return True  # also where the draft cannot be read: `draft` says why
+        return self.textile is not None and self.textile.make_draft() is not None
 
     @property
     def moves(self) -> bool:
@@ -313,8 +302,9 @@ class Scene:
             the damping contradicts itself, or the animation has no frames.
         """
         with self.naming_file():
-            found = self.obstacle() if self.woven else None
-            draft = None if any(part == "weave" for part, _ in self.assigned) else self.draft_file
+            found = self.obstacle()
+            own = self.source.section
+            draft = None if any(part == own for part, _ in self.assigned) else self.draft_file
             # What is too large can be drawn: in parts, or from afar.
             impossible = isinstance(found, GeometryError)
             if found is not None and impossible and (draft is None or draft != self.file):
@@ -358,35 +348,39 @@ class Scene:
         self.warp.carried = " ".join(carried + self._riding)
 
     def obstacle(self) -> GeometryError | SizeError | None:
-        """Return what keeps the weave from being built; builds nothing.
+        """Return what keeps the cloth from being built; builds nothing.
 
         Returns
         -------
         GeometryError, SizeError or None
-            The yarns have no room, the patches do not fit into memory, or neither. What the weave
-            says of its own trustworthiness, and an obstacle, is among the warnings from now on.
+            The yarns have no room, or the patches do not fit into memory; None where neither is so,
+            or the scene is not woven. What the cloth says of its own trustworthiness, and an
+            obstacle, is among the warnings from now on.
 
         Raises
         ------
         SpacemapError
-            If there is no weave: the draft cannot be read, parameters contradict each other.
+            If the draft cannot be read, or parameters contradict each other.
         """
+        woven = self.woven
+        if woven is None:
+            return None
         found: GeometryError | SizeError
         what = "there is no room for its yarns, so that it cannot be drawn"
-        with self.naming_file(), naming_section("weave"):
+        with self.naming_file(), naming_section(self.source.section):
             try:
-                self.weave.cloth.check()
-                self._warnings |= dict.fromkeys(self.weave.cloth.warnings)
+                woven.cloth.check()
+                self._warnings |= dict.fromkeys(woven.cloth.warnings)
             except GeometryError as error:
                 found = error
             else:
                 try:
-                    _ = self.weave.counts
+                    _ = woven.counts
                     return None
                 except SizeError as error:
                     found, what = error, "it is too large to be made whole, as files have it"
-        found.section = "weave"
-        parameter = self.weave.parameters.get(found.key or "")
+        found.section = self.source.section
+        parameter = self.source.parameters.get(found.key or "")
         if isinstance(found.value, float) and parameter is not None:
             found.value = parameter.show(found.value)  # with its unit, as the stage would say it
         self.warn(f"{what}: {found}")
@@ -426,9 +420,9 @@ class Scene:
 
     @property
     def draft(self) -> Draft:
-        """The draft of the weave; needs no update."""
-        with self.naming_file(), naming_section("weave"):
-            draft = None if self.textile is None else self.textile.wif
+        """The draft of the textile; needs no update."""
+        with self.naming_file(), naming_section(self.source.section):
+            draft = None if self.textile is None else self.textile.make_draft()
             if draft is None:
                 raise InputError(
                     f"{self.title}: this scene is not woven, and has no draft",

@@ -13,7 +13,7 @@ from spacemap_vtk.errors import SizeError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import MAX_CROSSINGS
 from spacemap_vtk.ndarrays import Bools, Bytes
@@ -88,18 +88,16 @@ def _marks(rows: Sequence[Sequence[int]], columns: int) -> Bools:
     return marks
 
 
-def shown_of(weave: WeaveSource) -> Shown:
-    """Return what there is to see of a weave; builds nothing."""
-    source, asked = weave.source, weave.asked
-    ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
-    if ends * picks > MAX_CROSSINGS:
+def shown_of(woven: Woven) -> Shown:
+    """Return what there is to see of a textile's draft; builds nothing."""
+    source, cloth, file = woven.source, woven.cloth, woven.draft_file
+    if cloth.drawdown.size > MAX_CROSSINGS:
         raise SizeError(
-            f"a draft of {ends} x {picks} yarns is too large to be shown",
+            "a draft of {} x {} yarns is too large to be shown".format(*cloth.size),
             allowed=f"up to {MAX_CROSSINGS} crossings",
         )
-    cloth = weave.cloth
     # Rows and pictures say nothing of a loom.
-    reader = registry.reader(weave.draft, "draft") if weave.draft else None
+    reader = None if file is None else registry.reader(file, "draft")
     return Shown(
         source.loom_for(cloth.drawdown),
         cloth.drawdown,

@@ -87,18 +87,19 @@ class DraftTab(QWidget):
         if not self.isVisible() or self.grid.stroking:
             return
         scene = self._document.scene
-        if not scene.woven:
+        woven = scene.woven
+        if woven is None:
             self._show(None, "This scene is not woven, and has no draft.")
             return
-        weave = scene.weave
-        stamp = weave.draft.stat().st_mtime_ns if weave.draft and weave.draft.is_file() else 0
+        file, settings = scene.draft_file, scene.source.settings
+        stamp = file.stat().st_mtime_ns if file and file.is_file() else 0
         names = ("draft", "trim", "pattern", "ends", "picks", "warp_color", "weft_color")
-        key = (stamp, *(getattr(weave, name) for name in names))
+        key = (stamp, *(settings.get(name) for name in names))
         if key == self._key:
             return
         self._key = key
         try:
-            shown = shown_of(weave)
+            shown = shown_of(woven)
         except SpacemapError as error:
             self._show(None, f"{error.message}. {error.cure or ''}".strip())
         else:
