@@ -179,7 +179,7 @@ def test_check_names_the_feasible_interval() -> None:
     with pytest.raises(GeometryError) as caught:
         check(0.15e-3, 0.15e-3, 0.27e-3, 0.27e-3, 0.1e-3)
     error = caught.value
-    assert error.key == "warp_crimp_height"
+    assert error.key == "crimp height of the warp"
     assert error.value == 0.1e-3
     low, high = (parse_quantity(part, "m") for part in str(error.allowed).split(" to "))
     expected = peirce.feasible_height(0.27e-3, 0.27e-3, 0.3e-3)
@@ -197,7 +197,7 @@ def test_check_refuses_heights_outside(height: float) -> None:
 
 
 def test_check_refuses_cloth_jammed_at_every_height() -> None:
-    with pytest.raises(GeometryError, match="jammed at every warp_crimp_height") as caught:
+    with pytest.raises(GeometryError, match="jammed at every crimp height of the warp") as caught:
         check(0.2e-3, 0.2e-3, 0.3e-3, 0.3e-3, 0.2e-3)
     low, high = peirce.feasible_height(0.3e-3, 0.3e-3, 0.4e-3)
     message = str(caught.value)
@@ -211,15 +211,15 @@ def test_check_refuses_cloth_jammed_at_every_height() -> None:
 @pytest.mark.parametrize(
     ("measures", "key"),
     [
-        ((0.5, 0.1, 0.4, 2.0, 0.3), "warp_diameter"),
-        ((0.1, 0.5, 2.0, 0.4, 0.3), "weft_diameter"),
-        ((0.0, 0.1, 0.2, 0.2, 0.1), "warp_diameter"),
-        ((0.1, -0.1, 0.2, 0.2, 0.1), "weft_diameter"),
-        ((0.1, 0.1, np.nan, 0.2, 0.1), "warp_spacing"),
-        ((0.1, 0.1, 0.2, np.inf, 0.1), "weft_spacing"),
+        ((0.5, 0.1, 0.4, 2.0, 0.3), "diameter of the warp"),
+        ((0.1, 0.5, 2.0, 0.4, 0.3), "diameter of the weft"),
+        ((0.0, 0.1, 0.2, 0.2, 0.1), "diameter of the warp"),
+        ((0.1, -0.1, 0.2, 0.2, 0.1), "diameter of the weft"),
+        ((0.1, 0.1, np.nan, 0.2, 0.1), "spacing of the warp"),
+        ((0.1, 0.1, 0.2, np.inf, 0.1), "spacing of the weft"),
     ],
 )
-def test_check_names_the_key(measures: tuple[float, ...], key: str) -> None:
+def test_check_names_the_quantity(measures: tuple[float, ...], key: str) -> None:
     with pytest.raises(GeometryError) as caught:
         check(*measures)
     assert caught.value.key == key

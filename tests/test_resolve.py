@@ -121,6 +121,16 @@ def test_two_words_for_one_thing_are_refused_naming_both(asked: dict[str, Any]) 
         assert name in str(caught.value)
 
 
+def test_errors_of_a_cloth_name_parameters() -> None:
+    with pytest.raises(GeometryError) as caught:
+        WeaveSource(warp_diameter="0.4 mm", weft_diameter="0.4 mm").cloth.check()
+    assert str(caught.value) == (
+        "warp_diameter: the cloth is jammed at every warp_crimp_height: the weft needs at least "
+        "0.6245 mm, the warp at most 0.1755 mm; allowed: warp_diameter + weft_diameter up to "
+        "0.57735 mm at these spacings, not 0.8 mm. Make the yarns thinner or a spacing larger"
+    )
+
+
 # --- crimp -----------------------------------------------------------------------------------
 
 

@@ -252,17 +252,17 @@ def test_memory_is_estimated_from_above() -> None:
 
 
 def test_refusals() -> None:
-    with pytest.raises(InputError, match=r"weft_diameter.*4 values for 3 yarns"):
+    with pytest.raises(InputError, match=r"diameter of the weft.*4 values for 3 yarns"):
         build(changed(UNEQUAL, drawdown=np.ones((3, 5))))
-    with pytest.raises(InputError, match=r"warp_spacing.*allowed: one value, or 4"):
+    with pytest.raises(InputError, match=r"spacing of the warp.*allowed: one value, or 4"):
         changed(UNEQUAL, warp_spacing=np.ones(7)).check()
     with pytest.raises(GeometryError, match="yarns 2 and 3 overlap"):
         changed(UNEQUAL, warp_spacing=np.array([9, 0.1, 9, 9])).check()
-    with pytest.raises(GeometryError, match="warp_spacing"):
+    with pytest.raises(GeometryError, match="spacing of the warp"):
         changed(UNEQUAL, warp_spacing=np.array([1, 1, -1, 1])).check()
-    with pytest.raises(GeometryError, match="warp_aspect"):
+    with pytest.raises(GeometryError, match="aspect of the warp"):
         changed(KEMP, warp_aspect=1.5).check()
-    with pytest.raises(GeometryError, match="weft_aspect"):
+    with pytest.raises(GeometryError, match="aspect of the weft"):
         changed(KEMP, weft_aspect=0.5).check()
     with pytest.raises(GeometryError, match=r"overlap: they are 900 mm wide"):
         changed(KEMP, weft_aspect=3.0).check()

@@ -84,7 +84,7 @@ def _spaces(cloth: Cloth, number: int) -> Floats:
     if not low < high:
         raise InputError(
             f"a WIF cannot hold the distances between the {FAMILIES[number]} yarns",
-            key=f"{FAMILIES[number]}_spacing",
+            key=cloth.names("spacing", number),
             cure="It gives each thread a space, in whose middle it stands: let distances change "
             "more gently",
         )

@@ -29,6 +29,7 @@ import numpy as np
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.double_weave import APART, Layers
 from spacemap_vtk.fabric.drawdown import as_drawdown
+from spacemap_vtk.fabric.naming import FAMILIES, Naming, in_words
 from spacemap_vtk.fabric.peirce import (
     JAM,
     Crimp,
@@ -43,8 +44,6 @@ from spacemap_vtk.parallel import blocks
 
 #: Shapes of a yarn's axis, the commonest first.
 AXES = ("arcs", "spline")
-#: Warp and weft, by their numbers.
-FAMILIES = ("warp", "weft")
 #: A crimp may pass the end of its interval by this share of the largest, by rounding.
 _GRACE = 1e-9
 #: Crossings that are looked at in one go: some ten megabytes.
@@ -125,6 +124,8 @@ class Cloth:
         Room between these cloths, in metres; by default a tenth of D.
     cure : str
         What helps where there is no room, beside thinner yarns and wider spacings.
+    names : callable
+        How messages name the quantities of warp and weft.
 
     Raises
     ------
@@ -153,6 +154,7 @@ class Cloth:
     layers: Layers | None = None
     layer_gap: float | None = None
     cure: str = ""
+    names: Naming = in_words
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))
@@ -180,7 +182,7 @@ class Cloth:
         try:
             self._check_measures()
             height = self._chosen_height()
-            check_height(*self._tightest, self.diameter_sum, height)
+            check_height(*self._tightest, self.diameter_sum, height, self.names)
         except GeometryError as error:
             if self.cure:
                 error.cure = f"{self.cure} {error.cure}"
@@ -192,7 +194,7 @@ class Cloth:
         """Interval of the warp's crimp height h1, in metres, that leaves room for all yarns."""
         self._check_measures()
         tightest, sum_ = self._tightest, self.diameter_sum
-        check_height(*tightest, sum_, balanced_height(*tightest, sum_))
+        check_height(*tightest, sum_, balanced_height(*tightest, sum_), self.names)
         return feasible_height(*tightest, sum_)
 
     def feasible_crimps(self, number: int) -> tuple[float, float]:
@@ -397,7 +399,7 @@ class Cloth:
         if not least - _GRACE * most <= crimp <= most * (1.0 + _GRACE):
             raise GeometryError(
                 f"the {FAMILIES[number]} cannot have this crimp with these yarns and spacings",
-                key=f"{FAMILIES[number]}_crimp",
+                key=self.names("crimp", number),
                 value=crimp,
                 allowed=f"{least:.6g} to {most:.6g}",
                 cure="Thinner yarns or wider spacings allow other crimps",
@@ -416,15 +418,15 @@ class Cloth:
 
     def _check_measures(self) -> None:
         """Refuse what no crimp height could mend."""
-        for family, threads, count in zip(FAMILIES, self.threads, self.size, strict=True):
-            threads.check(family, count)
-        for number, family in enumerate(FAMILIES):
+        for number, threads in enumerate(self.threads):
+            threads.check(number, self.size[number], self.names)
+        for number in (0, 1):
             # yarns of two cloths lie one above the other where they never change places
             apart = self.layers is not None and not self.layers.joined[number]
             for threads in [s[number] for s in self.sheets] if apart else [self.threads[number]]:
-                threads.check_neighbours(family, JAM, self.diameter_sum)
+                threads.check_neighbours(number, JAM, self.diameter_sum, self.names)
         if self.layers is not None:
-            self.layers.check_room(self.threads, self.layer_gap, self.axis)
+            self.layers.check_room(self.threads, self.layer_gap, self.axis, self.names)
         if self.axis not in AXES:
             raise InputError(
                 "no such shape",

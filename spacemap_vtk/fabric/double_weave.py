@@ -31,6 +31,7 @@ from math import inf
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric.naming import FAMILIES, Naming, in_words
 from spacemap_vtk.fabric.peirce import JAM
 from spacemap_vtk.fabric.threads import Some, Threads
 from spacemap_vtk.ndarrays import Bools, Ints
@@ -64,6 +65,11 @@ _ARRANGED = [
     for rest in product((False, True), repeat=size - 1)
     if any(rest)
 ]
+
+
+def one_layer(names: Naming = in_words) -> str:
+    """Return how a double weave is drawn as one layer."""
+    return f"{names('layer', 0)} = 1 draws it as one layer"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,9 +158,15 @@ class Layers:
         """Whether ends, and picks, pass from one cloth into the other anywhere."""
         return self._passes[0][1], self._passes[1][1]
 
-    def check_room(self, threads: tuple[Threads, Threads], gap: float | None, axis: str) -> None:
+    def check_room(
+        self,
+        threads: tuple[Threads, Threads],
+        gap: float | None,
+        axis: str,
+        names: Naming = in_words,
+    ) -> None:
         """Refuse yarns that have no room to pass from one cloth into the other."""
-        cure = "warp_layer = 1 draws it as one layer"
+        cure = one_layer(names)
         if axis != "arcs":
             raise InputError(
                 "a spline holds no distance between the two cloths of a double weave",
@@ -170,7 +182,6 @@ class Layers:
                 value=gap,
                 allowed="more than 0 m",
             )
-        names = "warp", "weft"
         for number, (own, crossed) in enumerate((threads, threads[::-1])):
             room, between = crossed.gaps()
             if not (self.joined[number] and room.size):
@@ -186,11 +197,12 @@ class Layers:
                 )
                 raise GeometryError(
                     "the two cloths of the double weave have no room to change places: the "
-                    f"{names[number]} needs {wanted} between neighbouring {names[1 - number]} "
-                    f"yarns, and has {there}",
-                    key=f"{names[number]}_diameter",
+                    f"{FAMILIES[number]} needs {wanted} between neighbouring "
+                    f"{FAMILIES[1 - number]} yarns, and has {there}",
+                    key=names("diameter", number),
                     value=float(np.max(own.diameter)),
-                    allowed=f"warp_diameter + weft_diameter up to 1 / {1.0 + APART:g} of that",
+                    allowed=f"{names('diameter', 0)} + {names('diameter', 1)} up to "
+                    f"1 / {1.0 + APART:g} of that",
                     cure=f"Make the yarns thinner or a spacing larger; {cure}",
                 )
 

@@ -14,6 +14,8 @@ from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.threads import Threads
 
 Interval = tuple[float, float]
+#: A quantity of a family: its name in `Threads`, and 0 for the warp or 1 for the weft.
+Quantity = tuple[str, int]
 
 #: A search starts from the value itself, and goes up and down by factors of 2 this often.
 _STEPS = 60
@@ -21,7 +23,7 @@ _STEPS = 60
 _TOLERANCE = 1e-12
 
 
-def feasible_intervals(cloth: Cloth) -> dict[str, Interval]:
+def feasible_intervals(cloth: Cloth) -> dict[Quantity, Interval]:
     """Return the interval of each input of a cloth, all the others as they are.
 
     Parameters
@@ -32,22 +34,21 @@ def feasible_intervals(cloth: Cloth) -> dict[str, Interval]:
     Returns
     -------
     dict
-        By the names that a user knows: ``warp_crimp_height`` (m), ``warp_crimp`` and
-        ``weft_crimp``; and ``warp_diameter``, ``weft_diameter``, ``warp_spacing``,
-        ``weft_spacing`` (m) where they are one value. Low and high, feasible themselves but for a
-        diameter of 0; infinite where there is no bound. An input without any feasible value is
-        left out.
+        By quantity and family (0: warp, 1: weft): ``crimp_height`` of the warp (m), both
+        ``crimp``; and ``diameter`` and ``spacing`` (m) where they are one value. Low and high,
+        feasible themselves but for a diameter of 0; infinite where there is no bound. An input
+        without any feasible value is left out.
 
     Notes
     -----
     Found by bisection of `Cloth` itself, to 1e-12 of the value: what these intervals allow is what
     is accepted, whatever the sections of the yarns.
     """
-    result: dict[str, Interval] = {}
+    result: dict[Quantity, Interval] = {}
     try:
-        result["warp_crimp_height"] = cloth.feasible_heights
-        result["warp_crimp"] = cloth.feasible_crimps(0)
-        result["weft_crimp"] = cloth.feasible_crimps(1)
+        result["crimp_height", 0] = cloth.feasible_heights
+        result["crimp", 0] = cloth.feasible_crimps(0)
+        result["crimp", 1] = cloth.feasible_crimps(1)
     except GeometryError:
         pass  # no height is feasible at all; a diameter or spacing may still mend it
     for measure, number in product(("diameter", "spacing"), (0, 1)):
@@ -56,7 +57,7 @@ def feasible_intervals(cloth: Cloth) -> dict[str, Interval]:
         if isinstance(value := getattr(threads, measure), float):
             interval = _interval(changed, value)
             if interval is not None:
-                result[f"{family}_{measure}"] = interval
+                result[measure, number] = interval
     return result
 
 

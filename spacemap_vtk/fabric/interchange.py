@@ -149,8 +149,6 @@ class Interchange:
             raise InputError(
                 "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
                 "crossings of its own",
-                allowed="warp_layer = 1 of [weave], which draws one layer",
-                cure='Write that, or leave out [yarns], and modal.material = "yarns"',
             )
         yarns = YarnMechanics() if yarns is None else yarns
         self.shape = cloth.drawdown.shape

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.naming import Naming, in_words
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import metres
 
@@ -98,19 +99,24 @@ def largest_diameter_sum(warp_spacing: float, weft_spacing: float) -> float:
 
 
 def check_height(
-    warp_spacing: float, weft_spacing: float, diameter_sum: float, height: float
+    warp_spacing: float,
+    weft_spacing: float,
+    diameter_sum: float,
+    height: float,
+    names: Naming = in_words,
 ) -> None:
-    """Refuse a crimp height that leaves no room for the warp or the weft."""
+    """Refuse a crimp height h1 that leaves no room for the warp or the weft."""
+    crimp_height, diameter = names("crimp_height", 0), names("diameter", 0)
     d, p1, p2 = diameter_sum, warp_spacing, weft_spacing
     low, high = feasible_height(p1, p2, d)
     middle = balanced_height(p1, p2, d)
     if _jammed(p1, p2, middle, d):
         raise GeometryError(
-            f"the cloth is jammed at every warp_crimp_height: the weft needs at least "
+            f"the cloth is jammed at every {crimp_height}: the weft needs at least "
             f"{metres(low)}, the warp at most {metres(high)}",
-            key="warp_diameter",
-            allowed=f"warp_diameter + weft_diameter up to {metres(largest_diameter_sum(p1, p2))}"
-            f" at these spacings, not {metres(d)}",
+            key=diameter,
+            allowed=f"{diameter} + {names('diameter', 1)} up to "
+            f"{metres(largest_diameter_sum(p1, p2))} at these spacings, not {metres(d)}",
             cure="Make the yarns thinner or a spacing larger",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
@@ -121,7 +127,7 @@ def check_height(
         shown_low = metres(low + margin) if low > 0.0 else "0 mm"
         raise GeometryError(
             f"the cloth is jammed: no room for the {side} to bend at a height of {metres(height)}",
-            key="warp_crimp_height",
+            key=crimp_height,
             value=height,
             allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",
             cure=f"Leave it out for the middle of these, {metres(middle)}; thinner yarns or wider "

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spacemap_vtk.errors import InputError, Remark
-from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
-from spacemap_vtk.fabric.double_weave import LEAST, Layers, find_layers
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.double_weave import LEAST, Layers, find_layers, one_layer
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.drawdown import tile
+from spacemap_vtk.fabric.naming import Naming, in_words
 from spacemap_vtk.fabric.thick_yarns import flattened, scaled
 from spacemap_vtk.fabric.threads import Lengths, Threads, alike, along
 from spacemap_vtk.fabric.yarn import section_area, yarn_height
@@ -25,10 +26,7 @@ FILLING = 0.5
 #: The same of a double weave, whose cloths need more room to change places.
 LAYERED_FILLING = 0.45
 #: What is said of a draft of two cloths.
-_FOUND = (
-    "it is a double weave, and is drawn as two cloths, one above the other; warp_layer = 1 draws "
-    "it as one layer"
-)
+_FOUND = "it is a double weave, and is drawn as two cloths, one above the other"
 #: Width over height of yarns that are not round, where the user gives none.
 ASPECT = 1.5
 #: Colours of warp and weft where neither the user nor the draft gives any.
@@ -69,11 +67,7 @@ class Asked:
     """What a user asks of a cloth, in SI; None leaves it to the draft, or to a default.
 
     What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
-
-    Raises
-    ------
-    InputError
-        Two that say the same thing in different ways.
+    Of those that follow from one another at most one is given.
     """
 
     ends: int | None
@@ -90,33 +84,8 @@ class Asked:
     exact: bool
     axis: str
 
-    def __post_init__(self) -> None:
-        warp, weft = self.warp, self.weft
-        for rivals in (
-            {"warp_diameter": warp.diameter, "warp_count": warp.count},
-            {"weft_diameter": weft.diameter, "weft_count": weft.count},
-            {"warp_spacing": warp.spacing, "warp_sett": warp.sett},
-            {"weft_spacing": weft.spacing, "weft_sett": weft.sett},
-            {
-                "warp_crimp_height": self.crimp_height,
-                "warp_crimp": warp.crimp,
-                "weft_crimp": weft.crimp,
-            },
-        ):
-            given = [key for key, value in rivals.items() if value is not None]
-            if given[1:]:
-                raise InputError(
-                    f"{' and '.join(given)} are given, and each follows from the others",
-                    key=given[1],
-                    value=rivals[given[1]],
-                    allowed=f"one of {', '.join(rivals)}",
-                    cure=f"Leave out {' or '.join(given)}, as --set "
-                    + " or --set ".join(f"weave.{key}=auto" for key in given)
-                    + " does",
-                )
 
-
-def resolve(draft: Draft, asked: Asked) -> Cloth:
+def resolve(draft: Draft, asked: Asked, names: Naming = in_words) -> Cloth:
     """Resolve every measure of a cloth.
 
     Parameters
@@ -125,6 +94,8 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
         Weave, and whatever sizes and colours it has.
     asked : Asked
         What the user asks for.
+    names : callable
+        How messages name the quantities of warp and weft.
 
     Returns
     -------
@@ -135,7 +106,7 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
     if asked.thick_yarns == "flatten" and draft.loom is not None:  # of a file, not a pattern
         warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
-    layers, told = _layers(draft, (ends, picks), asked.warp.layer, asked.weft.layer)
+    layers, told = _layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
     filling = _filling(layers)
     cloth = Cloth(
         drawdown=tile(draft.drawdown, ends, picks),
@@ -150,6 +121,7 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
         warnings=(*draft.warnings, *told),
         layers=layers,
         layer_gap=asked.layer_gap,
+        names=names,
     )
     drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
     if asked.thick_yarns == "refuse" and any(drawn):
@@ -163,7 +135,10 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
 
 
 def _layers(
-    draft: Draft, size: tuple[int, int], *asked: int | tuple[int, ...] | None
+    draft: Draft,
+    size: tuple[int, int],
+    asked: tuple[int | tuple[int, ...] | None, ...],
+    names: Naming,
 ) -> tuple[Layers | None, tuple[str, ...]]:
     """Return the two cloths that are asked for or found, and what is said of those found."""
     # a small piece of a weave is what more of it is
@@ -177,16 +152,17 @@ def _layers(
         return None, ()
     found = find_layers(tile(draft.drawdown, whole[0], whole[1]), ends, picks)
     if found is None and known:
-        one, other = FAMILIES if ends is None else FAMILIES[::-1]
+        lacking, given = (names("layer", family) for family in ((0, 1) if ends is None else (1, 0)))
         raise InputError(
-            f"with this {other}_layer no cloths are found that lie apart",
-            key=f"{one}_layer",
+            f"with this {given} no cloths are found that lie apart",
+            key=lacking,
             allowed="a list of 1 and 2, repeated over the yarns",
-            cure=f"Write, for example, {one}_layer = [1, 2]",
+            cure=f"Write, for example, {lacking} = [1, 2]",
         )
     if found is None:
         return None, ()
-    return found.cropped(slice(size[0]), slice(size[1])), () if known else (Remark(_FOUND),)
+    remark = Remark(f"{_FOUND}; {one_layer(names)}")
+    return found.cropped(slice(size[0]), slice(size[1])), () if known else (remark,)
 
 
 def _filling(layers: Layers | None) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric.naming import FAMILIES, Naming, in_words
 from spacemap_vtk.fabric.yarn import section_factor, usual_twist
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.units import metres
@@ -170,7 +171,7 @@ class Threads:
             _places(apart) + middle,
         )
 
-    def check(self, family: str, count: int) -> None:
+    def check(self, family: int, count: int, names: Naming = in_words) -> None:
         """Refuse what is no length or not one for each yarn, and a section that cannot be."""
         for key, values, wanted in (
             ("diameter", self.diameter, count),
@@ -180,14 +181,14 @@ class Threads:
             if array.ndim > 1:
                 raise InputError(
                     f"a table of shape {array.shape}",
-                    key=f"{family}_{key}",
+                    key=names(key, family),
                     allowed="one value, or one for each",
                 )
             wrong = ~(np.isfinite(array) & (array > 0.0))
             if wrong.any() or (array.size == 0 and key == "diameter"):
                 raise GeometryError(
                     "a fabric needs a length here",
-                    key=f"{family}_{key}",
+                    key=names(key, family),
                     value=float(array.flat[np.argmax(wrong)]) if array.size else None,
                     allowed="more than 0 m",
                     cure='Write, for example, "0.3 mm"',
@@ -195,13 +196,13 @@ class Threads:
             if array.ndim and array.size != wanted:
                 raise InputError(
                     f"{array.size} values for {count} yarns",
-                    key=f"{family}_{key}",
+                    key=names(key, family),
                     allowed=f"one value, or {wanted}",
                 )
         if self.section not in SECTIONS:
             raise InputError(
                 "no such section",
-                key=f"{family}_section",
+                key=names("section", family),
                 value=self.section,
                 allowed=" or ".join(f'"{section}"' for section in SECTIONS),
             )
@@ -209,7 +210,7 @@ class Threads:
         if not (isfinite(self.aspect) and self.aspect >= 1.0) or (round_ and self.aspect != 1.0):
             raise GeometryError(
                 f"a {self.section} section cannot have this width over its height",
-                key=f"{family}_aspect",
+                key=names("aspect", family),
                 value=self.aspect,
                 allowed="1" if round_ else "from 1 on",
                 cure='Make the section "racetrack" or "elliptic" for a flattened yarn'
@@ -217,7 +218,9 @@ class Threads:
                 else "A yarn lies flat on the cloth, not on edge",
             )
 
-    def check_neighbours(self, family: str, grace: float, diameter_sum: float) -> None:
+    def check_neighbours(
+        self, family: int, grace: float, diameter_sum: float, names: Naming = in_words
+    ) -> None:
         """Refuse yarns that overlap their neighbours by more than a share of their size."""
         mean = self._between()
         if mean.size == 0 or np.size(self.spacing) == 0:
@@ -229,14 +232,17 @@ class Threads:
             which = f" {worst + 1} and {worst + 2}" if over.size > 1 else ""
             thick, apart = float(width.flat[worst]), float(room.flat[worst])
             flat = self.aspect != 1.0
+            diameter, spacing, aspect = (
+                names(quantity, family) for quantity in ("diameter", "spacing", "aspect")
+            )
             raise GeometryError(
-                f"neighbouring {family} yarns{which} overlap: they are {metres(thick)} "
+                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are {metres(thick)} "
                 f"{'wide' if flat else 'thick'} and {metres(apart)} apart",
-                key=f"{family}_diameter",
+                key=diameter,
                 value=thick / self.aspect,
-                allowed=f"up to {metres(apart / self.aspect)} ({family}_spacing"
-                f"{f' over {family}_aspect' if flat else ''})",
-                cure=f"Make {family}_diameter smaller or {family}_spacing larger",
+                allowed=f"up to {metres(apart / self.aspect)} ({spacing}"
+                f"{f' over {aspect}' if flat else ''})",
+                cure=f"Make {diameter} smaller or {spacing} larger",
             )
 
     def _between(self) -> Floats:

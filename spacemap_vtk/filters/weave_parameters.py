@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import drawdown, pattern_names
 from spacemap_vtk.fabric.cloth import AXES
+from spacemap_vtk.fabric.naming import FAMILIES
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.fabric.yarn import COTTON, PACKING, linear_density, twist
@@ -56,6 +57,11 @@ def both(declared: _P) -> tuple[_P, _P]:
             said = {key: text for key, text in vars(part).items() if isinstance(text, str)}
             vars(part).update({key: text.format(**words) for key, text in said.items()})
     return warp, weft
+
+
+def key_of(quantity: str, family: int) -> str:
+    """Return the name of the parameter that is a quantity of the warp (0) or the weft (1)."""
+    return f"{FAMILIES[family]}_{quantity}"
 
 
 class Pattern(Parameter[Any]):

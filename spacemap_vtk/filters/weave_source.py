@@ -16,7 +16,7 @@ from spacemap_vtk.errors import InputError, Remark
 from spacemap_vtk.fabric import weave
 from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL, Share
-from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -24,7 +24,7 @@ from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.filters.textile import Woven
-from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
+from spacemap_vtk.filters.weave_parameters import WeaveParameters, key_of, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words, refusal
 from spacemap_vtk.memory import require
@@ -32,6 +32,14 @@ from spacemap_vtk.ndarrays import Floats
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
+#: Parameters of which each follows from the others, so that only one can be given.
+_RIVALS = (
+    ("warp_diameter", "warp_count"),
+    ("weft_diameter", "weft_count"),
+    ("warp_spacing", "warp_sett"),
+    ("weft_spacing", "weft_sett"),
+    ("warp_crimp_height", "warp_crimp", "weft_crimp"),
+)
 #: Of a drawdown, while it is repeated.
 _CROSSING_BYTES = 4
 
@@ -97,7 +105,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 raise
             ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
-            self._resolved = key, resolve(source, asked)
+            self._resolved = key, resolve(source, asked, key_of)
         return self._resolved[1]
 
     @property
@@ -143,7 +151,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         SpacemapError
             As for `cloth`.
         """
-        return feasible_intervals(self.cloth)
+        return {key_of(*which): ends for which, ends in feasible_intervals(self.cloth).items()}
 
     @property
     def draft_file(self) -> Path | None:
@@ -172,15 +180,30 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             If parameters exclude each other.
         """
         # here, and nowhere else, the names that a user writes become warp and weft
+        self._refuse_rivals()
         size = SIZE if self.draft is None else None
         each = [field.name for field in fields(ThreadsAsked)]
         warp, weft = (
-            ThreadsAsked(**{name: getattr(self, f"{family}_{name}") for name in each})
-            for family in FAMILIES
+            ThreadsAsked(**{name: getattr(self, key_of(name, family)) for name in each})
+            for family in (0, 1)
         )
         own = {f.name: getattr(self, f.name) for f in fields(Asked) if f.name in self.parameters}
         own |= {"ends": self.ends or size, "picks": self.picks or size}
         return Asked(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
+
+    def _refuse_rivals(self) -> None:
+        for rivals in _RIVALS:
+            given = [key for key in rivals if getattr(self, key) is not None]
+            if given[1:]:
+                raise InputError(
+                    f"{' and '.join(given)} are given, and each follows from the others",
+                    key=given[1],
+                    value=getattr(self, given[1]),
+                    allowed=f"one of {', '.join(rivals)}",
+                    cure=f"Leave out {' or '.join(given)}, as --set "
+                    + " or --set ".join(f"{self.section}.{key}=auto" for key in given)
+                    + " does",
+                )
 
     @property
     def found(self) -> dict[str, float]:

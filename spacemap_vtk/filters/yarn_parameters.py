@@ -104,6 +104,13 @@ class YarnParameters(Parameterised):
 
     def yarns(self, cloth: Cloth) -> YarnMechanics:
         """Return what the yarns of a cloth resist with; a modulus is for their counts."""
+        if cloth.layers is not None:
+            raise InputError(
+                "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
+                "crossings of its own",
+                allowed="warp_layer = 1 of [weave], which draws one layer",
+                cure='Write that, or leave out [yarns], and modal.material = "yarns"',
+            )
         rest = YarnMechanics(
             contact=self.contact or 0.0,
             bending=WarpAndWeft.pair(self.bending) or (0.0, 0.0),
