@@ -37,7 +37,7 @@ SCRIPTS = Path(__file__).parent.parent / "pipelines"
 SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
 #: Modules of which a user, or who writes a stage, meets every public name.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
-USERS |= {"filters.base", "filters.load"}
+USERS |= {"filters.base", "filters.load", "filters.textile"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 #: The modules and names of optional parts, which are imported by these names.
 PARTS = {group: [tuple(value.split(":")) for value in own.values()] for group, own in OWN.items()}

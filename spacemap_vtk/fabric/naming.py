@@ -13,23 +13,5 @@ Naming = Callable[[str, int], str]
 
 
 def in_words(quantity: str, family: int) -> str:
-    """Name a quantity of a family in words.
-
-    Parameters
-    ----------
-    quantity : str
-        As it is called in `spacemap_vtk.fabric.threads.Threads`.
-    family : int
-        0 for the warp, 1 for the weft.
-
-    Returns
-    -------
-    str
-        Words.
-
-    Examples
-    --------
-    >>> in_words("crimp_height", 0)
-    'crimp height of the warp'
-    """
+    """Name a quantity of a family in words: "crimp height of the warp"."""
     return f"{quantity.replace('_', ' ')} of the {FAMILIES[family]}"

@@ -85,17 +85,43 @@ class Woven(Textile):
 
     @property
     def cloth(self) -> Cloth:
-        """Weave and measures of all yarns; `Cloth.check` refuses yarns that have no room."""
+        """Weave and measures of all yarns; reads the draft, builds nothing.
+
+        There may be no room for its yarns: `Cloth.check` refuses that.
+
+        Raises
+        ------
+        InputError
+            If the draft cannot be read, or parameters exclude each other.
+        SizeError
+            If not even the crossings would fit into memory; `counts` looks after the patches.
+        """
         raise NotImplementedError(f"{type(self).__name__} does not state its cloth")
 
     @property
     def counts(self) -> Counts:
-        """Number of control points and patches, at most; refuses what does not fit into memory."""
+        """Number of control points and patches, at most; builds nothing.
+
+        Raises
+        ------
+        GeometryError
+            If the cloth is jammed or impossible.
+        SpacemapError
+            As for `cloth`.
+        SizeError
+            If the patches would not fit into memory.
+        """
         raise NotImplementedError(f"{type(self).__name__} does not count its patches")
 
     @property
     def source(self) -> Draft:
-        """Draft that it weaves, before any parameter changes it; of a pattern one repeat."""
+        """Draft that it weaves, before any parameter changes it; of a pattern one repeat.
+
+        Raises
+        ------
+        InputError
+            If the draft cannot be read.
+        """
         raise NotImplementedError(f"{type(self).__name__} does not state what it weaves")
 
     @property
@@ -105,7 +131,17 @@ class Woven(Textile):
 
     @property
     def feasible(self) -> Mapping[str, tuple[float, float]]:
-        """Interval in which each parameter may lie, all the others as they are."""
+        """Interval in which each parameter may lie, all the others as they are.
+
+        Low and high, infinite where there is no bound; a parameter that has no feasible value is
+        left out. Reads the draft, builds nothing, and does not need the present values to be
+        feasible.
+
+        Raises
+        ------
+        SpacemapError
+            As for `cloth`.
+        """
         return {}
 
     @property
@@ -114,12 +150,12 @@ class Woven(Textile):
         return False
 
     def lend(self, other: Woven, part: Share | None = None) -> None:
-        """Let another source with the same settings make a part of the cloth, or all of it.
+        """Let another source of the same class and settings make a part of the cloth, or all.
 
         Parameters
         ----------
         other : Woven
-            Of the same class and settings.
+            Need not read and measure the cloth anew.
         part : Share, optional
             Slices: the yarns to make, where they cross; by default all.
         """

@@ -83,17 +83,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def cloth(self) -> Cloth:
-        """The cloth as the parameters ask for it; reads the draft, builds nothing.
-
-        There may be no room for its yarns: `Cloth.check` tells.
-
-        Raises
-        ------
-        InputError
-            If the draft cannot be read, or parameters exclude each other.
-        SizeError
-            If not even the crossings would fit into memory; `counts` looks after the patches.
-        """
+        """The cloth as the parameters ask for it."""
         # asked for at every frame, by whoever draws it
         key = (*self.settings.values(), *self._stamp)
         if self._resolved is None or self._resolved[0] != key:
@@ -110,17 +100,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def counts(self) -> weave.Counts:
-        """How many control points and patches there will be, at most; builds nothing.
-
-        Raises
-        ------
-        GeometryError
-            If the cloth is jammed or impossible.
-        SpacemapError
-            As for `cloth`.
-        SizeError
-            If the patches would not fit into memory.
-        """
+        """Number of control points and patches, at most."""
         cloth = self.cloth if self._part is None else self._part[1]
         # A piece has its share, and at most a yarn more.
         pieces = min(self.piece.of, sum(cloth.size))
@@ -139,18 +119,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
-        """The interval in which each input may lie, all the others as they are.
-
-        By parameter: the crimp height, both crimps, and diameters and spacings (in m) where they
-        are one value. Low and high, infinite where there is no bound; an input that has no
-        feasible value is left out. Reads the draft, builds nothing, and does not need the present
-        values to be feasible.
-
-        Raises
-        ------
-        SpacemapError
-            As for `cloth`.
-        """
+        """Interval in which each parameter may lie: crimps, diameters, spacings."""
         return {key_of(*which): ends for which, ends in feasible_intervals(self.cloth).items()}
 
     @property
@@ -232,13 +201,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def source(self) -> Draft:
-        """The weave to be made: the draft's file, or one repeat of the pattern.
-
-        Raises
-        ------
-        InputError
-            If the draft cannot be read, or there are a draft and a pattern.
-        """
+        """The draft's file, or one repeat of the pattern."""
         if self.draft is None:
             return Draft(repeat_of(self.pattern))
         if self.pattern != self.parameter("pattern").default:
@@ -304,17 +267,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
 
     def lend(self, other: Woven, part: Share | None = None) -> None:
-        """Let another source with the same settings make a part of the cloth, or all of it.
-
-        It need not read and measure the cloth anew.
-
-        Parameters
-        ----------
-        other : WeaveSource
-            With the same settings.
-        part : Share, optional
-            Slices: the yarns to make, where they cross; by default all.
-        """
+        """Let another source of the same class and settings make a part of the cloth, or all."""
         assert isinstance(other, WeaveSource)
         other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
         other._part = None if part is None else (part, cropped(self.cloth, part))
