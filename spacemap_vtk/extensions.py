@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from spacemap_vtk.errors import MissingLibraryError
@@ -79,6 +79,6 @@ def load_all(group: str) -> list[Any]:
 
 
 @cache
-def _installed() -> EntryPoints:
+def _installed() -> Any:
     # All groups at once: it reads the metadata of every installed package.
     return entry_points()

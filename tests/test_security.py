@@ -27,7 +27,7 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: Who may unpickle: what comes through the pipe of a process that it has started itself.
-PIPES = {"workers", "trial"}
+PIPES = {"workers"}
 #: A view of memory, and no more.
 HARMLESS = {"pickle.PickleBuffer"}
 FORBIDDEN = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}

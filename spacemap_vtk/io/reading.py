@@ -27,7 +27,7 @@ from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
-from spacemap_vtk.io.trial import tried
+from spacemap_vtk.io.trial import try_in_child
 from spacemap_vtk.memory import require
 
 #: Bytes of a point that is made of a picture's, and of the cell beside it.
@@ -91,11 +91,11 @@ def read_with_vtk(path: Path, module: str, name: str) -> Any:
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
     """Return a reader of VTK's that has read a file."""
-    needs = f"vtkmodules.{module}"
+    try_in_child(path, f"{__name__}:read_with_vtk", module, name)
     # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
     # harmless message.
-    with tried(path, f"{__name__}:read_with_vtk", module, name, needs=needs), quiet_vtk(path):
-        reader = getattr(importlib.import_module(needs), name)()
+    with quiet_vtk(path):
+        reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
         reader.SetFileName(str(path))
         reader.Update()
         made = reader.GetOutputDataObject(0)

@@ -20,7 +20,7 @@ from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import merged, read_blocks
-from spacemap_vtk.io.trial import tried
+from spacemap_vtk.io.trial import try_in_child
 
 
 class MeshSeries(ABC):
@@ -72,7 +72,8 @@ class ReaderSeries(MeshSeries):
 
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
         self._reader = reader
-        with tried(file, f"{__name__}:open_series"), quiet_vtk(file):
+        try_in_child(file, f"{__name__}:open_series")
+        with quiet_vtk(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
                 raise InputError(f"{file}: damaged or of another format", key="file")
@@ -85,7 +86,8 @@ class ReaderSeries(MeshSeries):
         super().__init__(file, list(info.Get(key)) if info.Has(key) else [0.0])
 
     def read(self, step: int) -> vtkPointSet:
-        with tried(self.file, f"{__name__}:read_step", step), quiet_vtk(self.file):
+        try_in_child(self.file, f"{__name__}:read_step", step)
+        with quiet_vtk(self.file):
             self._reader.UpdateTimeStep(self.times[step])
         return merged(copied(self._reader.GetOutputDataObject(0)), self.file)
 

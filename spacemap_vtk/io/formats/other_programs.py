@@ -63,7 +63,7 @@ def read_with_pyvista(path: Path) -> Any:
     """Read a file, with errors in words in place of what pyvista and meshio print."""
     from spacemap_vtk.datasets.quiet import quiet_vtk
     from spacemap_vtk.io.reading import check_numbers, read_with_vtk
-    from spacemap_vtk.io.trial import tried
+    from spacemap_vtk.io.trial import try_in_child
 
     other = _other_format(path)
     if path.suffix.lower() in (".xdmf", ".xmf") and not other:
@@ -77,9 +77,9 @@ def read_with_pyvista(path: Path) -> Any:
         ) from None
     said = StringIO()
     try:
+        try_in_child(path, f"{__name__}:read_with_pyvista")
         # meshio prints, and ends the program where it cannot read
         with (
-            tried(path, f"{__name__}:read_with_pyvista", needs="pyvista"),
             quiet_vtk(path),
             redirect_stdout(said),
             redirect_stderr(said),
@@ -120,10 +120,10 @@ def read_scene(path: Path) -> Any:
     # pyvista opens a plotter for that, which crashes where there are no OpenGL libraries.
     from spacemap_vtk.datasets.quiet import quiet_vtk
     from spacemap_vtk.io.reading import check_numbers
-    from spacemap_vtk.io.trial import tried
+    from spacemap_vtk.io.trial import try_in_child
 
-    needs = "vtkmodules.vtkIOImport"
-    with tried(path, f"{__name__}:read_scene", needs=needs), quiet_vtk(path):
+    try_in_child(path, f"{__name__}:read_scene")
+    with quiet_vtk(path):
         from vtkmodules import vtkIOImport
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
         from vtkmodules.vtkRenderingCore import vtkRenderer
