@@ -14,17 +14,29 @@ from scipy.special import ellipk
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.energy_terms import DeadLoad, tangent
 from spacemap_vtk.mechanics.equilibrium import Equilibrium, equilibrium
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra, tangent
+from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra
 
 FloatArray = NDArray[np.float64]
 
 #: Bending [N m], stretch [N/m], weight [N/m²] and bending length [m] of a light cloth.
 BENDING, STRETCH, WEIGHT = 1e-5, 1500.0, 0.15 * 9.81
 LENGTH = (BENDING / WEIGHT) ** (1 / 3)
+
+
+def hang(
+    terms: list[Strains],
+    basis: sp.csr_matrix,
+    start: FloatArray,
+    load: FloatArray,
+    **options: Any,
+) -> Equilibrium:
+    """Return the equilibrium under forces that keep their directions."""
+    return equilibrium(terms, basis, start, [DeadLoad(load, start)], **options)
 
 
 class Sheet(NamedTuple):
@@ -40,7 +52,7 @@ class Sheet(NamedTuple):
         """Return the equilibrium under a force per area, mid-points and directors held."""
         load = np.zeros_like(self.start)
         load[: len(self.middle)] = self.weights[:, None] * np.asarray(pull)
-        return equilibrium(self.strains, free(~np.tile(held, 2)), self.start, load, **options)
+        return hang(self.strains, free(~np.tile(held, 2)), self.start, load, **options)
 
 
 def sheet(
@@ -129,7 +141,7 @@ def test_what_hangs_stretches_by_its_weight() -> None:
     load = np.zeros_like(made.start)
     load[: len(held), 2] = -WEIGHT * made.weights
     hinge = free(~np.concatenate([held, held & False]))
-    fallen = equilibrium(made.strains, hinge, made.start, load)
+    fallen = hang(made.strains, hinge, made.start, load)
     assert tip(made, fallen) == pytest.approx([0, 0.005, -1 - stretched], abs=0.01 * stretched)
 
 
@@ -143,7 +155,7 @@ def test_a_sheet_between_two_lines_is_a_catenary() -> None:
     load = np.zeros_like(start)
     load[: len(x), 2] = -WEIGHT * made.weights
     rows = np.concatenate([~ends, np.ones(len(x), dtype=bool)])
-    found = equilibrium(made.strains, free(rows), start, load)
+    found = hang(made.strains, free(rows), start, load)
     # z = a cosh(x/a), 2 a sinh(0.12/a) = 0.3.
     a = brentq(lambda a: 2 * a * np.sinh(0.12 / a) - 0.3, 0.01, 1.0)
     sag = a * (np.cosh(0.12 / a) - 1)
@@ -160,7 +172,7 @@ def column(share: float, **options: Any) -> tuple[Sheet, Equilibrium]:
     end = np.flatnonzero(x > 0.1 - 1e-12)
     load[end, 0] = -share * np.pi**2 * BENDING * 0.01 / (4 * 0.1**2) / len(end)
     basis = free(~np.tile(x < 1e-12, 2))
-    return made, equilibrium(made.strains, basis, made.start, load, **options)
+    return made, hang(made.strains, basis, made.start, load, **options)
 
 
 def test_a_strip_pressed_along_its_length_buckles_at_eulers_load() -> None:
@@ -202,7 +214,7 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
     force = np.zeros_like(points)
     force[end, 2] = -load * 1e6 * 0.05 * 0.02**3 / 12 / end.sum()
     strains = [of_tetrahedra(points, cells, isotropic(1e6, 0.0))]
-    found = equilibrium(strains, free(x > 1e-12), points, force)
+    found = hang(strains, free(x > 1e-12), points, force)
     moved = (found.positions - points)[end].mean(axis=0)
     assert (-moved[2], -moved[0]) == pytest.approx(table[int(load)], abs=1.5e-3)
 
@@ -215,7 +227,7 @@ def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> No
     load = np.zeros_like(points)
     load[:, 1] = -np.bincount(cells[:, 4:].ravel(), weights, len(points))
     strains = [of_tetrahedra(points, cells, isotropic(40e6, 0.0))]
-    found = equilibrium(strains, free(points[:, 1] < 1 - 1e-12), points, load)
+    found = hang(strains, free(points[:, 1] < 1 - 1e-12), points, load)
     assert found.residual > 1e-3
     low = (found.positions - points)[points[:, 1] < 1e-12, 1]
     assert low == pytest.approx(-300 * 9.81 / (2 * 40e6), rel=1e-3)
@@ -231,10 +243,10 @@ def test_what_would_be_turned_inside_out_is_refused() -> None:
     load = np.zeros_like(points)
     faces = cells[top[cells].sum(axis=1) == 3]  # two triangles
     load[:, 2] = -1e6 * np.bincount(faces[top[faces]], minlength=len(points)) / 6
-    squeezed = equilibrium(strains, basis, points, 0.18 * load).positions[top, 2]
+    squeezed = hang(strains, basis, points, 0.18 * load).positions[top, 2]
     assert squeezed == pytest.approx(brentq(lambda x: x * (x * x - 1) / 2 + 0.18, 0.6, 0.99))
     with pytest.raises(SolverError, match="is borne") as refused:
-        equilibrium(strains, basis, points, 0.25 * load)
+        hang(strains, basis, points, 0.25 * load)
     share = float(str(refused.value).split(" of the load")[0].split()[-1])
     assert 27**-0.5 / 0.25 - 2 / 64 < share <= 27**-0.5 / 0.25
 
@@ -270,12 +282,12 @@ def test_a_state_does_not_depend_on_the_steps_of_the_load() -> None:
     load = np.zeros_like(made.start)
     load[: len(held), 2] = -WEIGHT * made.weights
     basis = free(~np.tile(held, 2))
-    once = equilibrium(made.strains, basis, made.start, load).positions
-    half = equilibrium(made.strains, basis, made.start, 0.5 * load).positions
-    after = equilibrium(made.strains, basis, half, load).positions
+    once = hang(made.strains, basis, made.start, load).positions
+    half = hang(made.strains, basis, made.start, 0.5 * load).positions
+    after = hang(made.strains, basis, half, load).positions
     size = made.middle[:, 0].max()
     np.testing.assert_allclose(after, once, atol=1e-7 * size)
-    flat = equilibrium(made.strains, basis, once, 0.0 * load).positions
+    flat = hang(made.strains, basis, once, 0.0 * load).positions
     np.testing.assert_allclose(flat, made.start, atol=1e-7 * size)
 
 
@@ -295,10 +307,10 @@ def test_supports_may_slide_along_any_line() -> None:
     along = np.zeros((6 * count, int(end.sum())))
     along[3 * np.flatnonzero(end), np.arange(end.sum())] = 1.0
     basis = sp.hstack([free(rows), sp.csr_matrix(along)]).tocsr()
-    straight = equilibrium(made.strains, basis, made.start, load)
+    straight = hang(made.strains, basis, made.start, load)
     turned = sp.kron(sp.identity(2 * count), turn).tocsr() @ basis
     start, strains = made.start @ turn.T, made.strains
-    found = equilibrium(strains, turned.tocsr(), start, load @ turn.T)
+    found = hang(strains, turned.tocsr(), start, load @ turn.T)
     np.testing.assert_allclose(found.positions, straight.positions @ turn.T, atol=1e-9)
     assert abs(straight.positions - made.start).max() > 0.01
 
@@ -319,7 +331,7 @@ def test_what_nothing_holds_is_refused() -> None:
     load = np.zeros((len(rows), 3))
     load[-len(made.start) : -len(held), 2] = -1e-3 * made.weights
     with pytest.raises(InputError, match="Hold a side"):
-        equilibrium(two, free(rows), np.concatenate([made.start, made.start]), load)
+        hang(two, free(rows), np.concatenate([made.start, made.start]), load)
     ends = made.middle[:, 0] > made.middle[:, 0].max() - 1e-12
     resting = made.hung(held & False, np.outer(1.0 * ends - held, (WEIGHT, 0, 0)))
     assert resting.residual < 1e-7

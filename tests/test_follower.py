@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from calculix import mesh
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp, trapezoid
@@ -13,7 +12,8 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.mechanics.energy_terms import tangent
+from spacemap_vtk.mechanics.follower import FollowerPressure
 from spacemap_vtk.mechanics.loads import traction, wall
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.model import Model
@@ -41,24 +41,31 @@ def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kin
     points, cells = box(kind)
     for side in SIDES:
         where = wall(points, cells, side, kind == "sheet")
-        pressed = Pressed(where.faces, points, sp.identity(points.size, format="csr"))
-        none = np.zeros(points.size)
-        dead = traction(len(points), where, -where.normal).ravel()
-        np.testing.assert_allclose(pressed.force(none), dead, atol=1e-15)
+        dead = traction(len(points), where, -where.normal)
+        held = FollowerPressure(where.faces).forces(points)
+        np.testing.assert_allclose(-held, dead, atol=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
 def test_its_tangent_is_its_derivative(kind: str) -> None:
     points, cells = box(kind)
     faces = wall(points, cells, "+z", kind == "sheet").faces
-    pressed = Pressed(faces, points, sp.identity(points.size, format="csr"))
-    place, way = np.random.default_rng(0).normal(size=(2, points.size)) / 100
-    step = 1e-4 * way
-    change = (pressed.force(place + step) - pressed.force(place - step)) / 2e-4
-    nodes = 3 * faces[:, :, None] + np.arange(3)
-    moved = pressed.blocks(place) @ way[nodes].reshape(len(faces), -1, 1)
-    found = np.bincount(nodes.ravel(), moved.ravel(), points.size)
-    np.testing.assert_allclose(found, change, atol=1e-8 * abs(change).max())
+    pressure = FollowerPressure(faces)
+    place, way = np.random.default_rng(0).normal(size=(2, *points.shape)) / 100
+    place, step = points + place, 1e-4 * way
+    change = (pressure.forces(place + step) - pressure.forces(place - step)) / 2e-4
+    found = tangent([pressure], place) @ way.ravel()
+    np.testing.assert_allclose(found, change.ravel(), atol=1e-8 * abs(change).max())
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic"])
+def test_on_all_sides_its_energy_is_the_volume_and_its_forces_the_gradient(kind: str) -> None:
+    points, cells = box(kind)
+    faces = np.concatenate([wall(points, cells, side).faces for side in SIDES])
+    pressure, way = FollowerPressure(faces), np.random.default_rng(0).normal(size=points.shape)
+    assert pressure.energy(points) == pytest.approx(0.02 * 0.06 * 0.01)
+    change = (pressure.energy(points + 1e-5 * way) - pressure.energy(points - 1e-5 * way)) / 2e-5
+    assert float(np.vdot(pressure.forces(points), way)) == pytest.approx(change, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])

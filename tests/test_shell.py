@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.plates import homogeneous, measured
 from spacemap_vtk.mechanics.shell import MidSurface, layer, mid_surface, of_sheet
-from spacemap_vtk.mechanics.strains import tangent
+from spacemap_vtk.mechanics.energy_terms import tangent
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

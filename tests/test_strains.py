@@ -13,7 +13,8 @@ from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.plates import homogeneous
 from spacemap_vtk.mechanics.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra, tangent
+from spacemap_vtk.mechanics.energy_terms import tangent
+from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra
 
 FloatArray = NDArray[np.float64]
 ELASTICITY = orthotropic([2e6, 1e6, 5e5], [4e5, 3e5, 2e5], [0.3, 0.1, 0.2])
@@ -98,7 +99,7 @@ def test_stretch_of_a_tetrahedron_is_greens() -> None:
     points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     for nodes, connected in ((points, cells), with_midpoints(points, cells)):
         strains = of_tetrahedra(nodes, connected, isotropic(1.0, 0.25))
-        strain = strains.at(nodes * [2.0, 1.0, 1.0])[0]
+        strain = strains.strained(nodes * [2.0, 1.0, 1.0])[0]
         np.testing.assert_allclose(
             strain, np.broadcast_to([1.5, 0, 0, 0, 0, 0], strain.shape), atol=1e-14
         )

@@ -28,7 +28,7 @@ from spacemap_vtk.mechanics.kinematics import (
     TRUSTED_ROTATION,
     largest_rotation,
 )
-from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.energy_terms import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.ndarrays import Floats

@@ -28,7 +28,7 @@ from spacemap_vtk.mechanics.bending import Locking, locking, proportions_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.energy_terms import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet

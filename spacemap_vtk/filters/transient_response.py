@@ -24,7 +24,7 @@ from spacemap_vtk.filters.load_parameters import (
 from spacemap_vtk.filters.modal_solver import hung
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.inverted import warning
-from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.energy_terms import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.supports import held_components, held_directions
 from spacemap_vtk.ndarrays import Floats

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,9 +12,9 @@ from scipy import linalg as la
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from spacemap_vtk.errors import SolverError
+from spacemap_vtk.mechanics.energy_terms import EnergyTerm, TermState
 from spacemap_vtk.mechanics.factors import Solve, factorise
 from spacemap_vtk.mechanics.multifrontal import Analysis
-from spacemap_vtk.mechanics.strains import Strains
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Share of its diagonal that is added to a stiffness, so that motions without energy are solved
@@ -25,36 +25,25 @@ SHIFT, MOST_SHIFT = 1e-13, 1e-8
 _DENSE = 60
 
 
-class Part(NamedTuple):
-    """Elements of one kind at some positions."""
-
-    kind: Strains
-    strain: Floats
-    """ε, (E, Q, s)."""
-    gradients: Floats
-    """G, (E, Q, s, n, 3)."""
-    stress: Floats
-    """C ε, (E, Q, s)."""
-
-
 class Body:
-    """Elements of any kinds under a dead load; nodal vectors z are ``start + T q``."""
+    """Energy terms on what supports leave free; nodal vectors z are ``start + T q``."""
 
     def __init__(
         self,
-        strains: Sequence[Strains],
+        terms: Sequence[EnergyTerm],
         basis: sp.csr_matrix,
         start: Floats,
-        load: Floats,
-        progress: Progress,
+        progress: Progress = lambda _: None,
     ) -> None:
-        self.strains, self.basis, self.start, self.load = strains, basis.tocsr(), start, load
+        self.terms, self.basis, self.start = terms, basis.tocsr(), start
+        #: By what each term counts.
+        self.factors = np.ones(len(terms))
         self._across = self.basis.T
         #: Linear systems that were solved.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
-        found = [crossings(kind.nodes, self.basis) for kind in strains]
-        ends = np.cumsum([9 * kind.nodes.size * kind.nodes.shape[1] for kind in strains])
+        found = [crossings(term.nodes, self.basis) for term in terms]
+        ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in terms])
         self._entry = np.concatenate(
             [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
         )
@@ -81,36 +70,34 @@ class Body:
         """Return a matrix of ones, of the pattern of every tangent."""
         return self._csr(np.ones(len(self._columns)))
 
-    def matrix(self, blocks: Sequence[NDArray[Any]]) -> sp.csr_matrix:
-        """Return Tᵀ M T of matrices (E, 3 n, 3 n) of each kind of element."""
+    def matrix(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
+        """Return Tᵀ M T of matrices (E, 3 n, 3 n) of each term."""
         values = np.concatenate([block.ravel() for block in blocks])[self._entry]
         return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
 
-    def at(self, z: Floats) -> list[Part]:
-        """Return all strains and stresses at some positions."""
-        return [
-            Part(kind, strain, gradients, kind.stresses(strain))
-            for kind in self.strains
-            for strain, gradients in [kind.at(z)]
-        ]
+    def at(self, z: Floats) -> list[TermState]:
+        """Return all terms at some positions."""
+        return [term.at(z) for term in self.terms]
+
+    def energies(self, states: list[TermState]) -> Floats:
+        """Return the energy of each term."""
+        return self.factors * np.array([state.energy for state in states])
 
     def tangent(
-        self, parts: list[Part], stresses: list[Floats] | None = None, firm: float = 0.0
+        self, states: list[TermState], carried: Sequence[Any] | None = None, firm: float = 0.0
     ) -> sp.csr_matrix:
-        """Return K, with other stresses, and without a share of those that do not pull."""
-        blocks = [
-            part.kind.tangent_of(
-                stress + firm * (part.kind.pulling(stress) - stress), part.gradients
-            )
-            for part, stress in zip(parts, stresses or [p.stress for p in parts], strict=True)
-        ]
+        """Return K, see `TermState.tangent`."""
+        carried = [None] * len(states) if carried is None else carried
+        blocks = [state.tangent(firm, each) for state, each in zip(states, carried, strict=True)]
+        for number in np.flatnonzero(self.factors != 1.0):
+            blocks[number] = self.factors[number] * blocks[number]
         return self.matrix(blocks)
 
-    def forces(self, parts: list[Part], share: float) -> Floats:
-        """Return what a share of the load leaves unbalanced, (N,)."""
-        total = -share * self.load
-        for kind, _, gradients, stress in parts:
-            total += kind.summed(stress, gradients, len(total))
+    def forces(self, states: list[TermState]) -> Floats:
+        """Return ∂W/∂q, (N,)."""
+        total = np.zeros_like(self.start)
+        for factor, state in zip(self.factors, states, strict=True):
+            total += factor * state.forces
         return self.along_free(total)
 
     def along_free(self, nodal: Floats) -> Floats:
@@ -121,31 +108,13 @@ class Body:
         """Return T q as a move of nodal vectors, (V, 3)."""
         return (self.basis @ q).reshape(-1, 3)
 
-    def turn(self, move: Floats) -> float:
-        """Return the largest rotation of a move [rad], above zero."""
-        return max(np.finfo(float).tiny, *(kind.turn(move) for kind in self.strains))
+    def largest_step(self, z: Floats, move: Floats) -> float:
+        """Return which multiple of a move (V, 3) may be made at once."""
+        return min(term.largest_step(z, move) for term in self.terms)
 
-    def inside_out(self, z: Floats) -> bool:
-        """Tell whether an element is: its energy would be as low as that of its mirror image."""
-        return any(
-            bool((kind.handedness(z) * kind.handedness(self.start) <= 0).any())
-            for kind in self.strains
-        )
-
-    def along(self, parts: list[Part], move: Floats, share: float) -> Floats:
-        """Return the energy at z + a Δz less that at z: the coefficients of a⁴ to 1."""
-        powers = np.zeros(5)
-        for kind, _, gradients, stress in parts:
-            first, second = kind.changes(gradients, move), kind.squares(move)[0]
-            push, bend = kind.stresses(first), kind.stresses(second)
-            powers[:4] += [
-                float(np.vdot(second, bend)) / 2,
-                float(np.vdot(second, push)),
-                float(np.vdot(first, push)) / 2 + float(np.vdot(stress, second)),
-                float(np.vdot(stress, first)),
-            ]
-        powers[3] -= share * np.vdot(self.load, move)
-        return powers
+    def inverted(self, z: Floats) -> bool:
+        """Return whether a term refuses positions that it has come to."""
+        return any(term.inverted(self.start, z) for term in self.terms)
 
     def solution(self, matrix: sp.csr_matrix) -> Solve:
         """Return the solution with a matrix, which has to be definite."""
@@ -215,12 +184,11 @@ class Body:
             ) from error
         return float(values[0]) + 1.0, vectors[:, 0], solve
 
-    def free_share(self) -> float:
-        """Return the share of the load that no strain resists, however it is deformed."""
-        # A part that the load only turns comes to rest; where every form is blind it moves on.
-        blocks = [kind.resisted() for kind in self.strains]
+    def free_share(self, load: Floats) -> float:
+        """Return the share of a load (N,) that no term resists, however the body is deformed."""
+        # A part that the load only turns comes to rest; where every term is blind it moves on.
+        blocks = [term.resisted() for term in self.terms]
         matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
-        load = self.along_free(self.load)
         moved = self.solution(matrix)(load)
         work = float(moved @ load)
         return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0

@@ -1,6 +1,6 @@
-"""The stable equilibrium of a body under dead loads, however far it moves and turns.
+"""The stable equilibrium of a body under loads, however far it moves and turns.
 
-It is where the energy W(z) - f · z is least. Newton's method alone hardly gets there: its linear
+It is where the energy of all terms is least. Newton's method alone hardly gets there: its linear
 solution stretches whatever it turns, and a thin sheet bears so little stretch that a search for
 less energy allows short steps only. Three things make the way short:
 
@@ -10,23 +10,24 @@ less energy allows short steps only. Three things make the way short:
   between. Where this leads nowhere, steps take over of which each lowers the energy.
 - Far from the end the tangent has only stresses that pull, and so is positive definite; nearer to
   it, as little less than all as keeps it so.
-- Strains are quadratic in z: energy is, along a line, a polynomial of degree four, whose least
-  value is known. A state that is not stable is left along its lowest eigenvector, and along what
-  bends with it.
+- A state that is not stable is left along its lowest eigenvector, and along what bends with it.
+
+How the energy depends on the positions is not assumed: the length of a step is found from the slope
+of the energy along it, and no step is longer than a term admits (`EnergyTerm.largest_step`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.body import Body, Part
-from spacemap_vtk.mechanics.strains import Strains
+from spacemap_vtk.mechanics.body import Body
+from spacemap_vtk.mechanics.energy_terms import EnergyTerm, TermState
 from spacemap_vtk.ndarrays import Floats, Progress
 
 #: Unbalanced share of the load up to which a state is one of equilibrium; or the share of the
@@ -37,11 +38,13 @@ RESIDUAL, DECREMENT = 1e-8, 1e-18
 #: left, as of tetrahedra that are far thinner than wide.
 LOST, OFTEN = 1e-6, 3
 
-#: Largest rotation of a step [rad].
-TURN = 0.5
+#: Share of the largest step that is admissible below which the tangent comes nearer to the exact
+#: one.
+NEAR = 0.3
 
-#: Rotation of a step below which the tangent comes nearer to the exact one.
-NEAR = 0.15
+#: Share of the steepest slope that may be left at the end of a step along which energy falls, the
+#: share of all energies that rounding leaves of their sum, and how many lengths are tried.
+LEVEL, NOISE, TRIALS = 0.1, 1e-13, 40
 
 #: Share of the stresses that do not pull which may be missing from a tangent before it is made
 #: exact, and how much is left out first where the exact one is indefinite.
@@ -57,8 +60,8 @@ EARLY = 1e-6
 #: Share of |v| · |K| |v| that rounding may leave of an eigenvalue.
 ROUNDING = 1e-14
 
-#: Rotation on the way to a state up to which its tangent has changed in proportion to the load.
-STRAIGHT = 0.1
+#: Share of the largest admissible step up to which a tangent changes in proportion to the load.
+STRAIGHT = 0.2
 
 #: Steps after which a smaller share of the load is tried, and the least such share.
 ATTEMPT, LEAST = 400, 1 / 64
@@ -81,22 +84,23 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(
-    strains: Sequence[Strains],
+    terms: Sequence[EnergyTerm],
     basis: sp.csr_matrix,
     start: Floats,
-    load: Floats,
+    loads: Sequence[EnergyTerm],
     *,
     progress: Progress | None = None,
     steps: int = 1200,
 ) -> Equilibrium:
-    """Return a stable equilibrium of a body under a dead load (V, 3) [N]."""
+    """Return a stable equilibrium of a body under loads, which are applied in shares if need be."""
     # Nodal vectors are start (V, 3) + (basis @ q).reshape(V, 3), with the basis (3V, N) of what the
     # supports leave free; `steps` bounds the linear systems that are solved. At each of them
     # `progress` is called with the share of the work done; it may raise, to cancel. InputError: of
     # a body that nothing holds against the load. SolverError: where the steps do not suffice.
     with blas_threads.one():
-        body = Body(strains, basis, start, load, progress or (lambda _: None))
-        if body.free_share() > FREE:
+        body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
+        acting = -body.along_free(np.sum([load.forces(start) for load in loads], axis=0))
+        if body.free_share(acting) > FREE:
             raise InputError(
                 "nothing holds the cage, or a part of it, against the load",
                 cure="Hold a side or a corner of it, or take the load away",
@@ -105,7 +109,7 @@ def equilibrium(
         critical: float | None = None
         while reached < 1.0:
             share = min(1.0, reached + step)
-            search = _Search(body, z, reached, share)
+            search = _Search(body, len(loads), z, reached, share)
             found = search.run(min(steps, body.steps + ATTEMPT))
             critical = search.critical if critical is None else critical
             if found is not None:
@@ -131,31 +135,33 @@ def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError
 class _Search:
     """The search for a stable state under a share of the load, from one under a smaller share."""
 
-    def __init__(self, body: Body, start: Floats, before: float, share: float) -> None:
+    def __init__(self, body: Body, loads: int, start: Floats, before: float, share: float) -> None:
         self._body, self._start, self._before, self._share = body, start, before, share
+        #: The first terms of the body are the loads.
+        self._loads = loads
+        body.factors[:loads] = share
         self._z, self._best, self._least, self._since = start, start, np.inf, 0
         #: What the last step would have won, the least of these lately, and how often not less.
         self._won, self._lowest, self._often = np.inf, np.inf, 0
-        #: How much of the stresses that do not pull the tangent is without.
+        #: How much of the negative curvature the tangent is without.
         self._firm = 1.0
-        #: Whether each step has to lower the energy; if not, stresses of the last step's solution.
+        #: Whether each step has to lower the energy; if not, what the last step has predicted.
         self._careful = False
-        self._carried: list[Floats] | None = None
+        self._carried: list[Any] | None = None
+        #: The positions that were asked for last, and the terms there.
+        self._known: tuple[Floats, list[TermState]] | None = None
         #: Share of the load at which the straight way stops being stable.
         self.critical: float | None = None
 
     def run(self, limit: int) -> tuple[Floats, float] | None:
         """Return the state and its residual, or None where it takes more steps."""
-        body, share = self._body, self._share
-        full = share * float(np.linalg.norm(body.along_free(body.load)))
+        body, full = self._body, 0.0
         while body.steps < limit:
-            parts = body.at(self._z)
-            force = body.forces(parts, share)
-            strain_energy = sum(float(np.vdot(part.strain, part.stress)) / 2 for part in parts)
-            work = share * float(np.vdot(body.load, self._z - body.start))
-            energy, size = strain_energy - work, strain_energy + abs(work)
+            states = self._at(self._z)
+            force, energies = body.forces(states), body.energies(states)
+            energy, size = float(energies.sum()), float(abs(energies).sum())
             left = float(np.linalg.norm(force))
-            full = full or left or 1.0
+            full = full or self._applied(states) or left or 1.0
             settled = (
                 left <= RESIDUAL * full or self._won <= DECREMENT * size or self._often >= OFTEN
             )
@@ -164,7 +170,7 @@ class _Search:
             if settled or self._firm < EXACT or self._won <= EARLY * size:
                 self._firm = 0.0
             own = settled or self._careful
-            matrix = body.tangent(parts, None if own else self._carried, self._firm)
+            matrix = body.tangent(states, None if own else self._carried, self._firm)
             try:
                 solve = (body.definite if self._firm == 1.0 else body.solution)(matrix)
             except SolverError:
@@ -173,9 +179,9 @@ class _Search:
                     continue
                 self._firm = SOFT
                 found = settled or self._won <= EARLY * size
-                if not (found and not self._left(parts, matrix) and settled):
+                if not (found and not self._left(states, matrix) and settled):
                     continue
-            if settled and not body.inside_out(self._z):
+            if settled and not body.inverted(self._z):
                 return self._z, left / full
             if settled and self._careful:
                 return None
@@ -187,8 +193,18 @@ class _Search:
             self._often = self._often + 1 if self._won < LOST * size and self._firm == 0.0 else 0
             if self._won < self._lowest / 2 or self._often == 0:
                 self._lowest, self._often = self._won, 0
-            self._step(parts, body.moved(q))
+            self._step(states, q)
         return None
+
+    def _at(self, z: Floats) -> list[TermState]:
+        if self._known is None or self._known[0] is not z:
+            self._known = z, self._body.at(z)
+        return self._known[1]
+
+    def _applied(self, states: list[TermState]) -> float:
+        """Return the norm of the loads."""
+        forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
+        return self._share * float(np.linalg.norm(self._body.along_free(forces)))
 
     def _astray(self, energy: float, size: float, settled: bool) -> bool:
         """Go back to the state of least energy where the way leads away from it."""
@@ -206,63 +222,103 @@ class _Search:
         self._z, self._best, self._least, self._since = z, z, np.inf, 0
         self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
 
-    def _step(self, parts: list[Part], move: Floats) -> None:
-        """Make a step along a move, and choose the next tangent."""
-        most = TURN / self._body.turn(move)
+    def _step(self, states: list[TermState], q: Floats) -> None:
+        """Make a step, and choose the next tangent."""
+        move = self._body.moved(q)
+        most = self._body.largest_step(self._z, move)
         if self._careful:
-            length = _least(self._body.along(parts, move, self._share), min(2.0, most))[1]
+            length = self._fall(q, np.zeros_like(q), min(2.0, most))[0]
             near = length > 0.5
         else:
-            length, near = min(1.0, most), NEAR * most > TURN
+            length, near = min(1.0, most), NEAR * most > 1.0
         self._firm = self._firm / 3 if near else 1.0
         move = length * move
-        self._carried = [
-            part.kind.stresses(part.strain + part.kind.changes(part.gradients, move))
-            for part in parts
-        ]
-        self._z = self._z + move
+        self._carried = [state.predicted(move) for state in states]
+        self._z = self._moved_to(self._z + move)
 
-    def _left(self, parts: list[Part], matrix: sp.csr_matrix) -> bool:
+    def _moved_to(self, z: Floats) -> Floats:
+        """Return positions: the very ones that were tried last, where they are the same."""
+        return z if self._known is None or (self._known[0] != z).any() else self._known[0]
+
+    def _left(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
         """Leave a state whose tangent is not definite; tell whether it is so beyond rounding."""
         body = self._body
-        value, q, solve = body.lowest(matrix, body.tangent(parts, firm=1.0))
+        value, q, solve = body.lowest(matrix, body.tangent(states, firm=1.0))
         self._won = np.inf
         if value > -ROUNDING * float(abs(q) @ (abs(matrix) @ abs(q))):
             return False
-        if self.critical is None and body.turn(self._z - self._start) < STRAIGHT:
+        straight = self._z - self._start
+        if self.critical is None and body.largest_step(self._start, straight) * STRAIGHT > 1.0:
             stable = body.tangent(body.at(self._start))
             way = -1.0 / body.lowest(matrix - stable, stable)[0]
             self.critical = self._before + (self._share - self._before) * way
         # The first of the largest components is positive, so that rounding does not choose a side.
-        move = body.moved(q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()]))
-        move *= TURN / body.turn(move)
+        q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
+        q = q * body.largest_step(self._z, body.moved(q))
+        move = body.moved(q)
         # What bends must not stretch, and so the way curves: z + a Δz + a² w (Koiter 1945).
-        push, changes = np.zeros_like(move), []
-        for kind, _, gradients, _ in parts:
-            first, (second, slopes) = kind.changes(gradients, move), kind.squares(move)
-            push += kind.summed(kind.stresses(second), gradients, len(move))
-            push += kind.summed(kind.stresses(first), slopes, len(move))
-            changes.append((first, second))
-        curve = body.moved(-solve(body.along_free(push)))
-        powers = body.along(parts, move, self._share)
-        powers[0] += float(np.vdot(push, curve)) / 2
-        value, length = _least(powers, 1.0)
-        back, far = _least(powers * (1, -1, 1, -1, 1), 1.0)
-        length = -far if back < value else length
-        self._carried = [
-            kind.stresses(
-                strain + length * first + length**2 * (second + kind.changes(gradients, curve))
-            )
-            for (kind, strain, gradients, _), (first, second) in zip(parts, changes, strict=True)
-        ]
-        self._z = self._z + length * move + length**2 * curve
+        there, back = (body.forces(body.at(self._z + side * move)) for side in (1.0, -1.0))
+        bend = -solve((there + back) / 2 - body.forces(states))
+        length, energy = self._fall(q, bend, 1.0)
+        other, lower = self._fall(-q, bend, 1.0)
+        length = -other if lower < energy else length
+        move, curve = length * move, length**2 * body.moved(bend)
+        self._carried = [state.predicted(move, curve) for state in states]
+        self._z = self._z + move + curve
         return True
 
+    def _fall(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
+        """Return how far, up to `most`, the energy falls along a q + a² bend, and what it is there.
 
-def _least(powers: Floats, most: float) -> tuple[float, float]:
-    """Return the least value above zero, up to `most`, of a polynomial, and where it has it."""
-    roots = np.roots(np.polyder(powers))
-    sizes = np.append(roots.real[abs(roots.imag) <= 1e-9 * abs(roots)], most)
-    sizes = sizes[(sizes > 0) & (sizes <= most)]
-    values = np.polyval(powers, sizes)
-    return float(values.min()), float(sizes[values.argmin()])
+        Nothing is assumed about the energy but that its slope along the way is continuous.
+        """
+        body, z = self._body, self._z
+        move, curve = body.moved(q), body.moved(bend)
+
+        def trial(length: float) -> tuple[float, float, float]:
+            states = self._at(z + length * move + length**2 * curve if length else z)
+            energies = body.energies(states)
+            slope = float(body.forces(states) @ (q + 2 * length * bend))
+            return float(energies.sum()), float(abs(energies).sum()), slope
+
+        return fall(trial, most)
+
+
+def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> tuple[float, float]:
+    """Return where a function stops falling, up to `most`, and its value there.
+
+    Parameters
+    ----------
+    trial : callable
+        Of a length: the value, the size of what it is a sum of, and the slope. The slope at zero is
+        negative, or zero at a maximum.
+    most : float
+        Largest length.
+
+    Returns
+    -------
+    length, value : float
+        The first trial where no more than a tenth of the steepest slope is left.
+    """
+    first, _, slope = trial(0.0)
+    low, high = (0.0, slope), (0.0, 0.0)
+    steepest, length = -slope, min(1.0, most)
+    for _ in range(TRIALS):
+        value, size, slope = trial(length)
+        falls = value <= first + NOISE * size
+        steepest = max(steepest, -slope)
+        if falls and (abs(slope) < LEVEL * steepest or (slope <= 0.0 and length == most)):
+            return length, value
+        if falls and slope <= 0.0:
+            low = length, slope
+        else:
+            high = length, slope
+        if high[0] == 0.0:
+            length = min(2.0 * length, most)
+            continue
+        # By secants, not too near to either end; where these say nothing, by halves.
+        width, share = high[0] - low[0], 0.5
+        if low[1] < 0.0 < high[1]:
+            share = float(np.clip(low[1] / (low[1] - high[1]), 0.1, 0.9))
+        length = low[0] + share * width
+    return low[0] or length, value

@@ -15,8 +15,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import scipy.sparse as sp
 
+from spacemap_vtk.mechanics.energy_terms import EnergyTerm, digest_of
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: (a, b, c) of s with (s × d)_a = Σ s_abc s_b d_c.
@@ -24,30 +24,35 @@ _CROSS = np.zeros((3, 3, 3))
 _CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 
 
-class Pressed:
-    """The faces (f, k) of a wall on which a unit pressure acts."""
+class FollowerPressure(EnergyTerm):
+    """A unit pressure onto the faces (f, k) of a wall, from outside."""
 
-    # `places` (V, 3) are those of the vertices at q = 0, `ways` (3V, N) how they move with q.
+    #: Only of a closed surface it is.
+    conservative = False
 
-    def __init__(self, faces: Ints, places: Floats, ways: sp.csr_matrix) -> None:
-        self.faces, self.ways = faces, ways.tocsr()
-        self._rest, self._table = places[faces], _table(faces.shape[1])
-        self._ways = self.ways[(3 * faces[:, :, None] + np.arange(3)).ravel()]
+    def __init__(self, faces: Ints) -> None:
+        self.nodes, self._table = faces, _table(faces.shape[1])
 
-    def force(self, position: Floats) -> Floats:
-        """Return the forces at q, (N,), into the wall."""
-        pushed = self._forces(self._rest + self._moved(position))
-        return -(self._ways.T @ pushed.ravel())
+    @property
+    def digest(self) -> str:
+        """Digest of the faces."""
+        return digest_of("pressure", self.nodes)
 
-    def blocks(self, position: Floats) -> Floats:
+    def energy(self, positions: Floats) -> float:
+        """Return the volume of the cone from the origin to the wall, of a closed one its own."""
+        return float(np.vdot(positions, self.forces(positions))) / 3
+
+    def forces(self, positions: Floats) -> Floats:
+        """Return what holds the wall against it, (V, 3), outward."""
+        pushed, rows = self._forces(positions[self.nodes]).reshape(-1, 3), self.nodes.ravel()
+        count = len(positions)
+        return np.stack([np.bincount(rows, pushed[:, i], count) for i in range(3)], axis=1)
+
+    def tangent(self, positions: Floats) -> Floats:
         """Return the derivative of each face's forces with respect to its nodes, (f, 3 k, 3 k)."""
-        turned = self._rest + self._moved(position)
-        arms = 2 * np.einsum("abc,fbi->faci", self._table, turned)
-        found = -np.einsum("jik,faci->fajck", _CROSS, arms)
+        arms = 2 * np.einsum("abc,fbi->faci", self._table, positions[self.nodes])
+        found = np.einsum("jik,faci->fajck", _CROSS, arms)
         return np.asarray(found.reshape(len(arms), 3 * arms.shape[1], -1))
-
-    def _moved(self, q: Floats) -> Floats:
-        return (self._ways @ q).reshape(self._rest.shape)
 
     def _forces(self, x: Floats) -> Floats:
         """Return f_a of faces whose nodes are at x, (f, k, 3) both."""

@@ -13,6 +13,11 @@ With one stage this would be the midpoint rule with the mean of the stresses at 
 Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). Its periods are too long by (ω h)²/12; with two
 stages they are too long by (ω h)⁴/720.
 
+Terms other than strains (`EnergyTerm`) are integrated by a quadrature over the step (Hairer, JNAIAM
+5 (2010) 73). What it misses of the change of their energy, at a contact for example, is put into
+the equations as a force along M ẋ (Gonzalez, J. Nonlinear Sci. 6 (1996) 449), so that the energy is
+conserved for any term.
+
 The damping β resists rates of strain, and therefore not rotation; about an unstrained state it is
 Rayleigh's β K.
 
@@ -24,16 +29,17 @@ rule it tends to -1, and a deviation changes sign in every step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from spacemap_vtk.mechanics.body import Body, Part, crossings
+from spacemap_vtk.mechanics.body import Body
+from spacemap_vtk.mechanics.energy_terms import TermState
 from spacemap_vtk.mechanics.factors import Solve
-from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.mechanics.strains import Strains, StrainState
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Times of the two stages, as shares of the step. Their weights are ½, ½.
@@ -42,8 +48,8 @@ STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
 _A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
 _INVERSE = np.linalg.inv(_A)
 
-#: Points and weights of a quadrature over the step. The work of a pressure is of fifth degree in
-#: time, so three Gauss points integrate it exactly.
+#: Points and weights of a quadrature over the step, for terms that are no strains. The work of a
+#: pressure is of fifth degree in time, so three Gauss points integrate it exactly.
 _TIMES = 0.5 + np.array([-1.0, 0.0, 1.0]) * 15**0.5 / 10
 _SHARES = np.array([5.0, 8.0, 5.0]) / 18
 #: The stages' Lagrange polynomials at these points.
@@ -57,8 +63,9 @@ TRIES = 40
 #: The tangent is recomputed after a correction that is larger than this share of the one before.
 GAIN = 0.3
 
-#: The tangent is recomputed after a rotation larger than this [rad].
-NEAR = 0.003
+#: The tangent is recomputed after a move of more than this share of the largest that is admissible,
+#: of elements a rotation of 0.003 rad.
+NEAR = 0.006
 
 #: Largest number of tangents computed in a step. A correction larger than the one before ends the
 #: step at once: a step of half the length costs less than further tries.
@@ -74,14 +81,17 @@ LOST = 1e-6
 #: It has also converged when a correction moves less than this share of the body's size.
 LEAST = 1e-15
 
+#: A change of energy that is known to this share of the energy is exact but for rounding.
+NOISE = 1e-14
+
 
 class Acting(NamedTuple):
     """Loads at one time."""
 
     push: Floats
     """Forces, (N,)."""
-    pressures: Floats
-    """On each pressed surface, (n,)."""
+    factors: Floats
+    """By which each term that does external work is multiplied, (n,)."""
 
 
 class Step(NamedTuple):
@@ -91,8 +101,8 @@ class Step(NamedTuple):
     """q, (N,)."""
     rate: Floats
     """q̇ [1/s], (N,)."""
-    parts: list[Part]
-    """Strains and stresses in this state."""
+    parts: list[TermState]
+    """All terms in this state."""
     damped: float
     """Energy dissipated in the step."""
     work: float
@@ -125,7 +135,11 @@ class _Kept(NamedTuple):
 
 
 class Gauss:
-    """The equations of motion of a body; forces and energies are divided by its modulus."""
+    """The equations of motion of a body; forces and energies are divided by its modulus.
+
+    Terms of the body that are not conservative do external work, each times a factor that may
+    change with time, see `Acting`.
+    """
 
     def __init__(
         self,
@@ -133,29 +147,36 @@ class Gauss:
         mass: sp.csr_matrix,
         alpha: float,
         beta: float,
-        pressed: Sequence[Pressed] = (),
         drag: Floats | None = None,
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
-        self.pressed = pressed
+        #: Numbers of the terms that are strains; of the others; and which of these do external work.
+        self._strained = [k for k, t in enumerate(body.terms) if isinstance(t, Strains)]
+        self._kinds = [term for term in body.terms if isinstance(term, Strains)]
+        self._others = [k for k, t in enumerate(body.terms) if not isinstance(t, Strains)]
+        self._driven = np.array([not body.terms[k].conservative for k in self._others], dtype=bool)
         size = self.mass.shape[0]
         #: U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
         extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
         self._least = LEAST * extent * math.sqrt(float(mass.diagonal().sum()))
-        self._both = _Pairs(body, self.mass, pressed)
+        self._both = _Pairs(body, self.mass)
         self._kept: _Kept | None = None
 
-    def at(self, position: Floats) -> list[Part]:
-        """Return strains and stresses at q."""
-        return self.body.at(self.body.start + self.body.moved(position))
+    def at(self, position: Floats) -> list[TermState]:
+        """Return all terms at q."""
+        return self.body.at(self._nodal(position))
 
-    def stored(self, rate: Floats, parts: list[Part]) -> tuple[float, float]:
-        """Return kinetic and strain energy."""
-        strain = sum(float(np.vdot(part.strain, part.stress)) for part in parts)
-        return 0.5 * float(rate @ (self.mass @ rate)), 0.5 * strain
+    def strains(self, parts: list[TermState]) -> list[StrainState]:
+        """Return those of the terms that are strains."""
+        return [part for part in parts if isinstance(part, StrainState)]
 
-    def impulse(self, parts: list[Part], move: Floats) -> Floats:
+    def stored(self, rate: Floats, parts: list[TermState]) -> tuple[float, float]:
+        """Return kinetic energy, and that of all conservative terms."""
+        held = sum(part.energy for part in parts if part.term.conservative)
+        return 0.5 * float(rate @ (self.mass @ rate)), held
+
+    def impulse(self, parts: list[TermState], move: Floats) -> Floats:
         """Return the impulse of the damping against a sudden move q."""
         return self._dragged(move) + self._viscous(parts, move)
 
@@ -163,7 +184,7 @@ class Gauss:
         self,
         position: Floats,
         rate: Floats,
-        parts: list[Part],
+        parts: list[TermState],
         acting: Callable[[float], Acting],
         span: float,
         guess: Floats,
@@ -173,30 +194,32 @@ class Gauss:
         # `acting` returns the loads at a share of the step. `guess`, (2, N), estimates the moves
         # from the start to both stages, and `carried` the stress of each kind of element.
         pushes = np.stack([acting(share).push for share in STAGES])
-        pressures = [acting(share).pressures for share in _TIMES] if self.pressed else []
+        factors = np.stack([self._factors(acting(share)) for share in _TIMES])
+        strains = self.strains(parts)
         least, size, made = self._least / span, math.inf, 0
         moves, stress = guess, [[pull, pull] for pull in carried]
         kept = self._kept
-        if kept is None or kept.span != span or self._turned(position - kept.position) > NEAR:
+        if kept is None or kept.span != span or self._far(position, position - kept.position):
             kept = None
         for _ in range(TRIES):
             speeds = _INVERSE @ moves / span
-            stages = self._stages(position, moves, speeds, parts, span)
+            stages = self._stages(position, moves, speeds, strains, span)
             inertia = self._inertia(speeds - rate, span)
             left = inertia + self._dragged(speeds.T).T - pushes
             for i in range(2):
                 left[i] += self._force(
-                    parts, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
+                    strains, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
                 )
-            follow = self._followed(pressures, position, moves)
-            left -= follow
+            between = self._between(position, moves)
+            left += self._driving(between, factors)
+            left += self._conserving(between, factors, parts, position, moves, speeds, span)
             if kept is None:
                 if made == MADE:
                     return None
                 # The geometric stiffness takes the stress predicted by the last linear solution.
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
-                solve = self._solution(stages, stress, pressures, position, moves, span)
+                solve = self._solution(stages, stress, between, factors, span)
                 if solve is None:
                     return None
                 kept = self._kept = _Kept(span, position + moves.mean(axis=0), solve)
@@ -214,33 +237,31 @@ class Gauss:
                 return None
             if size <= max(least, LAST * whole) or LOST * whole > size >= before:
                 break
-            if size > GAIN * before or (made and self._turned(change) > NEAR):
+            if size > GAIN * before or (made and self._far(position, change)):
                 kept = None
                 stress = self._predicted(stages, change, span)
         else:
             return None
         speeds = _INVERSE @ moves / span
-        stages = self._stages(position, moves, speeds, parts, span)
-        end = position + 3**0.5 * (moves[1] - moves[0])
+        stages = self._stages(position, moves, speeds, strains, span)
+        end = _end(position, moves)
         later = rate + 3**0.5 * (speeds[1] - speeds[0])
         inertia = self._inertia(speeds - rate, span)
         damped = span / 2 * float(np.vdot(speeds, self._dragged(speeds.T).T))
-        for part, stage in zip(parts, stages, strict=True):
+        for part, stage in zip(strains, stages, strict=True):
             for flow in stage.rates:
                 damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
-        work = (
-            span / 2 * float(np.vdot(pushes + self._followed(pressures, position, moves), speeds))
-        )
-        error = self._error(rate, parts, acting(0.0), position, inertia, kept.solve)
+        driving = self._driving(self._between(position, moves), factors)
+        work = span / 2 * float(np.vdot(pushes - driving, speeds))
+        error = self._error(rate, parts, acting(0.0), inertia, kept.solve)
         pulls = [stage.stress[1] for stage in stages]
         return Step(end, later, self.at(end), damped, work, error, pulls)
 
     def _error(
         self,
         rate: Floats,
-        parts: list[Part],
+        parts: list[TermState],
         load: Acting,
-        position: Floats,
         inertia: Floats,
         solve: Solve,
     ) -> Floats:
@@ -252,11 +273,13 @@ class Gauss:
         # stage: c₂² h²/2 times the difference where h is short; for a vibration faster than the
         # step no more than its amplitude (Hosea and Shampine 1996).
         wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
-        wrong = wrong + self._force(parts, [p.stress for p in parts], [p.gradients for p in parts])
+        strains = self.strains(parts)
+        pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
+        wrong = wrong + self._force(strains, pulls, slopes)
         wrong += self._dragged(rate) + self._viscous(parts, rate) - load.push
-        for pressed, pressure in zip(self.pressed, load.pressures, strict=True):
-            if pressure:
-                wrong -= pressure * pressed.force(position)
+        for number, factor in zip(self._others, self._factors(load), strict=True):
+            if factor:
+                wrong += factor * self.body.along_free(parts[number].forces)
         found = solve(np.stack([wrong, wrong]))
         return self.body.moved(found[1] / (30 * STAGES[1] ** 2))
 
@@ -265,14 +288,19 @@ class Gauss:
         return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
 
     def _stages(
-        self, position: Floats, moves: Floats, speeds: Floats, parts: list[Part], span: float
+        self,
+        position: Floats,
+        moves: Floats,
+        speeds: Floats,
+        parts: list[StrainState],
+        span: float,
     ) -> list[_Stages]:
         places = [self.body.start + self.body.moved(position + move) for move in moves]
         flows = [self.body.moved(speed) for speed in speeds]
         found = []
         for part in parts:
             kind = part.kind
-            slopes = [kind.at(place)[1] for place in places]
+            slopes = [kind.strained(place)[1] for place in places]
             spins = [kind.squares(flow)[1] for flow in flows]
             rates = [kind.changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
             stress = [
@@ -308,41 +336,32 @@ class Gauss:
                 )
                 for i in range(2)
             ]
-            for kind, stage in zip(self.body.strains, stages, strict=True)
+            for kind, stage in zip(self._kinds, stages, strict=True)
         ]
 
     def _solution(
         self,
         stages: list[_Stages],
         stress: list[list[Floats]],
-        pressures: list[Floats],
-        position: Floats,
-        moves: Floats,
+        between: list[list[TermState]],
+        factors: Floats,
         span: float,
     ) -> Solve | None:
         """Factorise the tangent of both stages; return its solver, or None if it is singular."""
-        blocks = [
-            [
-                [
-                    kind.tangent_of(
-                        pull[i] if i == k else np.zeros_like(pull[i]),
-                        stage.slopes[i],
-                        self._slopes(stage, span, i, k),
-                    )
-                    for kind, pull, stage in zip(self.body.strains, stress, stages, strict=True)
-                ]
-                for k in range(2)
-            ]
-            for i in range(2)
-        ]
-        tangents = np.stack([[self.body.matrix(block).data for block in row] for row in blocks])
-        for point, values in enumerate(pressures):
-            reached = _reached(_TIMES[point])
-            factors = 2 * _SHARES[point] * _LAGRANGE[:, point, None] * reached
-            for number, pressure in enumerate(values):
-                if pressure:
-                    felt = self._both.follower(number, position + reached @ moves)
-                    tangents -= pressure * factors[:, :, None] * felt
+        others = self._tangents(between, factors)
+        tangents = np.empty((2, 2, self._both.count))
+        for i, k in np.ndindex(2, 2):
+            blocks = {number: found[i, k] for number, found in others.items()}
+            for number, kind, pull, stage in zip(
+                self._strained, self._kinds, stress, stages, strict=True
+            ):
+                blocks[number] = kind.tangent_of(
+                    pull[i] if i == k else np.zeros_like(pull[i]),
+                    stage.slopes[i],
+                    self._slopes(stage, span, i, k),
+                )
+            ordered = [blocks[number] for number in range(len(blocks))]
+            tangents[i, k] = self.body.matrix(ordered).data
         heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
         solve = self._both.solution(tangents, heavy)
         drag = self.drag
@@ -363,37 +382,106 @@ class Gauss:
 
         return solved
 
-    def _followed(self, pressures: list[Floats], position: Floats, moves: Floats) -> Floats:
-        """Return the forces of pressures that follow their surfaces at the stages, (2, N)."""
-        # Means over the step, weighted so that a constant pressure does the work p ΔV.
-        total = np.zeros_like(moves)
-        for point, values in enumerate(pressures):
-            for pressed, pressure in zip(self.pressed, values, strict=True):
-                if pressure:
-                    push = pressed.force(position + _reached(_TIMES[point]) @ moves)
-                    share = 2 * _SHARES[point] * _LAGRANGE[:, point] * pressure
-                    total += share[:, None] * push
+    def _factors(self, load: Acting) -> Floats:
+        """Return by what each term that is no strain counts: one, but for those that drive."""
+        factors = np.ones(len(self._others))
+        factors[self._driven] = load.factors
+        return factors
+
+    def _between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
+        """Return the terms that are no strains at each point of the quadrature."""
+        if not self._others:
+            return [[] for _ in _TIMES]
+        terms = [self.body.terms[number] for number in self._others]
+        places = [self._nodal(position + _reached(time) @ moves) for time in _TIMES]
+        return [[term.at(place) for term in terms] for place in places]
+
+    def _driving(self, between: list[list[TermState]], factors: Floats) -> Floats:
+        """Return the forces at the stages of terms that do external work, (2, N)."""
+        return self._mean(between, factors * self._driven)
+
+    def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
+        """Return means of forces over the step, weighted so that their work at the stages is exact.
+
+        Exact is the work of forces whose power is of fifth degree in time: of a constant pressure
+        it is p ΔV.
+        """
+        total = np.zeros((2, len(self.drag)))
+        for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
+            for state, size in zip(states, sizes, strict=True):
+                if size:
+                    force = self.body.along_free(size * state.forces)
+                    total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
         return total
 
-    def _turned(self, move: Floats) -> float:
-        return max(self.body.turn(self.body.moved(part)) for part in np.atleast_2d(move))
+    def _tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
+        """Return the derivatives of `_mean` at stage i by the move to stage k, (2, 2, E, …)."""
+        found = {}
+        for column, number in enumerate(self._others):
+            total: Floats | float = 0.0
+            for point, sizes in enumerate(factors):
+                weights = 2 * _SHARES[point] * _LAGRANGE[:, point, None] * _reached(_TIMES[point])
+                blocks = sizes[column] * between[point][column].tangent()
+                total = total + weights[:, :, None, None, None] * blocks
+            found[number] = np.asarray(total)
+        return found
+
+    def _conserving(
+        self,
+        between: list[list[TermState]],
+        factors: Floats,
+        parts: list[TermState],
+        position: Floats,
+        moves: Floats,
+        speeds: Floats,
+        span: float,
+    ) -> Floats:
+        """Return the forces at the stages of conservative terms, whose work is their change."""
+        forces = self._mean(between, factors * ~self._driven)
+        held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
+        if not held:
+            return forces
+        heavy = (self.mass @ speeds.T).T
+        weight = span / 2 * float(np.vdot(speeds, heavy))
+        if weight == 0.0:
+            return forces
+        end = self._nodal(_end(position, moves))
+        before = np.array([parts[number].energy for number in held])
+        after = np.array([self.body.terms[number].energy(end) for number in held])
+        missing = float((after - before).sum()) - span / 2 * float(np.vdot(forces, speeds))
+        if abs(missing) <= NOISE * float((abs(before) + abs(after)).sum()):
+            return forces
+        return forces + missing / weight * heavy
+
+    def _nodal(self, position: Floats) -> Floats:
+        return self.body.start + self.body.moved(position)
+
+    def _far(self, position: Floats, moves: Floats) -> bool:
+        """Return whether a tangent at a position no longer fits after a move, or one of several."""
+        place = self._nodal(position)
+        return any(
+            NEAR * self.body.largest_step(place, self.body.moved(move)) < 1.0
+            for move in np.atleast_2d(moves)
+        )
 
     def _dragged(self, move: Floats) -> Floats:
         """Return (α M + U Uᵀ) times a move or a rate."""
         return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
 
-    def _viscous(self, parts: list[Part], move: Floats) -> Floats:
+    def _viscous(self, parts: list[TermState], move: Floats) -> Floats:
         """Return β Gᵀ C G times a move or a rate."""
         if self.beta == 0.0:
             return np.zeros_like(move)
-        moved = self.body.moved(move)
+        moved, strains = self.body.moved(move), self.strains(parts)
         stress = [
             self.beta * part.kind.stresses(part.kind.changes(part.gradients, moved))
-            for part in parts
+            for part in strains
         ]
-        return self._force(parts, stress, [part.gradients for part in parts])
+        return self._force(strains, stress, [part.gradients for part in strains])
 
-    def _force(self, parts: list[Part], stress: list[Floats], gradients: list[Floats]) -> Floats:
+    def _force(
+        self, parts: list[StrainState], stress: list[Floats], gradients: list[Floats]
+    ) -> Floats:
         total = np.zeros_like(self.body.start)
         for part, pull, slope in zip(parts, stress, gradients, strict=True):
             total += part.kind.summed(pull, slope, len(total))
@@ -403,21 +491,17 @@ class Gauss:
 class _Pairs:
     """Linear systems for both stages: each unknown of the body occurs twice."""
 
-    def __init__(self, body: Body, mass: sp.csr_matrix, pressed: Sequence[Pressed]) -> None:
+    def __init__(self, body: Body, mass: sp.csr_matrix) -> None:
         pattern = body.pattern()
         size, count = pattern.shape[0], pattern.nnz
         self._size = 2 * size
+        #: Entries of the pattern of a tangent.
+        self.count = count
         rows = np.repeat(np.arange(size), np.diff(pattern.indptr))
-        self._keys = rows * size + pattern.indices
-        given = mass.tocoo()
+        keys, given = rows * size + pattern.indices, mass.tocoo()
         self._mass = np.zeros(count)
-        self._mass[self._slots(given.row * size + given.col.astype(np.int64))] = given.data
-        #: For each pressure: entries of its faces' matrices, their weights, and their slots.
-        self._pressed = [
-            (each, entry, weight, self._slots(keys))
-            for each in pressed
-            for entry, weight, keys in [crossings(each.faces, each.ways)]
-        ]
+        slots = np.searchsorted(keys, given.row * size + given.col.astype(np.int64))
+        self._mass[slots] = given.data
         numbers = np.arange(count) + 1.0
         blocks = sp.bmat(
             [
@@ -434,16 +518,6 @@ class _Pairs:
         ordered = blocks[self._order][:, self._order].tocsc()
         self._entries = ordered.data.astype(np.int64) - 1
         self._rows, self._starts = ordered.indices, ordered.indptr
-
-    def _slots(self, keys: Ints) -> Ints:
-        """Return the positions of entries, given as row * N + column, in the tangents' pattern."""
-        return np.searchsorted(self._keys, keys)
-
-    def follower(self, number: int, position: Floats) -> Floats:
-        """Return the derivative of the forces of a unit pressure, in the tangents' pattern."""
-        pressed, entry, weight, slots = self._pressed[number]
-        values = pressed.blocks(position).ravel()[entry] * weight
-        return np.asarray(np.bincount(slots, values, len(self._keys)), dtype=np.float64)
 
     def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
         """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
@@ -466,6 +540,11 @@ class _Pairs:
             return result.reshape(2, -1)
 
         return solved
+
+
+def _end(position: Floats, moves: Floats) -> Floats:
+    """Return the position at the end of a step from the moves to its stages."""
+    return position + 3**0.5 * (moves[1] - moves[0])
 
 
 def _reached(share: float) -> Floats:

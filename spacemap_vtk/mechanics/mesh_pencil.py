@@ -7,22 +7,28 @@ for.
 
 from __future__ import annotations
 
-import hashlib
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, stiffness
+from spacemap_vtk.mechanics.energy_terms import (
+    EnergyTerm,
+    OnVertices,
+    assembled,
+    digest_of,
+    tangent,
+)
 from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.pencil import Nodes, Pencil, selection, some
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import free_pairs, mid_surface, of_pairs, of_quads, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_base, of_tetrahedra, tangent
+from spacemap_vtk.mechanics.strains import Strains, of_base, of_tetrahedra
 from spacemap_vtk.mechanics.supports import free_motions
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -77,10 +83,14 @@ class MeshPencil(Pencil):
         displacement: Floats | None,
         fittings: Fittings,
         local: bool,
+        added: Sequence[EnergyTerm],
+        modulus: float,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
         self.fittings, self._local = fittings, local
         self.surface = mid_surface(points, cells) if len(material) > 1 else None
+        #: Terms beside elements and springs.
+        self.added = [OnVertices(term, self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
                 "a sheet is what a one-layer lattice is: the cage is none",
@@ -118,22 +128,25 @@ class MeshPencil(Pencil):
         return np.where(inside, 0.0, 1.0 if factors is None else factors)
 
     @cached_property
-    def strains(self) -> list[Strains]:
-        """Those of the elements, and of what pulls at vertices."""
+    def elements(self) -> list[Strains]:
+        """The strains of the elements: of a sheet those of its quadrilaterals, then of its pairs."""
         factors = self._stiff
         if self.surface is None:
-            solid = of_tetrahedra(self._points, self._cells, self.material[0], factors)
-            return [solid, *self.springs]
+            return [of_tetrahedra(self._points, self._cells, self.material[0], factors)]
         membrane, bending, shear, thickness = self.material
         plate = Plate(membrane, bending, shear, float(thickness), self._local)
-        sheet = of_sheet(self._points, self.surface, plate, of_quads(factors))
-        return [*sheet, *self.springs]
+        return of_sheet(self._points, self.surface, plate, of_quads(factors))
 
     @cached_property
-    def springs(self) -> list[Strains]:
-        """Those of the springs, none where there are none."""
+    def others(self) -> list[EnergyTerm]:
+        """The springs, where there are any, and what is added."""
         found = self.fittings.springs
-        return [] if found is None else [self._against_base(found)]
+        return self.added if found is None else [self._against_base(found), *self.added]
+
+    @property
+    def terms(self) -> list[EnergyTerm]:
+        """All of which its energy is the sum."""
+        return [*self.elements, *self.others]
 
     @cached_property
     def nodes(self) -> Nodes:  # type: ignore[override]
@@ -143,13 +156,12 @@ class MeshPencil(Pencil):
             positions = self.surface.nodal(positions)
             places[len(self.surface.pairs) :] = False
         nodes = Nodes(positions, places)
-        if (springs := self.fittings.springs) is not None:
-            sizes = np.linalg.norm(springs, axis=(1, 2))[:, None, None]
-            alike = np.divide(springs, sizes, out=np.zeros_like(springs), where=sizes > 0)
-            nodes = nodes._replace(springs=tangent([self._against_base(alike)], positions))
+        if self.others:
+            alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.others]
+            nodes = nodes._replace(springs=assembled(alike, positions.size))
         if self._displacement is None:
             return nodes
-        forces = np.sum([part.forces(positions) for part in self.strains], axis=0)
+        forces = np.sum([term.forces(positions) for term in self.terms], axis=0)
         return nodes._replace(forces=forces)
 
     @property
@@ -177,9 +189,9 @@ class MeshPencil(Pencil):
     def whole_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
-            return tangent(self.strains, positions)
+            return tangent(self.terms, positions)
         found = stiffness(self.assembly, self.material[0])
-        return found + tangent(self.springs, positions) if self.springs else found
+        return found + tangent(self.others, positions) if self.others else found
 
     @cached_property
     def whole_mass(self) -> csr_matrix:
@@ -192,12 +204,12 @@ class MeshPencil(Pencil):
     @cached_property
     def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
         if self.surface is not None or self._displacement is not None:
-            return partial(_products, self.strains, self.nodes.positions)
+            return partial(_products, self.terms, self.nodes.positions)
         solid = self._points, self._cells, self.material[0]
         found = partial(strain_products, *solid, factors=self._stiff)
-        if not self.springs:
+        if not self.others:
             return found
-        return lambda fields: found(fields) + _products(self.springs, self._points, fields)
+        return lambda fields: found(fields) + _products(self.others, self._points, fields)
 
     def gathered(self, forces: Floats) -> Floats:
         """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
@@ -222,13 +234,6 @@ class MeshPencil(Pencil):
             return nodal
         nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
         return self.surface.vertices(nodal).reshape(len(self.free), -1)
-
-    @cached_property
-    def ways(self) -> csr_matrix:
-        """What `spread` does, as a matrix (3V, N)."""
-        if self.surface is None:
-            return self.basis.tocsr()
-        return (2 * self.surface.matrix().T @ self.basis).tocsr()
 
     def movable(self, moved: Floats) -> Floats:
         """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
@@ -262,29 +267,6 @@ _assemblies: WeakValues[Assembly] = WeakValues()
 _pencils: WeakValues[MeshPencil] = WeakValues()
 
 
-def digest_of(*parts: Any) -> str:
-    """Return a digest of arrays and other values.
-
-    Parameters
-    ----------
-    *parts : ndarray, str, int or bool
-        What to digest, types and shapes included.
-
-    Returns
-    -------
-    str
-        32 hexadecimal digits.
-    """
-    state = hashlib.blake2b(digest_size=16)
-    for part in parts:
-        if isinstance(part, np.ndarray):
-            state.update(f"{part.dtype.str}{part.shape}".encode())
-            state.update(np.ascontiguousarray(part).data)
-        else:
-            state.update(f"{type(part).__name__}:{part};".encode())
-    return state.hexdigest()
-
-
 def mesh_pencil(
     points: Floats,
     cells: Ints,
@@ -295,6 +277,7 @@ def mesh_pencil(
     displacement: Floats | None,
     fittings: Fittings,
     local: bool = False,
+    added: Sequence[EnergyTerm] = (),
 ) -> MeshPencil:
     """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
     material = [_rounded(part / modulus) for part in parts]
@@ -310,19 +293,37 @@ def mesh_pencil(
     mesh = digest_of(points, cells, len(material), *weights)
     where = [] if displacement is None else [displacement]
     fitted = [part for pair in fittings.given.items() for part in pair]
-    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted)
+    terms = [part for term in added for part in (term.digest, modulus)]
+    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms)
     found = _pencils.get(whole)
     if found is None:
         free = ~held.ravel()
         found = MeshPencil(
-            whole, mesh, points, cells, material, free, lumped, displacement, fittings, local
+            whole,
+            mesh,
+            points,
+            cells,
+            material,
+            free,
+            lumped,
+            displacement,
+            fittings,
+            local,
+            added,
+            modulus,
         )
         _pencils[whole] = found
     return found
 
 
-def _products(strains: list[Strains], positions: Floats, fields: Floats) -> Floats:
-    return np.sum([part.products(positions, fields) for part in strains], axis=0)
+def _alike(blocks: Floats) -> Floats:
+    """Return matrices whose largest entry is one, or zero."""
+    sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
+    return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
+
+
+def _products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
+    return np.sum([term.products(positions, fields) for term in terms], axis=0)
 
 
 def _rounded(matrix: Floats) -> Floats:

@@ -7,7 +7,7 @@ that another modulus or density costs nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from spacemap_vtk.mechanics.eigen import Modes
+    from spacemap_vtk.mechanics.energy_terms import EnergyTerm
 
 
 class Model:
@@ -53,6 +54,8 @@ class Model:
         Of the equilibrium that K is the tangent at [m]; by default nothing is deformed.
     fittings : Fittings, optional
         What is fitted to it: sliders along any direction, rigid bodies, springs, masses, factors.
+    terms : sequence of EnergyTerm, optional
+        Further terms of its energy [J], of the vertices.
 
     Raises
     ------
@@ -81,6 +84,7 @@ class Model:
         lumped: bool = False,
         displacement: ArrayLike | None = None,
         fittings: Fittings = NONE,
+        terms: Sequence[EnergyTerm] = (),
     ) -> None:
         self.points, self.cells = checked_mesh(points, cells)
         self.density = float(density)
@@ -97,6 +101,8 @@ class Model:
         check_sizes("density", self.density, "kg/m³")
         self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
         self.fittings = fittings
+        #: Terms of the energy beside elements and springs, of the vertices.
+        self.terms = tuple(terms)
         self.pencil = mesh_pencil(
             self.points,
             self.cells,
@@ -110,6 +116,7 @@ class Model:
                 masses=None if fittings.masses is None else fittings.masses / self.density,
             ),
             self.plate is not None and self.plate.local,
+            self.terms,
         )
 
     @property
@@ -131,7 +138,8 @@ class Model:
     def grounded(self) -> bool:
         """Whether anything holds it to its base."""
         normals, springs = self.fittings.normals, self.fittings.springs
-        return not self.free.all() or normals is not None or springs is not None
+        held = not self.free.all() or normals is not None or springs is not None
+        return held or bool(self.terms)
 
     @cached_property
     def stiffness(self) -> csr_matrix:
@@ -184,7 +192,7 @@ class Model:
         if self.displacement is None:
             return 0.0
         positions = self.pencil.nodes.positions
-        return self.modulus * sum(part.energy(positions) for part in self.pencil.strains)
+        return self.modulus * sum(term.energy(positions) for term in self.pencil.terms)
 
     def solve(self, forces: ArrayLike) -> Floats:
         """Return static displacements, K u = f.
@@ -360,6 +368,7 @@ class Model:
         SolverError
             If no stable state was found; it says up to which share of the load there was one.
         """
+        from spacemap_vtk.mechanics.energy_terms import DeadLoad
         from spacemap_vtk.mechanics.equilibrium import equilibrium
 
         if self.fittings.bodies is not None:
@@ -372,7 +381,8 @@ class Model:
         load = forces.reshape(-1, 3) / self.modulus
         load = load if surface is None else 2 * surface.nodal(load)
         start = pencil.nodes.positions
-        found = equilibrium(pencil.strains, pencil.basis, start, load, progress=progress)
+        loads = [DeadLoad(load, start)]
+        found = equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
         moved = found.positions - start
         return (moved if surface is None else surface.vertices(moved)), found.critical
 
@@ -422,12 +432,12 @@ class Model:
         if large:
             positions, moved = positions + moved, np.zeros_like(moved)
         if surface is None:
-            solid = pencil.strains[0]
-            strain, gradients = solid.at(positions)
+            solid = pencil.elements[0]
+            strain, gradients = solid.strained(positions)
             mean = (strain + solid.changes(gradients, moved)).mean(axis=1)
             return mean, self.stress(mean)
         assert self.plate is not None
-        mean, pull = of_middle(pencil.strains, positions, moved, surface, self.plate)
+        mean, pull = of_middle(pencil.elements, positions, moved, surface, self.plate)
         pull *= surface.taper(self.points, self.plate)[surface.quads].mean(axis=1)[:, None]
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
         if (factors := of_quads(self.fittings.stiffness_factors)) is not None:

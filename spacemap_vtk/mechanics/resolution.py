@@ -49,8 +49,8 @@ def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[f
     count = len(surface.pairs)
     rest = surface.nodal(model.points)[:count]
     lines = [_Lines(surface.quads, turn, rest) for turn in (0, 1)]
-    sheet = model.pencil.strains[0]
-    gradients = sheet.at(model.pencil.nodes.positions)[1]
+    sheet = model.pencil.elements[0]
+    gradients = sheet.strained(model.pencil.nodes.positions)[1]
     places = math.prod(gradients.shape[:2]) / len(surface.quads)
     for eigenvalue, shape in zip(eigenvalues, shapes, strict=True):
         moved = surface.nodal(shape.reshape(-1, 3))

@@ -319,7 +319,7 @@ def of_middle(
     # Where p and δ move from positions, linear in that. As xx, yy, zz, yz, zx, xy of the cage.
     found = []
     for part in strains:
-        strain, gradients = part.at(positions)
+        strain, gradients = part.strained(positions)
         found.append(strain + part.changes(gradients, moved))
     mean, thick = found[0].mean(axis=1), found[1].reshape(-1)[surface.quads].mean(axis=1)
     assert plate.shear is not None
@@ -379,7 +379,7 @@ class LegGradient:
 def _unstrained(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
     """Return strains that are zero in a shape."""
     bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
-    return Strains(nodes, forms, bare.at(nodal)[0], stiffness)
+    return Strains(nodes, forms, bare.strained(nodal)[0], stiffness)
 
 
 def _shape(at: Floats) -> Floats:

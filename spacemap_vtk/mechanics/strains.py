@@ -15,21 +15,16 @@ one. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements import shape_slopes
+from spacemap_vtk.mechanics.energy_terms import EnergyTerm, TermState, digest_of
 from spacemap_vtk.mechanics.kinematics import SAMPLES
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
 
 #: Axes of the strains xx, yy, zz, yz, zx, xy.
 _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
@@ -37,9 +32,15 @@ _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 #: Share of a form's largest eigenvalue below which a negative one is rounding.
 _DEFINITE = 1e-9
 
+#: Largest rotation of a Newton step [rad].
+TURN = 0.5
+
+#: The least rotation that is told from none.
+_LEAST_TURN = float(np.finfo(np.float64).tiny)
+
 
 @dataclass(frozen=True, eq=False)
-class Strains:
+class Strains(EnergyTerm):
     """The strains of elements of one kind, at their points of quadrature, and their energy."""
 
     #: (E, n) Rows of the positions that each of E elements has.
@@ -53,7 +54,16 @@ class Strains:
     #: (3, n) Weights of three vectors that have another handedness where it is inside out.
     frame: Floats | None = field(default=None, kw_only=True)
 
-    def at(self, positions: Floats) -> tuple[Floats, Floats]:
+    @property
+    def digest(self) -> str:
+        """Digest of the elements and of their material."""
+        return digest_of(self.nodes, self.forms, self.reference, self.stiffness)
+
+    def at(self, positions: Floats) -> StrainState:
+        """Return strains and stresses at positions (V, 3)."""
+        return StrainState(self, positions)
+
+    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
         squares, gradients = self.squares(positions)
         return squares - self.reference, gradients
@@ -68,12 +78,12 @@ class Strains:
 
     def energy(self, positions: Floats) -> float:
         """Return W = ½ Σ εᵀ C ε [J]."""
-        strain = self.at(positions)[0]
+        strain = self.strained(positions)[0]
         return 0.5 * float(np.vdot(strain, self.stresses(strain)))
 
     def forces(self, positions: Floats) -> Floats:
         """Return ∂W/∂z, (V, 3): what holds the shape [N]."""
-        strain, gradients = self.at(positions)
+        strain, gradients = self.strained(positions)
         return self.summed(self.stresses(strain), gradients, len(positions))
 
     def stresses(self, strain: Floats) -> Floats:
@@ -90,7 +100,7 @@ class Strains:
 
     def tangent(self, positions: Floats) -> Floats:
         """Return ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
-        strain, gradients = self.at(positions)
+        strain, gradients = self.strained(positions)
         return self.tangent_of(self.stresses(strain), gradients)
 
     def pulling(self, stress: Floats) -> Floats:
@@ -106,17 +116,24 @@ class Strains:
         )
         return flat.reshape(self.reference.shape)
 
-    def handedness(self, positions: Floats) -> Floats:
+    def inverted(self, start: Floats, positions: Floats) -> bool:
+        """Return whether an element is inside out: its energy is as low as its mirror image's."""
+        return bool((self._handedness(positions) * self._handedness(start) <= 0).any())
+
+    def _handedness(self, positions: Floats) -> Floats:
         """Return the triple product of each element's frame, (E,)."""
         if self.frame is None:
             return np.ones(len(self.nodes))
         return np.linalg.det(self.frame @ positions[self.nodes])
 
-    def turn(self, move: Floats) -> float:
-        """Return how far a move (V, 3) turns or stretches any element, to first order [rad]."""
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Return by how much to multiply a move (V, 3) so that no element turns by more than TURN.
+
+        To first order, in which a stretch counts as a rotation.
+        """
         # A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
-        return float(np.sqrt(2 * squares.max(initial=0.0)))
+        return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
     def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
         """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
@@ -137,7 +154,7 @@ class Strains:
         """Return φᵀ K φ of each two of the fields (m, V, 3), as a sum over strains, (m, m)."""
         # Where K is a sum of large forces that cancel, as of a thin sheet that bends, this has more
         # digits.
-        strain, gradients = self.at(positions)
+        strain, gradients = self.strained(positions)
         stress = self.stresses(strain)
         elements, nodes = self.nodes.shape
         moved = fields[:, self.nodes]
@@ -165,6 +182,47 @@ class Strains:
         return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
 
 
+class StrainState(TermState):
+    """Elements of one kind at some positions."""
+
+    def __init__(self, kind: Strains, positions: Floats) -> None:
+        super().__init__(kind, positions)
+        self.kind = kind
+        #: ε, (E, Q, s), and G, (E, Q, s, n, 3).
+        self.strain, self.gradients = kind.strained(positions)
+        #: C ε, (E, Q, s).
+        self.stress = kind.stresses(self.strain)
+        self._count = len(positions)
+
+    @cached_property
+    def energy(self) -> float:
+        """½ Σ ε C ε [J]."""
+        return float(np.vdot(self.strain, self.stress)) / 2
+
+    @cached_property
+    def forces(self) -> Floats:
+        """Σ σ G [N], (V, 3)."""
+        return self.kind.summed(self.stress, self.gradients, self._count)
+
+    def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
+        """Return the tangent, with the carried stress in place of its own.
+
+        A share `firm` of the stresses that do not pull is left out: the rest is definite.
+        """
+        stress = self.stress if carried is None else carried
+        stress = stress + firm * (self.kind.pulling(stress) - stress)
+        return self.kind.tangent_of(stress, self.gradients)
+
+    def predicted(self, move: Floats, curve: Floats | None = None) -> Floats:
+        """Return the stress that a linear solution balances, without that of a spurious stretch."""
+        # Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313 (2017) 986.
+        strain = self.strain + self.kind.changes(self.gradients, move)
+        if curve is not None:
+            strain = strain + self.kind.squares(move)[0]
+            strain = strain + self.kind.changes(self.gradients, curve)
+        return self.kind.stresses(strain)
+
+
 @dataclass(frozen=True, eq=False)
 class Pulls(Strains):
     """Displacements of vertices as strains: what springs between them and a base see."""
@@ -174,7 +232,7 @@ class Pulls(Strains):
     #: (E, n) w.
     weights: Floats
 
-    def at(self, positions: Floats) -> tuple[Floats, Floats]:
+    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
         moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
         slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
@@ -192,7 +250,7 @@ def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> 
     forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
     reference = np.zeros((len(nodes), 1, 3))
     bare = Pulls(nodes, forms, reference, stiffness[:, None], weights)
-    return Pulls(nodes, forms, bare.at(points)[0], stiffness[:, None], weights)
+    return Pulls(nodes, forms, bare.strained(points)[0], stiffness[:, None], weights)
 
 
 def of_tetrahedra(
@@ -220,18 +278,3 @@ def product(left: Floats, right: Floats) -> Floats:
     """Return the form whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
     outer = left[..., :, None] * right[..., None, :]
     return outer + outer.swapaxes(-1, -2)
-
-
-def tangent(strains: Sequence[Strains], positions: Floats) -> csr_matrix:
-    """Return K of elements of all kinds at some positions, (3V, 3V)."""
-    from scipy.sparse import coo_matrix
-
-    size, values, rows, columns = positions.size, [], [], []
-    for kind in strains:
-        dof = (3 * kind.nodes[:, :, None] + np.arange(3)).reshape(len(kind.nodes), -1)
-        each = dof.shape[1]
-        values.append(kind.tangent(positions).ravel())
-        rows.append(np.repeat(dof, each, axis=1).ravel())
-        columns.append(np.tile(dof, each).ravel())
-    data = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return coo_matrix(data, shape=(size, size)).tocsr()

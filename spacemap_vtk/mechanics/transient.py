@@ -20,13 +20,15 @@ from scipy.sparse import csr_matrix
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.body import Body, Part
+from spacemap_vtk.mechanics.body import Body
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.mechanics.energy_terms import OnVertices, TermState
+from spacemap_vtk.mechanics.follower import FollowerPressure
 from spacemap_vtk.mechanics.gauss import STAGES, Acting, Gauss
 from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.response import Motion
+from spacemap_vtk.mechanics.strains import StrainState
 from spacemap_vtk.mechanics.timefunctions import Sine, is_constant
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -139,19 +141,21 @@ class Stepped(Motion):
         #: How far each nodal vector has been from its start, at most.
         self._farthest = np.zeros_like(start)
         dead = np.zeros_like(start) if forces is None else forces
-        body = Body(pencil.strains, pencil.basis, start, dead, lambda _: None)
+        followers = [
+            OnVertices(FollowerPressure(load.faces), pencil.surface)
+            for load in self.loads
+            if load.faces is not None
+        ]
+        body = Body([*pencil.terms, *followers], pencil.basis, start)
+        #: How many terms beside these do external work.
+        self._steady = sum(not term.conservative for term in pencil.terms)
         mass = (model.density / model.modulus) * pencil.mass
         #: Where it hangs [m], zero where it does not.
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
-        pressed = [
-            Pressed(load.faces, self.points + self.rest, pencil.ways)
-            for load in self.loads
-            if load.faces is not None
-        ]
         beta, drag = _of_ratios(cage, body, mass, damping)
-        self._rule = Gauss(body, mass, damping.alpha, beta, pressed, drag)
+        self._rule = Gauss(body, mass, damping.alpha, beta, drag)
         self._dead = body.along_free(dead)
         self._pushes = [
             pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
@@ -166,7 +170,7 @@ class Stepped(Motion):
         kinetic, strain = self._rule.stored(v, self._rule.at(q))
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
-        self._parts: tuple[int, list[Part], list[Floats]] = 0, [], []
+        self._parts: tuple[int, list[TermState], list[Floats]] = 0, [], []
         #: The number of states that `_farthest` is of.
         self._seen = 1
         self._jump(0.0)
@@ -325,15 +329,15 @@ class Stepped(Motion):
 
     def _load(self, time: float) -> Acting:
         """Return what acts at a time, after a jump that happens just then."""
-        total, pressures = self._dead.copy(), []
+        total, factors = self._dead.copy(), [1.0] * self._steady
         for load, push in zip(self.loads, self._pushes, strict=True):
             if load.faces is not None:
-                pressures.append(load.function.value(time) * load.pressure / self.model.modulus)
+                factors.append(load.function.value(time) * load.pressure / self.model.modulus)
             elif load.moves_base is None:
                 total += load.function.value(time) * push
             elif isinstance(load.function, Sine):
                 total += load.function.omega**2 * load.function.value(time) * push
-        return Acting(total, np.array(pressures))
+        return Acting(total, np.array(factors))
 
     def _step(self) -> None:
         """Append a state."""
@@ -341,7 +345,7 @@ class Stepped(Motion):
         (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
         if self._parts[0] != self._count:
             parts = self._rule.at(q)
-            self._parts = self._count, parts, [part.stress for part in parts]
+            self._parts = self._count, parts, [part.stress for part in self._rule.strains(parts)]
         _, parts, carried = self._parts
         for other in self.rows[self._seen :, COLUMNS : COLUMNS + len(q)]:
             self._farthest = _farther(self._farthest, self._moved(other))
@@ -459,7 +463,7 @@ def _of_ratios(
     beta = damping.beta + float((resisted[swing] / values[swing]).min())
     fields = cage.model.pencil.coordinates(cage.shapes.T)
     mine = np.zeros((len(values), len(values)))
-    for part in body.at(body.start):
+    for part in (state for state in body.at(body.start) if isinstance(state, StrainState)):
         strained = np.stack(
             [part.kind.changes(part.gradients, body.moved(field)) for field in fields.T]
         )

@@ -1,0 +1,354 @@
+"""The energy of a body as a list of terms, each a function of the positions of its nodes.
+
+Equilibrium, the modes about it, the steps of its motion and the cache of its modes know a body only
+as a list of `EnergyTerm`: elements, springs, dead loads, pressures, and whatever else is registered
+with `energy_term`. A term of one's own has a sparsity (`nodes`), an energy, its first two
+derivatives, and a digest; everything else has a general default.
+
+Sign: `forces` are the gradient ∂W/∂z. They hold the shape; the term itself pushes with -∂W/∂z.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from spacemap_vtk.mechanics.shell import MidSurface
+
+
+class EnergyTerm(ABC):
+    """One term of a body's energy: a sum over elements that each depend on a few nodes."""
+
+    #: (E, n) The nodes that each of E elements depends on, as rows of the positions.
+    nodes: Ints
+
+    #: Whether `forces` are the gradient of `energy`. If not, the work of the term is external work.
+    conservative = True
+
+    @property
+    @abstractmethod
+    def digest(self) -> str:
+        """A text that differs between any two terms of different energy: part of the cache's key."""
+
+    @abstractmethod
+    def energy(self, positions: Floats) -> float:
+        """Return the energy W [J] at positions (V, 3) [m]."""
+
+    @abstractmethod
+    def forces(self, positions: Floats) -> Floats:
+        """Return the gradient ∂W/∂z [N], (V, 3)."""
+
+    @abstractmethod
+    def tangent(self, positions: Floats) -> Floats:
+        """Return the second derivatives of each element [N/m], (E, 3 n, 3 n), node by node."""
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Return which multiple of a move (V, 3) a Newton step may make at most; inf for any."""
+        return math.inf
+
+    def at(self, positions: Floats) -> TermState:
+        """Return the term at some positions, to be asked for energy, forces and tangent."""
+        return TermState(self, positions)
+
+    def inverted(self, start: Floats, positions: Floats) -> bool:
+        """Return whether these positions cannot be reached from the start, whatever the energy."""
+        return False
+
+    def resisted(self) -> Floats:
+        """Return matrices (E, 3 n, 3 n) that are zero for motions that the term never resists.
+
+        By default no motion of its nodes is such.
+        """
+        size = 3 * self.nodes.shape[1]
+        return np.broadcast_to(np.eye(size), (len(self.nodes), size, size))
+
+    def products(self, positions: Floats, fields: Floats) -> Floats:
+        """Return φᵀ K φ of each two of the fields (m, V, 3), (m, m)."""
+        moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
+        return np.asarray(
+            np.einsum("mei,eij,nej->mn", moved, self.tangent(positions), moved, optimize=True)
+        )
+
+
+class TermState:
+    """A term at some positions. What is expensive is computed once."""
+
+    def __init__(self, term: EnergyTerm, positions: Floats) -> None:
+        self.term, self._positions = term, positions
+
+    @cached_property
+    def energy(self) -> float:
+        """W [J]."""
+        return self.term.energy(self._positions)
+
+    @cached_property
+    def forces(self) -> Floats:
+        """∂W/∂z [N], (V, 3)."""
+        return self.term.forces(self._positions)
+
+    def tangent(self, firm: float = 0.0, carried: Any = None) -> Floats:
+        """Return the second derivatives of each element, (E, 3 n, 3 n).
+
+        Parameters
+        ----------
+        firm : float, optional
+            Share of the negative curvature that is left out; with 1 no matrix is indefinite.
+        carried : object, optional
+            What `predicted` returned one step earlier.
+
+        Returns
+        -------
+        ndarray of float64, shape (E, 3 n, 3 n)
+            In N/m.
+        """
+        blocks = self.term.tangent(self._positions)
+        if firm == 0.0 or not blocks.size:
+            return blocks
+        values, vectors = np.linalg.eigh(blocks)
+        negative = (vectors * np.minimum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
+        return np.asarray(blocks - firm * negative)
+
+    def predicted(self, move: Floats, curve: Floats | None = None) -> Any:
+        """Return what the tangent after a move may use in place of the state that it finds.
+
+        None, the default, lets it use that state.
+
+        Parameters
+        ----------
+        move : ndarray of float64, shape (V, 3)
+            A Newton step.
+        curve : ndarray of float64, shape (V, 3), optional
+            What is added to it, of second order.
+
+        Returns
+        -------
+        object
+            For `tangent`.
+        """
+        return None
+
+
+class DeadLoad(EnergyTerm):
+    """Forces (V, 3) [N] that keep their directions: W = -f · (z - z₀)."""
+
+    def __init__(self, load: Floats, origin: Floats) -> None:
+        self.load, self._origin = load, origin
+        self.nodes = np.empty((0, 1), dtype=np.int64)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the forces; the origin only shifts the energy."""
+        return digest_of("dead load", self.load)
+
+    def energy(self, positions: Floats) -> float:
+        """Return what the forces have still to give [J], zero at the origin."""
+        return -float(np.vdot(self.load, positions - self._origin))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Return what would hold the body against them [N], (V, 3)."""
+        return -self.load
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Return no matrices: they do not change with the positions."""
+        return np.empty((0, 3, 3))
+
+
+class OnVertices(EnergyTerm):
+    """A term of a cage's vertices as one of the nodes of its model, times a factor.
+
+    Nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
+    `spacemap_vtk.mechanics.shell.MidSurface`; of a solid they are the vertices.
+    """
+
+    def __init__(self, term: EnergyTerm, surface: MidSurface | None, factor: float = 1.0) -> None:
+        self._term, self._surface, self._factor = term, surface, factor
+        self.nodes, self._signs = term.nodes, np.ones(term.nodes.shape)
+        self.conservative = term.conservative
+        if surface is not None:
+            ends, signs = surface.ends()
+            count = len(term.nodes)
+            self.nodes = ends[term.nodes].reshape(count, -1)
+            self._signs = signs[term.nodes].reshape(count, -1)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the term and the factor; a mesh has one surface at most."""
+        return digest_of(self._term.digest, self._factor)
+
+    def energy(self, positions: Floats) -> float:
+        """Return the energy times the factor."""
+        return self._factor * self._term.energy(self._vertices(positions))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Return its gradient with respect to the nodes."""
+        forces = self._factor * self._term.forces(self._vertices(positions))
+        return forces if self._surface is None else 2 * self._surface.nodal(forces)
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Return its second derivatives with respect to the nodes."""
+        return self._factor * self._of_nodes(self._term.tangent(self._vertices(positions)))
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Return the term's own."""
+        return self._term.largest_step(self._vertices(positions), self._vertices(move))
+
+    def inverted(self, start: Floats, positions: Floats) -> bool:
+        """Return the term's own."""
+        return self._term.inverted(self._vertices(start), self._vertices(positions))
+
+    def resisted(self) -> Floats:
+        """Return the term's own, with respect to the nodes."""
+        return self._of_nodes(self._term.resisted())
+
+    def _vertices(self, nodal: Floats) -> Floats:
+        return nodal if self._surface is None else self._surface.vertices(nodal)
+
+    def _of_nodes(self, blocks: Floats) -> Floats:
+        if self._surface is None:
+            return blocks
+        count, size = self._term.nodes.shape
+        signs = self._signs.reshape(count, size, 2)
+        parts = blocks.reshape(count, size, 3, size, 3)
+        parts = np.einsum("eaikj,eap,ekq->eapikqj", parts, signs, signs)
+        return np.asarray(parts.reshape(count, 6 * size, 6 * size))
+
+
+def tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
+    """Return the second derivatives of all terms at some positions, (3V, 3V)."""
+    return assembled([(term.nodes, term.tangent(positions)) for term in terms], positions.size)
+
+
+def assembled(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
+    """Return the sum of matrices (E, 3 n, 3 n) of elements with nodes (E, n), (size, size)."""
+    from scipy.sparse import coo_matrix
+
+    values, rows, columns = [], [], []
+    for nodes, blocks in parts:
+        dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+        each = dof.shape[1]
+        values.append(blocks.ravel())
+        rows.append(np.repeat(dof, each, axis=1).ravel())
+        columns.append(np.tile(dof, each).ravel())
+    data = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_matrix(data, shape=(size, size)).tocsr()
+
+
+#: A maker of a term on a cage: called with vertices (V, 3) [m], tetrahedra, and keyword arguments.
+Maker = Callable[..., EnergyTerm]
+
+#: What `energy_term` has registered, by kind.
+_MAKERS: dict[str, Maker] = {}
+
+
+def energy_term(kind: str) -> Callable[[Maker], Maker]:
+    """Register a function that makes a term, under the kind that recipes name.
+
+    Parameters
+    ----------
+    kind : str
+        The name, as in ``ModalSolver(terms=[{"kind": "half-space", "height": 0.0}])``.
+
+    Returns
+    -------
+    callable
+        A decorator. The function takes the undeformed vertices (V, 3) of the cage, its tetrahedra
+        (T, 4) or (T, 10), and what else the recipe has as keyword arguments.
+    """
+
+    def register(maker: Maker) -> Maker:
+        _MAKERS[kind] = maker
+        return maker
+
+    return register
+
+
+def check_recipe(recipe: Mapping[str, Any]) -> None:
+    """Refuse a recipe of no registered kind, or with other keys than its maker takes.
+
+    Parameters
+    ----------
+    recipe : mapping of str to object
+        A kind, and the arguments of its maker.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or missing.
+    """
+    kind = recipe.get("kind")
+    if kind not in _MAKERS:
+        raise InputError(
+            "no energy term of this kind is registered",
+            key="kind",
+            value=kind,
+            allowed=", ".join(sorted(_MAKERS)) or "none so far",
+            cure="Import the module that registers it with energy_term",
+        )
+    signature = inspect.signature(_MAKERS[kind])
+    values = {name: value for name, value in recipe.items() if name != "kind"}
+    try:
+        signature.bind(None, None, **values)
+    except TypeError as error:
+        raise InputError(
+            f'a term of the kind "{kind}" cannot be made: {error}',
+            value=dict(recipe),
+            allowed=", ".join(["kind", *list(signature.parameters)[2:]]),
+        ) from None
+
+
+def made(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
+    """Return the term of a recipe on a cage.
+
+    Parameters
+    ----------
+    recipe : mapping of str to object
+        A kind, and the arguments of its maker.
+    points : ndarray of float64, shape (V, 3)
+        Undeformed vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Tetrahedra.
+
+    Returns
+    -------
+    EnergyTerm
+        Of the vertices.
+    """
+    check_recipe(recipe)
+    values = {name: value for name, value in recipe.items() if name != "kind"}
+    return _MAKERS[recipe["kind"]](points, cells, **values)
+
+
+def digest_of(*parts: Any) -> str:
+    """Return a digest of arrays and other values.
+
+    Parameters
+    ----------
+    *parts : ndarray, str, int, float or bool
+        What to digest, types and shapes included.
+
+    Returns
+    -------
+    str
+        32 hexadecimal digits.
+    """
+    state = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            state.update(f"{part.dtype.str}{part.shape}".encode())
+            state.update(np.ascontiguousarray(part).data)
+        else:
+            state.update(f"{type(part).__name__}:{part};".encode())
+    return state.hexdigest()
