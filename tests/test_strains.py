@@ -9,11 +9,11 @@ from pencils import stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.energy_terms import tangent
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.plates import homogeneous
 from spacemap_vtk.mechanics.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.energy_terms import tangent
 from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra
 
 FloatArray = NDArray[np.float64]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonCore import vtkDataArray, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.energy_terms import EnergyTerm, made
 from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.plates import DataSheet, Plate
@@ -30,6 +32,9 @@ _LOCAL = "local_thickness"
 
 #: Of the gravity that a cage hangs under, or shall once it is let go [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"
+
+#: Name of the field array of the recipes of energy terms, as JSON.
+_TERMS = "energy_terms"
 
 #: Names of the arrays of what is fitted to a cage, and whether they are those of its cells.
 _FITTED = {
@@ -85,6 +90,25 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
         add_array(data, "equilibrium", model.displacement)
     if model.displacement is not None or any(gravity):
         add_array(field, GRAVITY_IN_FORCE, np.array(gravity, dtype=np.float64))
+
+
+def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -> None:
+    """Write the recipes of energy terms, see `spacemap_vtk.mechanics.energy_terms`."""
+    grid.GetFieldData().RemoveArray(_TERMS)
+    if recipes:
+        array = vtkStringArray()
+        array.SetName(_TERMS)
+        for recipe in recipes:
+            array.InsertNextValue(json.dumps(recipe))
+        grid.GetFieldData().AddArray(array)
+
+
+def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
+    """Return the energy terms that a cage's modes were computed with beside its own."""
+    array = grid.GetFieldData().GetAbstractArray(_TERMS)
+    count = 0 if array is None else array.GetNumberOfValues()
+    points, cells = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
+    return [made(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
 
 
 def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:
@@ -153,6 +177,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
         bool(array_of(field, "lumped", _OWNER)[0]),
         array_of(data, "equilibrium", _OWNER) if hung else None,
         Fittings(**fitted),
+        terms_of(grid),
     )
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time as clock
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,19 +17,20 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
-from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, add_terms, attach
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
+from spacemap_vtk.mechanics import energy_terms
 from spacemap_vtk.mechanics.bending import Locking, locking, proportions_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.energy_terms import digest_of
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.energy_terms import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
@@ -165,6 +167,37 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     _yarns: YarnParameters | YarnMechanics | None = None
     _followed: weakref.ref[Stage] | None = None
 
+    #: The recipes of `terms`.
+    _terms: tuple[dict[str, Any], ...] = ()
+
+    def __init__(self, *, terms: Sequence[Mapping[str, Any]] = (), **values: Any) -> None:
+        super().__init__(**values)
+        self.terms = terms
+
+    @property
+    def terms(self) -> Sequence[Mapping[str, Any]]:
+        """Further terms of the cage's energy: for each its kind and the arguments of its maker.
+
+        A kind is registered with `spacemap_vtk.mechanics.energy_terms.energy_term`. Equilibrium,
+        modes and steps obey the terms; positions count from the base. Scene files have no key for
+        them.
+        """
+        return self._terms
+
+    @terms.setter
+    def terms(self, recipes: Sequence[Mapping[str, Any]]) -> None:
+        for number, recipe in enumerate(recipes):
+            with naming(f"terms[{number}]"):
+                energy_terms.check_recipe(recipe)
+        try:
+            found = tuple(json.loads(json.dumps([dict(recipe) for recipe in recipes])))
+        except TypeError as error:
+            allowed = "numbers, texts, lists and tables"
+            raise InputError(f"{error}", key="terms", value=recipes, allowed=allowed) from None
+        if found != self._terms:
+            self._terms = found
+            self.Modified()
+
     @property
     def yarns(self) -> YarnParameters | YarnMechanics | None:
         """What the yarns of the weave in the cage resist; a stage's parameters are followed."""
@@ -215,17 +248,21 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             material, mass = self._plate(grid, sheet)
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
+        terms = [energy_terms.made(recipe, vertices, elements) for recipe in self._terms]
         made = vertices, elements, material, density, held, self.mass == "lumped"
-        self._model = model = Model(*made, None, fittings)
+        self._model = model = Model(*made, None, fittings, terms)
         layers = layers if linear else 2 * layers
-        if self.hangs and (load := self._dead_load(grid, model)).any():
-            # The first is kept, too: its strains are those of the next equilibrium.
-            self._rest, rest = model, self._hung(model, load, layers)
-            self._model = model = Model(*made, rest, fittings)
+        if self.hangs:
+            load = self._dead_load(grid, model)
+            if load.any() or any(term.forces(vertices).any() for term in terms):
+                # The first is kept, too: its strains are those of the next equilibrium.
+                self._rest, rest = model, self._hung(model, load, layers)
+                self._model = model = Model(*made, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._solved(model, layers)
 
         output.ShallowCopy(grid)
         attach(output, model, self.gravity)
+        add_terms(output, self._terms)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
         for array in self._mode_arrays(shapes, model.density):
@@ -288,7 +325,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @property
     def hangs(self) -> bool:
         """Whether there is something that the cage hangs under, and it shall."""
-        return self.hang and (any(self.gravity) or bool(self.dead_loads))
+        return self.hang and (any(self.gravity) or bool(self.dead_loads) or bool(self._terms))
 
     @property
     def arrays(self) -> dict[str, Provided]:

@@ -23,8 +23,8 @@ from spacemap_vtk.filters.load_parameters import (
 )
 from spacemap_vtk.filters.modal_solver import hung
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
-from spacemap_vtk.mechanics.inverted import warning
 from spacemap_vtk.mechanics.energy_terms import digest_of
+from spacemap_vtk.mechanics.inverted import warning
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.supports import held_components, held_directions
 from spacemap_vtk.ndarrays import Floats
@@ -237,6 +237,7 @@ class TransientResponse(LoadParameters, Stage):
                 model.lumped,
                 None,
                 fittings,
+                model.terms,
             )
         found, _ = hung(model, load, lambda share: self.report(share, "hanging"))
         return found if model.displacement is None else found + model.displacement

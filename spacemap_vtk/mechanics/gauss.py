@@ -150,7 +150,7 @@ class Gauss:
         drag: Floats | None = None,
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
-        #: Numbers of the terms that are strains; of the others; and which of these do external work.
+        #: Numbers of the terms that are strains, of the others, and which of these are driven.
         self._strained = [k for k, t in enumerate(body.terms) if isinstance(t, Strains)]
         self._kinds = [term for term in body.terms if isinstance(term, Strains)]
         self._others = [k for k, t in enumerate(body.terms) if not isinstance(t, Strains)]

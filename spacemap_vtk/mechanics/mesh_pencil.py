@@ -18,7 +18,6 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, stiffness
 from spacemap_vtk.mechanics.energy_terms import (
     EnergyTerm,
-    OnVertices,
     assembled,
     digest_of,
     tangent,
@@ -30,6 +29,7 @@ from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import free_pairs, mid_surface, of_pairs, of_quads, of_sheet
 from spacemap_vtk.mechanics.strains import Strains, of_base, of_tetrahedra
 from spacemap_vtk.mechanics.supports import free_motions
+from spacemap_vtk.mechanics.vertex_terms import OnVertices
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class MeshPencil(Pencil):
 
     @cached_property
     def elements(self) -> list[Strains]:
-        """The strains of the elements: of a sheet those of its quadrilaterals, then of its pairs."""
+        """The strains of the elements; of a sheet those of its quadrilaterals, then its pairs."""
         factors = self._stiff
         if self.surface is None:
             return [of_tetrahedra(self._points, self._cells, self.material[0], factors)]
@@ -141,7 +141,8 @@ class MeshPencil(Pencil):
     def others(self) -> list[EnergyTerm]:
         """The springs, where there are any, and what is added."""
         found = self.fittings.springs
-        return self.added if found is None else [self._against_base(found), *self.added]
+        springs = [] if found is None else [self._against_base(found)]
+        return [*springs, *self.added]
 
     @property
     def terms(self) -> list[EnergyTerm]:

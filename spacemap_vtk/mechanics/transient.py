@@ -23,13 +23,14 @@ from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.body import Body
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.energy_terms import OnVertices, TermState
+from spacemap_vtk.mechanics.energy_terms import TermState
 from spacemap_vtk.mechanics.follower import FollowerPressure
 from spacemap_vtk.mechanics.gauss import STAGES, Acting, Gauss
 from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.strains import StrainState
 from spacemap_vtk.mechanics.timefunctions import Sine, is_constant
+from spacemap_vtk.mechanics.vertex_terms import OnVertices
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Progress
 

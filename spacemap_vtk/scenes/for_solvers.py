@@ -77,6 +77,8 @@ def _refuse(model: Model) -> None:
             key="gravity",
             cure='Let it begin undeformed: "--set modal.hang=false".',
         )
+    if model.terms:
+        raise InputError("energy terms of ModalSolver.terms are not written", key="terms")
     for name, key in _FITTED.items():
         if name in model.fittings.given:
             raise InputError(
