@@ -108,6 +108,12 @@ def _left_in(folder: Path) -> Iterator[int]:
         yield max(most - used + files, 0)
 
 
+def fits(size: int) -> bool:
+    """Return whether so many bytes can be taken."""
+    free = available() if size > SMALL else None
+    return free is None or size <= free
+
+
 def require(
     size: int,
     what: str,

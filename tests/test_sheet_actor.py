@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw import form, picture, sheet_actor
+from spacemap_vtk.draw import sheet_actor
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 
 #: Share of a picture of a face that is left free at each edge.
@@ -63,8 +64,7 @@ WEAVE: dict[str, Any] = {
 def crossings(monkeypatch: pytest.MonkeyPatch) -> Image:
     """The light of each crossing of a repeat, as a sheet shows it with ten pixels for each."""
     with monkeypatch.context() as patch:
-        for module in (form, picture):
-            patch.setattr(module, "SMALLEST_YARN", np.inf)
+        patch.setattr(level_of_detail, "SMALLEST_YARN", np.inf)
         image, seen = drawn((300, 300), {}, ends=30, picks=30, **WEAVE)
     assert seen.pieces is None
     middle = (300 * (MARGIN + (1 - 2 * MARGIN) * (np.arange(30) + 0.5) / 30)).astype(int)
@@ -97,7 +97,7 @@ def test_half_black_and_half_white_is_188_of_255(
     camera: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert codes_of(np.array(0.5)) == pytest.approx(187.5, abs=0.1)
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     means = []
     for odd, even in ((WHITE, WHITE), (BLACK, BLACK), (BLACK, WHITE)):
         colors = {"warp_color": [odd, even], "weft_color": [odd, even]}
@@ -122,7 +122,7 @@ def test_a_cloth_of_few_thin_yarns_has_exact_means() -> None:
 def test_yarns_of_few_pixels_look_as_if_they_were_made(
     pixels: float, open_: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     weave = {**WEAVE, "ends": 35, "picks": 32, "pattern": "satin 5/2"}
     if open_:  # round yarns, half of the cloth holes
         weave |= {f"{family}_section": "circular" for family in ("warp", "weft")}
@@ -132,7 +132,7 @@ def test_yarns_of_few_pixels_look_as_if_they_were_made(
     large, seen = drawn((fine * side, fine * side), {}, **weave)
     assert seen.pieces is not None
     exact = light_of(large).reshape(side, fine, side, fine, 3).mean(axis=(1, 3))
-    monkeypatch.setattr(form, "_LONG", 0)
+    monkeypatch.setattr(level_of_detail, "SHADER_PATCHES", 0)
     found, seen = drawn((side, side), {}, **weave)
     assert seen.pieces is None
     inner = slice(round(4 * pixels), -round(4 * pixels))
@@ -149,8 +149,8 @@ def test_no_yarn_of_a_large_draft_is_made_for_a_picture_of_few_pixels_each() -> 
 
 
 def test_yarns_of_unequal_diameters_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
-    monkeypatch.setattr(form, "_LONG", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "SHADER_PATCHES", 0)
     cloth = {"ends": 31, "picks": 31, "pattern": "plain"}
     for diameter, made in ((0.2e-3, False), ([0.2e-3, 0.3e-3], True)):
         _, seen = drawn((100, 100), {}, **cloth, warp_diameter=diameter)

@@ -139,7 +139,7 @@ def test_a_sheet_names_what_it_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prepare_offscreen()
-    monkeypatch.setattr("spacemap_vtk.draw.form._MANY_PATCHES", 1)
+    monkeypatch.setattr("spacemap_vtk.scenes.level_of_detail.MANY_PATCHES", 1)
     monkeypatch.setenv(VARIABLE, "never")
     file = tmp_path / "a.png"
     words = ["--set", "weave.ends=60", "--set", "weave.picks=60", "--size", "80x60"]

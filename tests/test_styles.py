@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw import form
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.styles import STYLES
 
@@ -53,7 +53,7 @@ def test_schematic_is_flat_and_lined() -> None:
 def test_afar_a_sheet_has_lines_too(monkeypatch: pytest.MonkeyPatch) -> None:
     many = {"ends": 32, "picks": 32, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
     fine = drawn("blueprint", 320, **many)[80:240, 80:240].mean(axis=(0, 1))
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     scene = Scene({"weave": {**WEAVE, **many}, "view": {"style": "blueprint", "camera": "front"}})
     picture = Picture(scene, [0.0], (48, 48))
     afar = picture.draw(0.0)[12:36, 12:36].mean(axis=(0, 1))

@@ -15,9 +15,10 @@ require_display()
 from spacemap_vtk.app import pipeline  # noqa: E402
 from spacemap_vtk.app.job import Job, Pull, Swing  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
-from spacemap_vtk.draw import near  # noqa: E402
+from spacemap_vtk.draw import yarn_parts  # noqa: E402
 from spacemap_vtk.draw.camera import Seen, Viewpoint, projected  # noqa: E402
 from spacemap_vtk.draw.frame import Frame  # noqa: E402
+from spacemap_vtk.scenes import level_of_detail  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 SCENE = """
@@ -67,8 +68,8 @@ def at_rest(window: Any) -> bool:
 def test_yarns_are_made_where_they_are_seen_near(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
-    monkeypatch.setattr(near, "MOST_PATCHES", 12_000)
+    monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)
+    monkeypatch.setattr(level_of_detail, "NEAR_PATCHES", 12_000)
     window = opened(60)
     view = window.view
     wait_until(lambda: at_rest(window))
@@ -125,7 +126,7 @@ def test_yarns_in_sight_move_as_all_together_do(
     job = Job(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
 
     def drawn(few: int) -> Frame:
-        monkeypatch.setattr(pipeline, "_FEW_PATCHES", few)
+        monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", few)
         nothing: Any = lambda *_: None  # noqa: E731
         return pipeline.Pipeline(nothing, nothing).run(job)
 
@@ -141,7 +142,7 @@ def test_yarns_in_sight_move_as_all_together_do(
 def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
+    monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)
     window = opened(24)
     view, director = window.view, window.director
     wait_until(lambda: at_rest(window) and view.frame.yarns is not None)
@@ -152,7 +153,7 @@ def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
         wait.wait(20.0)
         return ""
 
-    monkeypatch.setattr(near.NearYarns, "follow", slow)
+    monkeypatch.setattr(yarn_parts.NearYarns, "follow", slow)
     view.zoom(1.5)
     wait_until(going.is_set)
     assert director._looking
@@ -190,7 +191,7 @@ def test_many_facets_are_fewer_while_the_camera_moves(
 def test_a_sheet_lies_flat_again_without_its_motion(
     way_back: str, open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
+    monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)
     file = tmp_path / "still.toml"
     file.write_text("[weave]\nends = 24\npicks = 24\n")
     window = open_window(str(file))

@@ -27,14 +27,14 @@ from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.widgets import row
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.order import Order, as_text
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import PictureAsked
+from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.level_of_detail import choose_level
 
 #: Milliseconds that a process which is ended has for ending its own.
 _PATIENCE = 500
@@ -215,7 +215,7 @@ class Exports(QObject):
 
         def check(path: Path, size: tuple[int, int], frames: int) -> None:
             Order(kind, _numbered(kind, path))
-            Sheet.required(scene, PictureAsked(size, frames))
+            choose_level(scene, PictureRequest(size, frames))
 
         sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._proposal(ending), scene.view.transparent

@@ -21,12 +21,12 @@ from spacemap_vtk.app.interrupt import Interrupt, Interrupted
 from spacemap_vtk.app.job import Job, Pull, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.draw.cloth_sheet import Sheet
 from spacemap_vtk.draw.coloring import add_measure
-from spacemap_vtk.draw.detail import Detail, pixels_enough
-from spacemap_vtk.draw.form import Sheet
+from spacemap_vtk.draw.facets import Facets, pixels_enough
 from spacemap_vtk.draw.frame import Frame, add_shape, frame_of
-from spacemap_vtk.draw.near import NearYarns
 from spacemap_vtk.draw.sheet_actor import thinned
+from spacemap_vtk.draw.yarn_parts import NearYarns
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -36,13 +36,16 @@ from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, PatchTessell
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.footprint import drawing_bytes
+from spacemap_vtk.scenes.footprint import DRAWN_POINT
+from spacemap_vtk.scenes.level_of_detail import (
+    DrawnCloth,
+    choose_level,
+    most_detail,
+)
 from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
 COARSE_QUADS = 8_000
-#: More patches are not drawn all together: as far as they are in sight, in facets that are seen.
-_FEW_PATCHES = 60_000
 #: Cells along each side of a sheet that moves, or is seen while the camera does.
 _MOVING_CELLS = 48
 #: Of more patches, all in sight, fibres are too fine for the window; those in view have theirs.
@@ -78,7 +81,7 @@ class Pipeline:
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
         #: What gives near yarns more facets, and pixels of a metre up to which nobody needs them.
-        self._detail: Detail | None = None
+        self._detail: Facets | None = None
         self._enough = 0.0
         self._sheet: Sheet | None = None
         self._near: NearYarns | None = None
@@ -159,16 +162,16 @@ class Pipeline:
         automatic = scene.woven is not None and scene.surface.subdivisions is None
         return automatic and scene.view.color != "clearance"
 
-    def _detail_of(self, scene: Scene, source: Stage, job: Job) -> Detail | None:
+    def _detail_of(self, scene: Scene, source: Stage, job: Job) -> Facets | None:
         """Return what gives yarns near the camera more facets; None where nobody would see them."""
-        assert scene.woven is not None
-        grid, cloth = source.GetOutputDataObject(0), scene.woven.cloth
+        grid, cloth = source.GetOutputDataObject(0), DrawnCloth.of(scene)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
-        self._enough = pixels_enough(cloth, points, patches)
+        assert cloth is not None
+        self._enough = pixels_enough(cloth.plies, points, patches)
         if job.seen is None:
             self._detail = None
             return None
-        new = Detail.of_cloth(cloth, job.seen)
+        new = Facets(job.seen, most_detail(cloth, job.seen.size))
         wanted = new(points, patches)
         # What has as many, and not far more, stays: nothing is made again for a small turn.
         present = (
@@ -267,7 +270,8 @@ class Pipeline:
         """Return the sheet that a cloth of many yarns is drawn as."""
         found = self._sheet
         if found is None or not found.serves(scene):
-            self._sheet = found = Sheet.of(scene, few=_FEW_PATCHES)
+            many = choose_level(scene, window=True).has_sheet
+            self._sheet = found = Sheet(scene) if many else None
             self._near = self._near_drawn = None  # of the scene before
         return found
 
@@ -318,7 +322,7 @@ class Pipeline:
 
     def _require_drawn(self, surface: vtkPolyData) -> None:
         """Refuse a surface that could not be drawn; what is drawn already takes no more."""
-        size = drawing_bytes(surface.GetNumberOfCells(), surface.GetNumberOfPoints())
+        size = DRAWN_POINT * surface.GetNumberOfPoints()
         if size > self._drawn:
             require(
                 size - self._drawn,

@@ -23,13 +23,13 @@ from spacemap_vtk.draw.camera import (
     aim,
     half_height,
     nearer,
+    pixels_per_metre,
     projected,
     refitted,
     seen_from,
     stand_upright,
     upward,
 )
-from spacemap_vtk.draw.form import pixels_per_metre
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.lighting import FINE_SAMPLES

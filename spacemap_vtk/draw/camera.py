@@ -236,6 +236,15 @@ def pixels_of(camera: vtkCamera, height: float) -> float:
     return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
 
 
+def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
+    """Return how large a picture of some height shows what is nearest of some points."""
+    if camera.GetParallelProjection():
+        return pixels_of(camera, height)
+    away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
+    near = max(float(away.min()), 1e-3 * camera.GetDistance())
+    return pixels_of(camera, height) * camera.GetDistance() / near
+
+
 def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
     """Return homogeneous places of points, (n, 4): in the picture x and y are within w."""
     matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)

@@ -27,9 +27,9 @@ import PIL.Image
 
 from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.form import Sheet
+from spacemap_vtk.draw.cloth_sheet import Sheet
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
-from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_facets, over_motion
+from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_scale, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
@@ -37,7 +37,8 @@ from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
 from spacemap_vtk.ndarrays import Tell
-from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, picture_bytes
+from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, taken, vanishing
@@ -85,9 +86,9 @@ class FilmJob:
         return cls(scene.file, settings, scene.given, times, *seen)
 
     @property
-    def asked(self) -> PictureAsked:
-        """What it takes its memory for."""
-        return PictureAsked(self.size, len(self.times), self.panels)
+    def request(self) -> PictureRequest:
+        """The pictures it consists of."""
+        return PictureRequest(self.size, len(self.times), self.panels, self.wireframe)
 
     def scene(self) -> Scene:
         """Return the scene, not yet run."""
@@ -354,8 +355,9 @@ def _drawn_by(
     if draws_without_opengl():
         scene.warn(WITHOUT_OPENGL)
     # What is solved here they find in the cache.
-    choose = partial(choose_facets, scene, job.size, job.panels, job.place, False)
-    extent = over_motion(scene, job.times, _sheet(scene, job), choose)
+    choose = partial(choose_scale, scene, job.size, job.panels, job.place, False)
+    sheet = Sheet(scene) if choose_level(scene, job.request).has_sheet else None
+    extent = over_motion(scene, job.times, sheet, choose)
     tasks = [(job, kept, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
@@ -391,15 +393,10 @@ def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
     """Return how many processes draw frames."""
     if asked == 1 or not frames:
         return 1
-    if _sheet(scene, job) is not None:
+    level = choose_level(scene, job.request)
+    if level.has_sheet:
         return asked or 1  # drawn piece by piece, it keeps the cores busy
-    need = picture_bytes(scene, job.asked) if scene.woven is not None else 0
-    return process_count(frames, frames * prod(job.size) // _WORTHWHILE, need, asked)
-
-
-def _sheet(scene: Scene, job: FilmJob) -> Sheet | None:
-    """Return what stands for yarns that are not in memory together."""
-    return Sheet.of(scene, fits_picture(scene, job.asked))
+    return process_count(frames, frames * prod(job.size) // _WORTHWHILE, level.bytes, asked)
 
 
 @contextmanager

@@ -11,30 +11,43 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, metres_from, pixels_of, upward
+from spacemap_vtk.draw.camera import (
+    Seen,
+    Viewpoint,
+    aim,
+    metres_from,
+    pixels_of,
+    pixels_per_metre,
+    upward,
+)
+from spacemap_vtk.draw.cloth_sheet import Sheet
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.compose import Background, Shaded, composed, gradient, nothing
-from spacemap_vtk.draw.detail import facets_seen, near_quads
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre
+from spacemap_vtk.draw.facets import choose_facets
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.offscreen import Offscreen, open_offscreen
-from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade, part_with
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
-from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
+from spacemap_vtk.draw.yarn_parts import DrawnPieces
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import (
     SAMPLES,
-    PictureAsked,
+    PictureRequest,
     grain_of,
     panels_of,
-    require_picture,
     widths_of,
+)
+from spacemap_vtk.scenes.level_of_detail import (
+    DrawnCloth,
+    Form,
+    LevelOfDetail,
+    choose_level,
+    require_level,
 )
 from spacemap_vtk.scenes.scene import Scene
 
@@ -45,8 +58,6 @@ Image = Bytes
 #: Points that span a motion, (n, 3), and the ends of its scale.
 Extent = tuple[Floats, Span | None]
 
-#: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
-_FINE = 4.0
 #: Facets a quarter of a yarn from which distances are right to about a hundredth of its diameter.
 _ROUND = 4
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
@@ -112,56 +123,48 @@ class Picture:
         clear: bool = False,
         wireframe: bool = False,
     ) -> None:
-        if draws_without_opengl():  # a machine that cannot draw need not solve
+        opengl = not draws_without_opengl()  # a machine that cannot draw need not solve
+        if not opengl:
             scene.warn(WITHOUT_OPENGL)
         self._wireframe = wireframe
         self._place, self._bare, self._clear = place, bare, bare or clear
         self.scene = scene
         width, height = size or picture_size(scene)
         panels = panels_of(scene, show)
-        self._asked = PictureAsked((width, height), len(times), panels)
-        sheet = Sheet.required(scene, self._asked)
-        #: Whether the sheet's shader shows each yarn, and none is made.
-        self._resolved = (
-            sheet is not None
-            and not (wireframe or draws_without_opengl())
-            and sheet.resolves((width, height))
-        )
-        choose = partial(choose_facets, scene, (width, height), show, place, bare)
-        room, self._span = extent or over_motion(scene, times, sheet, choose)
+        self._request = PictureRequest((width, height), len(times), panels, wireframe)
+        #: How yarns are drawn.
+        self.level = choose_level(scene, self._request, opengl=opengl)
+        #: What all yarns are in; None: they are in memory together.
+        self.sheet = Sheet(scene) if self.level.has_sheet else None
+        choose = partial(choose_scale, scene, (width, height), show, place, bare)
+        room, self._span = extent or over_motion(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
-        #: What all yarns are in; None: they are few, and in memory together.
-        self.sheet = sheet
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
         self._choose_form(room, begun=extent is None)
-        self._cut = cut_of(scene.view, scene.patches if sheet is None else sheet.moved)
+        self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
     def _choose_form(self, room: Floats, begun: bool) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
-        scene, camera = self.scene, self.panels[-1].window.camera
-        if scene.woven is None:
+        scene, panel = self.scene, self.panels[-1]
+        cloth = DrawnCloth.of(scene)
+        if cloth is None:
             return
-        seen = Seen.through(camera, self.panels[-1].size)
-        pixels, near = _choose_facets(scene, room, seen)
-        fine = pixels < _FINE
-        quads = near_quads(seen.size) if near else 0
-        asked = self._asked._replace(sides=scene.surface.sides, fine=fine, near_quads=quads)
-        if fine:
-            self.panels[-1].window.take_samples(SAMPLES)
-        if scene.view.color == "clearance":
+        seen = Seen.through(panel.window.camera, panel.size)
+        self.level = _at_camera(scene, cloth, self.level, room, seen)
+        if self.level.is_sampled:
+            panel.window.take_samples(SAMPLES)
+        if cloth.clearance:
             self._tell_of_facets()
-        if self.sheet is None:
-            require_picture(scene, asked._replace(begun=begun))
-        elif self._resolved:
-            for panel in self.panels:
-                panel.shown.sheet.resolve(True)
-        elif scene.surface.subdivisions is not None or pixels >= SMALLEST_YARN:
-            self.pieces = DrawnPieces(scene)
-            require_picture(scene, asked, self.pieces.count)
+        require_level(scene, cloth, self._request, self.level, begun)
+        if self.level.form is Form.SHADER:
+            for each in self.panels:
+                each.shown.sheet.resolve(True)
+        if self.level.form in (Form.PIECES, Form.TILES):
+            self.pieces = DrawnPieces(scene, self.level)
 
     def _tell_of_facets(self) -> None:
         """Say that distances on few facets are rough: each is taken for flat."""
@@ -259,7 +262,7 @@ class Picture:
         look = Look(fabric, cage, self._wireframe, scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
         block, samples = grain_of(panel, shaded, size)
-        if self._resolved:
+        if self.level.form is Form.SHADER:
             block, samples = 1, SAMPLES  # the shader looks at many places in each pixel
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
@@ -295,48 +298,47 @@ def _aim(
         place.take(camera)
 
 
-def _choose_facets(scene: Scene, room: Floats, seen: Seen) -> tuple[float, bool]:
-    """Choose facets by what is seen; return a yarn's pixels, and whether near ones have more."""
-    assert scene.woven is not None
-    cloth, scale = scene.woven.cloth, pixels_per_metre(seen.camera, room, seen.size[1])
-    sides, strands, detail = facets_seen(cloth, scale, seen)
-    if detail is not None and scene.view.color == "clearance":
-        # Tiles in which clearances are measured have as many facets in each patch.
-        sides, detail = MOST_SIDES, None
-    scene.surface.choose(sides, strands, detail)
-    near = detail is not None and scene.surface.subdivisions is None
-    return scale * max(threads.mean_spacing(0.0) for threads in cloth.threads), near
+def _at_camera(
+    scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, room: Floats, seen: Seen
+) -> LevelOfDetail:
+    """Return the level of detail of points that are seen, and let a scene have its facets."""
+    scale = pixels_per_metre(seen.camera, room, seen.size[1])
+    found = level.at_scale(cloth, scale, seen.size)
+    choose_facets(scene.surface, found, seen)
+    return found
 
 
-def choose_facets(
+def choose_scale(
     scene: Scene,
     size: tuple[int, int],
     show: Sequence[str],
     place: Viewpoint | None,
     bare: bool,
     room: Floats,
-) -> float:
-    """Let a scene have the facets of pictures of some points; return the pixels between yarns."""
-    if scene.woven is None:
-        return 0.0
+) -> bool:
+    """Let a scene have the facets of pictures of some points; return whether yarns are seen."""
+    cloth = DrawnCloth.of(scene)
+    if cloth is None:
+        return False
     camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
     scaled = COLORINGS[scene.view.color].numbers and not bare
     share = scale_share((width, size[1])) if scaled else 0.0
     _aim(scene, camera, room, (1 - share) * width / size[1], place)
     camera.SetWindowCenter(share, 0.0)
-    return _choose_facets(scene, room, Seen.through(camera, (width, size[1])))[0]
+    seen = Seen.through(camera, (width, size[1]))
+    return _at_camera(scene, cloth, LevelOfDetail(), room, seen).shows_yarns
 
 
 def over_motion(
     scene: Scene,
     times: Sequence[float],
     sheet: Sheet | None = None,
-    choose: Callable[[Floats], float] | None = None,
+    choose: Callable[[Floats], bool] | None = None,
 ) -> Extent:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
-    # The scale is that of the facets that `choose` chooses for these points; it returns the pixels
-    # from yarn to yarn.
-    sheet = sheet or Sheet.of(scene)
+    # The scale is that of the facets that `choose` chooses for these points; it returns whether
+    # yarns are wide enough to be seen.
+    sheet = sheet or Sheet.if_many(scene)
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[AnyFloats] = []
@@ -359,8 +361,8 @@ def over_motion(
         shadow[:, up] = room[:, up].min()
         room = np.concatenate([room, shadow])
     # Facets cost more than what moves them: they are made once it is known how many, if at all.
-    pixels = 0.0 if choose is None else choose(room)
-    if sheet is not None and pixels >= SMALLEST_YARN:
+    seen = choose is not None and choose(room)
+    if sheet is not None and seen:
         sheet.sides = scene.surface.sides
     numbered = COLORINGS[scene.view.color].numbers
     ends = [end for time in chosen for end in _ends(scene, time, sheet)] if numbered else []

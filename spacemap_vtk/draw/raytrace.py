@@ -18,9 +18,8 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import linear
-from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, projected
+from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, pixels_per_metre, projected
 from spacemap_vtk.draw.compose import gradient
-from spacemap_vtk.draw.form import pixels_per_metre
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, over_motion
 from spacemap_vtk.draw.seen_yarns import SeenYarns

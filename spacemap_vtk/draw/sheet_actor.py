@@ -42,6 +42,7 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
 from spacemap_vtk.ndarrays import Bytes, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
 
 #: The textures: colours of the yarns that lie on top, 0 elsewhere; and colours of all, with an
@@ -49,8 +50,6 @@ from spacemap_vtk.scenes.styles import Style
 _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
 #: Halvings of a texture that are exact means: its sides are multiples of 2 to this power.
 _LEVELS = 6
-#: Most texels in a row of a texture, a power of 2: older graphics cards take no more.
-LONGEST_ROW = 8192
 #: Texels that a pixel sums up before it takes those of half the width and height.
 _MOST_TEXELS = 1024
 #: Places along each side of a pixel where yarns of some pixels are looked for.

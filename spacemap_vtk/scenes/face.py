@@ -24,7 +24,7 @@ def picture_size(scene: Scene) -> tuple[int, int]:
         width, height = scene.view.size
         return width, height
     try:
-        woven = _face(scene)
+        woven = face_of(scene)
         if woven is None:
             return USUAL_SIZE
         cloth = woven.cloth
@@ -43,7 +43,7 @@ def picture_size(scene: Scene) -> tuple[int, int]:
 
 def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
     """Leave out the end of a still cloth that is far longer than wide, and warn of that."""
-    woven = _face(scene)
+    woven = face_of(scene)
     if woven is None:
         return
     section = scene.source.section
@@ -59,18 +59,10 @@ def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
             )
 
 
-def face_pixels(scene: Scene, size: tuple[int, int]) -> float:
-    """Return how many pixels a yarn of a still cloth's face has; infinity of what is no face."""
-    woven = _face(scene)
-    if woven is None:
-        return float("inf")
-    try:
-        cloth = woven.cloth
-    except SpacemapError:
-        return float("inf")
+def face_scale(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> float:
+    """Return how many pixels a metre of a scene's cloth has in a picture of all its face."""
     each = zip(size, lengths_of(cloth), strict=True)
-    scale = scene.view.zoom * min(pixels / length for pixels, length in each)
-    return scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+    return scene.view.zoom * min(pixels / length for pixels, length in each)
 
 
 def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[int, int]:
@@ -84,7 +76,7 @@ def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[in
     return counts[0], counts[1]
 
 
-def _face(scene: Scene) -> Woven | None:
+def face_of(scene: Scene) -> Woven | None:
     """Return the textile whose face a picture shows undistorted; None of any other picture."""
     return scene.woven if scene.view.camera == FLAT and not scene.moves else None
 

@@ -20,7 +20,8 @@ from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import PictureAsked, picture_bytes
+from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.scene import Scene
 
 #: More are a mistake in the lists.
@@ -108,13 +109,9 @@ class Sweep:
 
 
 def _bytes(scene: Scene) -> int:
-    """Return what it takes to draw a fabric; of one drawn in parts all that there is."""
-    try:
-        if scene.woven is None:
-            return 0
-        return picture_bytes(scene, PictureAsked(picture_size(scene)))
-    except SizeError:
-        return sys.maxsize
+    """Return the memory that drawing takes; of yarns drawn in pieces all that there is."""
+    level = choose_level(scene, PictureRequest(picture_size(scene)))
+    return sys.maxsize if level.has_sheet else level.bytes
 
 
 def sweep_of(

@@ -13,17 +13,12 @@ import math
 import numpy as np
 
 from spacemap_vtk.draw.camera import Seen, pixels_of, projected
-from spacemap_vtk.draw.form import form_seen, plies_seen
 from spacemap_vtk.fabric.bezier import quadrilateral_order
-from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.plies import sharpness
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bools, Floats, Ints
+from spacemap_vtk.scenes.level_of_detail import LEAST_SIDES, LevelOfDetail
 
-#: Facets out of sight, along each side of a patch.
-LEAST = AUTOMATIC_SIDES
-#: Facets of all patches in sight: at least so many, and more for so many pixels each.
-_QUADS, _PIXELS = 600_000, 4
 #: How far facets may be from their patch, in pixels. An eye finds half a pixel in an outline.
 _ERROR = 0.4
 #: Most facets along each side of a patch.
@@ -37,28 +32,20 @@ _SAMPLE = 4000
 _ORDER = quadrilateral_order(3, 3)
 
 
-class Detail:
-    """The facets of each patch of a surface that is seen from one place."""
+class Facets:
+    """The number of facets along each side of each patch, seen from one place."""
 
-    # Out of sight, and where nobody needs more, they are `least` along each side; all that are in
-    # sight together are `most_quads` at most. Plied yarns are `plied` times as curved as their
-    # patches, see `spacemap_vtk.fabric.plies.sharpness`.
+    # Out of sight, and where nobody needs more, there are `level.sides`; all that are in sight
+    # together are `level.near_quads` at most. Plied yarns are more curved than their patches.
 
-    def __init__(self, seen: Seen, least: int, most_quads: int, plied: float = 1.0) -> None:
-        self.seen, self._least, self._most_quads, self._plied = seen, least, most_quads, plied
-        self._key = seen, least, most_quads, plied
+    def __init__(self, seen: Seen, level: LevelOfDetail) -> None:
+        self.seen, self._least, self._most_quads = seen, level.sides, level.near_quads
+        self._sharpness = sharpness(level.plies)
+        self._key = seen, level.sides, level.near_quads, level.plies
         self._camera = seen.camera
-        #: Whether facets may be seen: there were too many patches near the camera.
-        self.short = False
-
-    @classmethod
-    def of_cloth(cls, cloth: Cloth, seen: Seen) -> Detail:
-        """Return the detail of a cloth whose plies are made however small they are seen."""
-        curved = sharpness(plies_seen(cloth, np.inf))
-        return cls(seen, LEAST, near_quads(seen.size), curved)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Detail) and self._key == other._key
+        return isinstance(other, Facets) and self._key == other._key
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -71,7 +58,6 @@ class Detail:
             many = float(np.square(levels[sight]).sum())
             if many <= self._most_quads:
                 break
-            self.short = True
             needed *= 0.95 * math.sqrt(self._most_quads / many)
             levels = self._levels(needed)
         return levels
@@ -96,9 +82,8 @@ class Detail:
         if not self._camera.GetParallelProjection():
             far = self._camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
-        bent = self._plied * _bending(points, patches[sight])
-        found[sight] = needed = np.sqrt(bent * scale / (8 * _ERROR))
-        self.short = float(needed.max(initial=0.0)) > _MOST_SIDES
+        bent = self._sharpness * _bending(points, patches[sight])
+        found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
         return found
 
     def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
@@ -112,28 +97,17 @@ class Detail:
         return seen, w[patches[seen]].min(axis=1, initial=np.inf) / _BEYOND
 
 
-def facets_seen(
-    cloth: Cloth, scale: float, seen: Seen, most_least: int = LEAST
-) -> tuple[int, bool, Detail | None]:
-    """Return what `PatchTessellator.choose` takes for a cloth of so many pixels a metre at most."""
-    sides, strands = form_seen(cloth, scale)
-    if sides < MOST_SIDES:
-        return sides, strands, None
-    least = min(LEAST, most_least)
-    curved = sharpness(plies_seen(cloth, scale))
-    return least, strands, Detail(seen, least, near_quads(seen.size), curved)
+def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: Seen) -> None:
+    """Let a stage make the facets of a level of detail."""
+    facets = Facets(seen, level) if level.near_quads else None
+    stage.choose(level.sides, level.fibres, facets)
 
 
-def pixels_enough(cloth: Cloth, points: AnyFloats, patches: AnyInts) -> float:
-    """Return how many pixels a metre may have until the least facets are too few."""
+def pixels_enough(plies: int, points: AnyFloats, patches: AnyInts) -> float:
+    """Return the pixels of a metre up to which patches of plied yarns need no more facets."""
     some = patches[:: 1 + len(patches) // _SAMPLE]
-    bent = sharpness(plies_seen(cloth, np.inf)) * _bending(points, some).max(initial=0.0)
-    return 8 * _ERROR * LEAST**2 / max(float(bent), 1e-30)
-
-
-def near_quads(size: tuple[int, int]) -> int:
-    """Return how many facets patches in sight may have in a picture of some size."""
-    return max(_QUADS, size[0] * size[1] // _PIXELS)
+    bent = sharpness(plies) * _bending(points, some).max(initial=0.0)
+    return 8 * _ERROR * LEAST_SIDES**2 / max(float(bent), 1e-30)
 
 
 def _bending(points: AnyFloats, patches: AnyInts) -> Floats:

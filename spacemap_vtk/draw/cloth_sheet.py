@@ -1,4 +1,4 @@
-"""In which form a cloth is drawn: yarns in as many facets as can be seen, or a sheet from afar."""
+"""A cloth as a sheet that moves with its cage, in place of yarns too many to be in memory."""
 
 from __future__ import annotations
 
@@ -7,40 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
-from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
-from spacemap_vtk.draw.camera import pixels_of
-from spacemap_vtk.draw.graphics import draws_without_opengl
-from spacemap_vtk.draw.sheet_actor import LONGEST_ROW, add_directions, sheet_of
-from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of, yarn_settings
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.draw.clearance_tiles import Clearances, SampledClearances, strains_of
+from spacemap_vtk.draw.part_stages import yarn_settings
+from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.face import face_pixels
-from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, require_picture, require_sheet
+from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.scene import Scene
 
-#: Below so many pixels a yarn is not seen as one.
-SMALLEST_YARN = 2.0
-#: Below so many pixels a yarn of a face shows no more than its place, its light and its colour.
-RESOLVED_YARN = 8.0
-#: Share by which the yarns of a family may differ there.
-_EQUAL = 0.1
-#: To draw so many patches takes 5 s and more.
-_LONG = 1_500_000
-#: A cloth of fewer patches is drawn yarn by yarn, however small it is seen: that takes no time.
-_MANY_PATCHES = 300_000
-#: More quadrilaterals are a mistake in their number: they take minutes.
-_MOST_QUADS = 500_000_000
-#: Diameters in pixels from which on plies are made, and fibres are shaded.
-_PLIED, _STRANDS = 16.0, 10.0
 #: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
 _CELLS = 240
 #: More crossings take longer to be solved than a picture of the window that moves may take.
@@ -60,10 +40,8 @@ class _SheetWarp(BarycentricWarp):
 class Sheet:
     """A scene's cloth as a sheet that moves with its cage: none of its patches is made."""
 
-    def __init__(self, scene: Scene, patches: int) -> None:
+    def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        #: How many its yarns would have.
-        self.patches = patches
         assert scene.woven is not None
         with scene.naming_file():
             self.cloth: Cloth = scene.woven.cloth
@@ -82,52 +60,9 @@ class Sheet:
         self._warp = _SheetWarp()
 
     @classmethod
-    def of(cls, scene: Scene, fits: bool = True, few: int | None = None) -> Sheet | None:
-        """Return a scene's sheet; None where yarns are few, and fit into memory, or all must."""
-        if scene.woven is None:
-            return None
-        try:
-            patches = estimate_counts(scene.woven.cloth).patches
-        except SpacemapError:
-            return None  # the stage says why
-        sides = scene.surface.subdivisions
-        few = _MANY_PATCHES if few is None else few
-        if sides is not None and patches * sides**2 >= _MOST_QUADS:
-            return None
-        return cls(scene, patches) if not fits or (sides is None and patches > few) else None
-
-    @classmethod
-    def required(cls, scene: Scene, asked: PictureAsked) -> Sheet | None:
-        """Return the sheet for pictures, as `of` does; refuse too large ones."""
-        # Only a sheet has the exact mean colour of all that a pixel shows: the face of a still
-        # cloth becomes one however few its yarns are, where they are too thin to be seen.
-        # Without OpenGL there are no sheets: few yarns are drawn, if less exactly.
-        thin = not draws_without_opengl() and face_pixels(scene, asked.size) < SMALLEST_YARN
-        sheet = cls.of(scene, fits_picture(scene, asked), few=0 if thin else None)
-        if sheet is None:
-            require_picture(scene, asked)
-        else:
-            require_sheet(scene, asked)
-        return sheet
-
-    def resolves(self, size: tuple[int, int]) -> bool:
-        """Return whether a picture shows yarns so small and so many that a shader draws them."""
-        # The shader compares the heights of end and pick at each place. So nothing may hide behind
-        # anything else: only a still cloth of one layer is drawn so, and only from its face.
-        scene, cloth = self._scene, self.cloth
-        few = self.patches < _LONG or scene.surface.subdivisions is not None
-        if few or cloth.layers is not None or cloth.axis == "spline":
-            return False
-        if max(cloth.size) > LONGEST_ROW:
-            return False  # a texel is no crossing then
-        if COLORINGS[scene.view.color].numbers or scene.view.look.outline:
-            return False
-        # The shader knows one diameter and one spacing of each family.
-        for yarns in cloth.yarns:
-            for measure in (yarns.diameter, np.diff(yarns.position)):
-                if np.ptp(measure) > _EQUAL * np.mean(measure):
-                    return False
-        return SMALLEST_YARN <= face_pixels(scene, size) < RESOLVED_YARN
+    def if_many(cls, scene: Scene) -> Sheet | None:
+        """Return a scene's sheet if its yarns are too many to be drawn together; else None."""
+        return cls(scene) if choose_level(scene).has_sheet else None
 
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
@@ -225,30 +160,3 @@ class Sheet:
     @property
     def _gaps(self) -> bool:
         return self._scene.view.color == "clearance"
-
-
-def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
-    """Return how large a picture of some height shows what is nearest of some points."""
-    if camera.GetParallelProjection():
-        return pixels_of(camera, height)
-    away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
-    near = max(float(away.min()), 1e-3 * camera.GetDistance())
-    return pixels_of(camera, height) * camera.GetDistance() / near
-
-
-def plies_seen(cloth: Cloth, scale: float) -> int:
-    """Return how many plies the outlines of yarns are made of, where a metre is so many pixels."""
-    plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
-    return plies if _widest(cloth) * scale > _PLIED else 1
-
-
-def _widest(cloth: Cloth) -> float:
-    # A flattened yarn's diameter is its height: seen is its width.
-    return max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
-
-
-def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
-    """Return what `PatchTessellator.choose` takes: facets, and whether fibres are seen."""
-    thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
-    sides = sides_seen(thickest * scale, plies_seen(cloth, scale))
-    return sides, _widest(cloth) * scale > _STRANDS

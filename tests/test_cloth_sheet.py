@@ -1,4 +1,4 @@
-"""Forms in which a cloth is drawn: facets by what is seen of a yarn, and a sheet from afar."""
+"""A sheet from afar looks and moves as the yarns do that it stands for."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw import form
 from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.cloth_sheet import Sheet
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.surface_actor import natural_span, scale_share
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
+from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 
 YARNS = 64
@@ -63,7 +63,7 @@ def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
 def test_a_sheet_has_the_mean_colours_of_its_yarns(
     weave: str, camera: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     view = {"camera": camera}
     afar, picture = drawn(WEAVES[weave], 96, view=view)
     assert picture.sheet is not None
@@ -80,7 +80,7 @@ def test_a_sheet_has_the_mean_colours_of_its_yarns(
 def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
     fine, picture = drawn(WEAVES["twill"], 480, 0.05, **MOVING, surface={"subdivisions": 1})
     points = picture.scene.polygons.GetBounds()
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     afar, picture = drawn(WEAVES["twill"], 96, 0.05, **MOVING)
     sheet = picture.sheet
     assert sheet is not None
@@ -97,7 +97,7 @@ def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_sheet_shows_what_rides_along(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     _, picture = drawn({}, 90, 0.02, **MOVING, view={"color": "displacement"})
     assert picture._span is not None
     assert picture._span[1] > 0.0
@@ -114,7 +114,7 @@ def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
             **(MOVING if moves else {}),
         }
     )
-    sheet = Sheet(scene, 0)
+    sheet = Sheet(scene)
     sheet.update(0.05)
     scene.update(0.05)
     numbers = measure(scene.polygons, "clearance")
@@ -163,7 +163,7 @@ def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) 
         return reduced(image, 1)[0, 0], picture
 
     fine = [middle(480, z) for z in (0.036, -0.036)]
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     afar = [middle(48, z) for z in (0.036, -0.036)]
     for (wanted, whole), (seen, picture) in zip(fine, afar, strict=True):
         assert whole.sheet is None
@@ -188,9 +188,9 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     scene = Scene(values)
     scene.update(0.05)
     bounds = scene.polygons.GetBounds()
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     scene = Scene(values)
-    sheet = Sheet.of(scene)
+    sheet = Sheet.if_many(scene)
     assert sheet is not None
     assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
     assert (
@@ -200,7 +200,7 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
 
 
 def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     _, near = drawn({}, 200)
     assert near.pieces is not None
     _, told = drawn({}, 90, surface={"subdivisions": 1})
@@ -248,7 +248,7 @@ def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:
 def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
     values = {"weave": {"ends": 6, "picks": 6}, "response": {"gravity": [0, 0, -9.8]}}
     scene = Scene(values)
-    sheet = Sheet(scene, 0)
+    sheet = Sheet(scene)
     flat = sheet.place(0.0).GetBounds()
     assert sheet.place(0.3).GetBounds() != flat
     scene.take({}, {"weave"})  # as the window switches the motion off

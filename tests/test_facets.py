@@ -10,11 +10,16 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import PatchTessellator
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Seen, Viewpoint, pixels_of, projected
-from spacemap_vtk.draw.detail import LEAST, facets_seen, near_quads
-from spacemap_vtk.draw.form import pixels_per_metre
+from spacemap_vtk.draw.camera import Seen, Viewpoint, pixels_of, pixels_per_metre, projected
+from spacemap_vtk.draw.facets import choose_facets
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
+from spacemap_vtk.scenes.level_of_detail import (
+    LEAST_SIDES,
+    DrawnCloth,
+    facets_seen,
+    quads_in_view,
+)
 from spacemap_vtk.scenes.scene import Scene
 
 SIZE_4K = 3840, 2160
@@ -46,7 +51,9 @@ def chosen_for(scene: Scene, seen: Seen) -> PatchTessellator:
     stage, grid = PatchTessellator(), scene.source.output
     stage.SetInputDataObject(grid)
     scale = pixels_per_metre(seen.camera, points_of(grid).astype(float), seen.size[1])
-    stage.choose(*facets_seen(scene.woven.cloth, scale, seen))
+    numbers = DrawnCloth.of(scene)
+    assert numbers is not None
+    choose_facets(stage, facets_seen(numbers, scale, seen.size), seen)
     return stage
 
 
@@ -138,13 +145,13 @@ def test_only_what_is_in_sight_has_more_facets() -> None:
     points, patches = patches_of(scene)
     sides = sides_of(stage, patches, points)
     assert sides.max() > MOST_SIDES
-    assert (sides <= LEAST).mean() > 0.9
+    assert (sides <= LEAST_SIDES).mean() > 0.9
     x, y, _, w = projected(seen.camera, points, 16 / 9).T
     seen_any = ((np.abs(x) < w) & (np.abs(y) < w))[patches].any(axis=1)
-    assert (sides[seen_any] > LEAST).all()
+    assert (sides[seen_any] > LEAST_SIDES).all()
     quads = stage.output.GetNumberOfCells()
     assert quads == (sides**2).sum()
-    assert quads < near_quads(SIZE_4K) + LEAST**2 * len(patches)
+    assert quads < quads_in_view(SIZE_4K) + LEAST_SIDES**2 * len(patches)
 
 
 def test_a_crowd_near_the_camera_shares_what_facets_there_are() -> None:
@@ -153,7 +160,7 @@ def test_a_crowd_near_the_camera_shares_what_facets_there_are() -> None:
     points, patches = patches_of(scene)
     sides = sides_of(chosen_for(scene, seen), patches, points)
     assert sides.max() > MOST_SIDES
-    assert (sides[sides > sides.min()] ** 2).sum() <= near_quads(seen.size)
+    assert (sides[sides > sides.min()] ** 2).sum() <= quads_in_view(seen.size)
 
 
 def test_facets_of_many_and_of_few_meet_without_a_gap() -> None:
@@ -214,7 +221,7 @@ def test_plies_near_the_camera_are_as_smooth() -> None:
     sides, twice = sides_of(stage, patches, points), PatchTessellator()
     assert sides.max() > MOST_SIDES
     twice.SetInputDataObject(scene.source.output)
-    twice.choose(LEAST, False, lambda *_: 2 * sides)
+    twice.choose(LEAST_SIDES, False, lambda *_: 2 * sides)
     twice.update()
     worst, first = 0.0, [0, 0]
     drawn = [points_of(each.output).astype(float) for each in (stage, twice)]

@@ -11,13 +11,14 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw import form, pieces
 from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.clearance_tiles import measured_tile
 from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.part_stages import PartStages
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.yarn_tiles import OwnStages
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
+from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -40,8 +41,8 @@ def picture_of(
 
 
 def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
-    monkeypatch.setattr(pieces, "_PATCHES", 500)
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
+    monkeypatch.setattr(level_of_detail, "PIECE_PATCHES", 500)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +68,7 @@ def test_pieces_make_the_picture_of_the_whole(
     in_pieces(monkeypatch)
     parts, picture = picture_of(near, show, **sections)
     assert picture.pieces is not None
-    assert picture.pieces.count > 4
+    assert picture.level.pieces > 4
     apart = np.abs(parts - whole).max(axis=2)
     # A scale's ends are those of the sheet; edges of lines stand in half shadows.
     assert np.mean(apart > 4) < (0.03 if show == "both" or "view" in sections else 0.01)
@@ -113,15 +114,15 @@ def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> 
         }
     )
     scene.update(0.02)
-    stages = OwnStages(scene)
+    stages = PartStages(scene)
     stages.surface.choose(2)
     if moves:
-        stages.ride(scene.deformed_cage)
+        stages.move_by(scene.deformed_cage)
     whole = rows_of(scene.polygons, measure(scene.polygons, "clearance"))
     found = []
     for ends in (slice(0, 5), slice(5, 11), slice(11, 15)):
         for picks in (slice(0, 7), slice(7, 13)):
-            tile = stages.tile(ends, picks, 0.02, None)
+            tile = measured_tile(stages, ends, picks, 0.02, None)
             assert tile is not None
             found.append(rows_of(tile.cut, tile.found))
     parts = np.concatenate(found)
@@ -145,10 +146,10 @@ def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> No
     in_pieces(monkeypatch)
     parts, picture = picture_of(corner)
     assert picture.pieces is not None
-    made = picture.pieces._stages.weave.executions
-    assert 0 < made < 0.7 * picture.pieces.count
+    made = picture.pieces._stages.source.executions
+    assert 0 < made < 0.7 * picture.level.pieces
     # Nor are yarns longer than what is seen of them, and some crossings beside.
-    low, high = np.array(picture.pieces._stages.weave.output.GetBounds()).reshape(3, 2).T
+    low, high = np.array(picture.pieces._stages.source.output.GetBounds()).reshape(3, 2).T
     assert 0.0025 < high.max() < 0.0035
     assert -0.0025 < low.min() < 0.0005
     assert np.mean(np.abs(parts - whole).max(axis=2) > 4) < 0.01
@@ -159,8 +160,8 @@ def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
 ) -> None:
     whole, picture = picture_of(surface={"subdivisions": 3})
     assert picture.pieces is None
-    monkeypatch.setattr(pieces, "_PATCHES", 500)
-    monkeypatch.setattr("spacemap_vtk.draw.form.fits_picture", lambda *_: False)
+    monkeypatch.setattr(level_of_detail, "PIECE_PATCHES", 500)
+    monkeypatch.setattr(level_of_detail, "fits", lambda _: False)
     parts, picture = picture_of(surface={"subdivisions": 3})
     assert picture.pieces is not None
     made = picture.pieces._stages

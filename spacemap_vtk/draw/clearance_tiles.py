@@ -1,12 +1,11 @@
-"""Tiles of a cloth too large to be there at once, with the distances between its yarns.
+"""Tiles of a cloth that is too large to be made whole, with the clearances between its yarns.
 
-How far a point is from the next yarn is told by what lies close to it: a tile is made with some
-yarns beside it, and measured without them.
+The clearance of a point depends on the yarns close to it alone: a tile is made with some yarns
+beside it, and measured without them.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import isqrt
 from typing import Any, NamedTuple
 
@@ -18,13 +17,12 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import copied, points_of, take_arrays, to_array, to_cells
 from spacemap_vtk.draw.coloring import SHOWN, clearances
 from spacemap_vtk.draw.glyphs import moved_points
+from spacemap_vtk.draw.part_stages import PartStages
 from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import telling_parts
 from spacemap_vtk.fabric.point_clearance import crossing_means, spread_over
-from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.scene import Scene
 
@@ -36,87 +34,6 @@ _CUT = 0.3137
 _MOST, _SIDE = 2500, 5
 #: So many such places along each side, and those that are strained most.
 _PLACES = 3
-
-
-def yarn_settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
-    """Return what the stages that make yarns are to do."""
-    return [(stage.section, stage.settings) for stage in scene.stages if stage.makes == "object"]
-
-
-class OwnStages:
-    """Stages as those of a scene that make yarns, connected to one another alone."""
-
-    # The scene's stages keep what they have made of the cage, which all parts need.
-
-    def __init__(self, scene: Scene) -> None:
-        assert scene.woven is not None
-        self._scene, self._woven, self.cloth = scene, scene.woven, scene.woven.cloth
-        self.beside = _BESIDE_SPLINES if self.cloth.axis == "spline" else _BESIDE
-        self.all: list[Stage] = [
-            type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
-        ]
-        first, last = self.all[0], self.all[-1]
-        assert isinstance(first, Woven)
-        assert isinstance(last, PatchTessellator)
-        self.weave, self.surface = self.all[0], last
-        scene.woven.lend(first)
-        for before, stage in pairwise(self.all):
-            stage.SetInputConnection(0, before.GetOutputPort())
-
-    def ride(self, cage: vtkUnstructuredGrid) -> None:
-        """Let a cage move the yarns."""
-        for stage in self.all[1:]:
-            if len(stage.takes) > 1:
-                stage.SetInputDataObject(1, copied(cage))
-
-    def choose(self, part: Share) -> None:
-        """Make some yarns, where they cross."""
-        source = self.all[0]
-        assert isinstance(source, Woven)
-        self._woven.lend(source, part)
-
-    def take(self, part: Share, crimp: CrimpInterchange | None) -> None:
-        """Make some yarns where they cross; what crossings do is taken as `borrow` says."""
-        self.choose(part)
-        self.borrow(part, crimp)
-
-    def borrow(self, part: Share, crimp: CrimpInterchange | None) -> None:
-        """Let what some crossings do be taken from the whole; None: let it be found of these."""
-        for stage in self.all:
-            if isinstance(stage, CrimpInterchange):
-                stage.borrow(crimp, part)
-
-    def tile(
-        self, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
-    ) -> ClothTile | None:
-        """Return what lies at some crossings; None where distances cannot be told."""
-        cloth, beside = self.cloth, self.beside
-        some = [
-            slice(max(core.start - beside, 0), min(core.stop + beside, size))
-            for core, size in zip((ends, picks), cloth.size, strict=True)
-        ]
-        self.take(Share(*some), crimp)
-        with self._scene.naming_file():
-            surface = copied(self.surface.update(time).output)
-        grid = self.weave.output
-        yarn = vtk_to_numpy(grid.GetCellData().GetArray("yarn"))
-        table = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 16)
-        corners = points_of(grid)[table[:, :4]].astype(np.float64)
-        middle, inside = corners.mean(axis=1), np.ones(len(yarn), bool)
-        first = np.array([0, cloth.size[0]])
-        for number, core in enumerate((ends, picks)):
-            own = (yarn >= first[1]) == bool(number)
-            low, high = _edges(cloth.yarns[number].position, core)
-            across = (middle[:, number] >= low) & (middle[:, number] < high)
-            place = yarn - first[number]
-            inside &= np.where(own, (place >= core.start) & (place < core.stop), across)
-        each = self.surface.sides**2
-        found = clearances(surface, np.repeat(inside, each))
-        if found is None:
-            return None
-        quads = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(len(yarn), each, 4)
-        surface.GetPointData().AddArray(to_array(found, SHOWN))
-        return ClothTile(surface, found, quads, inside, corners, yarn)
 
 
 class ClothTile(NamedTuple):
@@ -168,6 +85,45 @@ class ClothTile(NamedTuple):
         return self.quads[self.inside].reshape(-1, 4)
 
 
+def yarns_beside(cloth: Cloth) -> int:
+    """Return how many yarns are made on each side of a tile."""
+    return _BESIDE_SPLINES if cloth.axis == "spline" else _BESIDE
+
+
+def measured_tile(
+    stages: PartStages, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
+) -> ClothTile | None:
+    """Return the tile where some ends and picks cross; None if clearances cannot be measured."""
+    cloth, beside = stages.cloth, yarns_beside(stages.cloth)
+    part = Share(
+        *(
+            slice(max(core.start - beside, 0), min(core.stop + beside, size))
+            for core, size in zip((ends, picks), cloth.size, strict=True)
+        )
+    )
+    stages.choose_part(part)
+    stages.use_crossings(crimp, part)
+    surface, grid = stages.update(time), stages.source.output
+    yarn = vtk_to_numpy(grid.GetCellData().GetArray("yarn"))
+    table = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 16)
+    corners = points_of(grid)[table[:, :4]].astype(np.float64)
+    middle, inside = corners.mean(axis=1), np.ones(len(yarn), bool)
+    first = np.array([0, cloth.size[0]])
+    for number, core in enumerate((ends, picks)):
+        own = (yarn >= first[1]) == bool(number)
+        low, high = _edges(cloth.yarns[number].position, core)
+        across = (middle[:, number] >= low) & (middle[:, number] < high)
+        place = yarn - first[number]
+        inside &= np.where(own, (place >= core.start) & (place < core.stop), across)
+    each = stages.surface.sides**2
+    found = clearances(surface, np.repeat(inside, each))
+    if found is None:
+        return None
+    quads = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(len(yarn), each, 4)
+    surface.GetPointData().AddArray(to_array(found, SHOWN))
+    return ClothTile(surface, found, quads, inside, corners, yarn)
+
+
 class Clearances(NamedTuple):
     """How far the yarns of a cloth are from one another."""
 
@@ -181,7 +137,7 @@ class SampledClearances:
     """How far the yarns of a cloth are from one another, from tiles that hold all its weaves."""
 
     def __init__(self, scene: Scene, sides: int) -> None:
-        self._stages = OwnStages(scene)
+        self._stages = PartStages(scene)
         self._stages.surface.choose(sides)
         self._parts, self._weaves, _ = telling_parts(self._stages.cloth, _MOST)
         #: What was found last, and for which cage.
@@ -203,11 +159,11 @@ class SampledClearances:
         ends, picks = cloth.size
         parts = self._parts
         if cage is not None:
-            self._stages.ride(cage)
+            self._stages.move_by(cage)
             parts = parts + _places(strains, (ends, picks))
         known, values, spans = [], [], []
         for of_ends, of_picks in parts:
-            tile = self._stages.tile(of_ends, of_picks, 0.0, crimp)
+            tile = measured_tile(self._stages, of_ends, of_picks, 0.0, crimp)
             if tile is None:
                 return None
             mean = tile.found[tile.inner].mean(axis=1)

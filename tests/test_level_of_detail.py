@@ -1,0 +1,115 @@
+"""How yarns are drawn is decided in one place, from numbers alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.level_of_detail import (
+    LEAST_SIDES,
+    DrawnCloth,
+    Form,
+    LevelOfDetail,
+    choose_form,
+    choose_level,
+    choose_near,
+    quads_in_view,
+)
+from spacemap_vtk.scenes.scene import Scene
+
+SIZE = 640, 480
+#: 400 by 400 yarns, half a millimetre apart.
+CLOTH = DrawnCloth(400, 400, 3_840_000, spacing=5e-4, height=2.5e-4, width=4e-4, shadable=True)
+FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
+
+
+@pytest.mark.parametrize(
+    ("cloth", "said", "form"),
+    [
+        (FEW, {}, Form.WHOLE),
+        (FEW, {"fit": False}, Form.SHEET),
+        (CLOTH, {}, Form.SHEET),
+        # The window draws fewer together.
+        (replace(CLOTH, patches=60_000), {"window": True}, Form.WHOLE),
+        (replace(CLOTH, patches=60_001), {"window": True}, Form.SHEET),
+        (replace(CLOTH, patches=60_001), {}, Form.WHOLE),
+        # The face of a still cloth: yarns too thin to be seen, of some pixels, and wider.
+        (FEW, {"face": 1.9}, Form.SHEET),
+        (FEW, {"face": 1.9, "opengl": False}, Form.WHOLE),
+        (FEW, {"face": 4.0}, Form.WHOLE),
+        (CLOTH, {"face": 1.9}, Form.SHEET),
+        (CLOTH, {"face": 2.0}, Form.SHADER),
+        (CLOTH, {"face": 8.0}, Form.SHEET),
+        (CLOTH, {"face": 4.0, "shader": False}, Form.SHEET),
+        (replace(CLOTH, shadable=False), {"face": 4.0}, Form.SHEET),
+        # Whoever asks for so many quadrilaterals gets them: in pieces, or refused.
+        (replace(CLOTH, subdivisions=2), {}, Form.WHOLE),
+        (replace(CLOTH, subdivisions=2), {"fit": False}, Form.SHEET),
+        (replace(CLOTH, subdivisions=64), {"fit": False}, Form.WHOLE),
+        (replace(FEW, subdivisions=1), {"face": 1.9}, Form.WHOLE),
+    ],
+)
+def test_the_form_follows_from_numbers(
+    cloth: DrawnCloth, said: dict[str, bool], form: Form
+) -> None:
+    assert choose_form(cloth, **said) is form
+
+
+@pytest.mark.parametrize(
+    ("cloth", "pixels", "form"),
+    [
+        (CLOTH, 1.9, Form.SHEET),
+        (CLOTH, 2.0, Form.PIECES),
+        (replace(CLOTH, subdivisions=2), 1.9, Form.PIECES),
+        (replace(CLOTH, clearance=True), 5.0, Form.TILES),
+    ],
+)
+def test_yarns_that_are_seen_take_the_place_of_the_sheet(
+    cloth: DrawnCloth, pixels: float, form: Form
+) -> None:
+    level = LevelOfDetail(Form.SHEET).at_scale(cloth, pixels / cloth.spacing, SIZE)
+    assert level.form is form
+    assert level.is_sampled is (pixels < 4.0)
+    if form is not Form.SHEET:
+        # No piece has more patches or quadrilaterals than are drawn in some hundred megabytes.
+        assert cloth.patches / level.pieces <= 300_000
+        assert cloth.patches * (cloth.subdivisions or level.sides) ** 2 / level.pieces <= 800_000
+    for other in (Form.WHOLE, Form.SHADER):
+        assert LevelOfDetail(other).at_scale(cloth, 1e4, SIZE).form is other
+
+
+def test_facets_follow_the_width_of_a_yarn() -> None:
+    plied = replace(FEW, plies=3)
+    far, near, nearest = (
+        LevelOfDetail().at_scale(plied, pixels / plied.width, SIZE) for pixels in (8, 18, 1000)
+    )
+    assert (far.plies, far.fibres, far.near_quads) == (1, False, 0)
+    assert (near.plies, near.fibres, near.near_quads) == (3, True, 0)
+    assert 1 <= far.sides < near.sides
+    # So near, only what is in view has more.
+    assert (nearest.sides, nearest.near_quads) == (LEAST_SIDES, quads_in_view(SIZE))
+    for fixed in (replace(plied, clearance=True), replace(plied, subdivisions=3)):
+        assert LevelOfDetail().at_scale(fixed, 1000 / plied.width, SIZE).near_quads == 0
+
+
+def test_the_window_makes_what_is_in_view_unless_it_is_thin_or_too_much() -> None:
+    scale = 10 / CLOTH.spacing
+    assert choose_near(CLOTH, scale, 10_000, SIZE).form is Form.NEAR
+    assert choose_near(CLOTH, 2.9 / CLOTH.spacing, 10_000, SIZE).form is Form.SHEET
+    assert choose_near(CLOTH, scale, 2_000_000, SIZE).form is Form.SHEET
+    many, few = (choose_near(CLOTH, 10 * scale, n, SIZE) for n in (1_000_000, 10_000))
+    assert 1_000_000 * many.sides**2 <= 2_000_000
+    assert few.sides > many.sides
+
+
+def test_what_is_no_cloth_is_drawn_whole() -> None:
+    scene = Scene.read(library.find("tube_bundle"))
+    assert not scene.woven
+    assert DrawnCloth.of(scene) is None
+    assert choose_level(scene).form is Form.WHOLE
+    # Yarns without room: the stage says so when it runs.
+    jammed = Scene({"weave": {"warp_diameter": 1e-3, "weft_diameter": 1e-3}})
+    assert DrawnCloth.of(jammed) is None
+    assert choose_level(jammed).form is Form.WHOLE
