@@ -113,3 +113,9 @@ def test_what_is_no_cloth_is_drawn_whole() -> None:
     jammed = Scene({"weave": {"warp_diameter": 1e-3, "weft_diameter": 1e-3}})
     assert DrawnCloth.of(jammed) is None
     assert choose_level(jammed).form is Form.WHOLE
+
+
+def test_a_cloth_of_one_end_has_no_distances_to_compare() -> None:
+    single = DrawnCloth.of(Scene({"weave": {"ends": 1, "picks": 1}}))
+    assert single is not None
+    assert single.shadable

@@ -165,5 +165,5 @@ def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
     parts, picture = picture_of(surface={"subdivisions": 3})
     assert picture.pieces is not None
     made = picture.pieces._stages
-    assert made.surface.output.GetNumberOfCells() == 9 * made.weave.output.GetNumberOfCells()
+    assert made.surface.output.GetNumberOfCells() == 9 * made.source.output.GetNumberOfCells()
     assert np.abs(parts.mean(axis=(0, 1)) - whole.mean(axis=(0, 1))).max() < 2

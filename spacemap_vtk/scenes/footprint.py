@@ -151,25 +151,9 @@ def require_yarns(
     more: int = 0,
     begun: bool = False,
 ) -> None:
-    """Refuse yarns that do not fit into memory together, and name those that do.
-
-    Parameters
-    ----------
-    scene : Scene
-        Whose they are.
-    request : PictureRequest
-        What is drawn of them.
-    counts : tuple of 2 int
-        Ends and picks.
-    patches : int
-        Of those that are there at a time.
-    sides : int
-        Facets along each side of a patch.
-    more : int
-        Points of the surface beyond these.
-    begun : bool
-        Whether control points are in memory already.
-    """
+    """Refuse yarns that do not fit into memory together, and name those that do."""
+    # `patches` are those that are in memory at a time, `more` points of the surface beyond theirs;
+    # `begun`: whether their control points are there already.
 
     def needed(sides: int, share: float = 1.0) -> int:
         some = ceil(share**2 * patches)

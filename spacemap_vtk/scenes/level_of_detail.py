@@ -180,23 +180,10 @@ class LevelOfDetail:
         return self.form is not Form.WHOLE
 
     def at_scale(self, cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
-        """Return the level for a camera that is placed.
-
-        Parameters
-        ----------
-        cloth : DrawnCloth
-            As this level was chosen for.
-        scale : float
-            Pixels of a metre where the cloth is nearest to the camera.
-        size : tuple of 2 int
-            Width and height of the fabric's picture in pixels.
-
-        Returns
-        -------
-        LevelOfDetail
-            With as many quadrilaterals as are seen; where yarns are seen, pieces of them in place
-            of the sheet.
-        """
+        """Return the level for a camera that is placed."""
+        # `cloth` is what this level was chosen for, `scale` the pixels of a metre where it is
+        # nearest to the camera, `size` that of the fabric's picture. If yarns are seen, pieces of
+        # them take the sheet's place.
         seen = facets_seen(cloth, scale, size)
         seen = replace(seen, form=self.form, bytes=self.bytes)
         made = cloth.subdivisions is not None or seen.shows_yarns
@@ -218,29 +205,9 @@ def choose_level(
     opengl: bool = True,
     window: bool = False,
 ) -> LevelOfDetail:
-    """Return how a scene's yarns are drawn, before any is made.
-
-    Parameters
-    ----------
-    scene : Scene
-        Whose stages need not have run.
-    request : PictureRequest, optional
-        What is to be drawn; without it neither pixels nor memory count.
-    opengl : bool
-        Whether OpenGL draws.
-    window : bool
-        Whether the window draws.
-
-    Returns
-    -------
-    LevelOfDetail
-        Its form is WHOLE, SHADER or SHEET.
-
-    Raises
-    ------
-    SizeError
-        If what would be drawn does not fit into memory.
-    """
+    """Return how a scene's yarns are drawn, before any is made: WHOLE, SHADER or SHEET."""
+    # Without a request neither pixels nor memory count; with one, SizeError is raised if what
+    # would be drawn does not fit into memory.
     cloth = DrawnCloth.of(scene)
     if cloth is None or scene.woven is None:
         if request is not None:
@@ -252,9 +219,9 @@ def choose_level(
     scale = face_scale(scene, scene.woven.cloth, request.size)
     sides = cloth.subdivisions or sides_seen(scale * cloth.height)
     size = pixels + patch_bytes(scene, cloth.patches) + surface_bytes(cloth.patches, sides)
-    spacing = scale * cloth.spacing if face_of(scene) else None
-    drawn = opengl and not request.wireframe
-    form = choose_form(cloth, spacing, fits(size), opengl=opengl, shader=drawn, window=window)
+    face = scale * cloth.spacing if face_of(scene) else None
+    shader = opengl and not request.wireframe
+    form = choose_form(cloth, face, fits(size), opengl=opengl, shader=shader, window=window)
     if form is Form.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)
@@ -272,27 +239,9 @@ def choose_form(
     shader: bool = True,
     window: bool = False,
 ) -> Form:
-    """Return WHOLE, SHADER or SHEET.
-
-    Parameters
-    ----------
-    cloth : DrawnCloth
-        The cloth.
-    face : float, optional
-        Pixels from yarn to yarn of a still cloth that is seen from its face; None: of another, or
-        of one whose camera is not known.
-    fit : bool
-        Whether all yarns fit into memory together.
-    opengl, shader : bool
-        Whether OpenGL draws, and may draw yarns by the sheet's shader.
-    window : bool
-        Whether the window draws.
-
-    Returns
-    -------
-    Form
-        In which it is drawn.
-    """
+    """Return WHOLE, SHADER or SHEET."""
+    # `face`: pixels from yarn to yarn of a still cloth that is seen from its face, else None.
+    # `fit`: whether all yarns fit into memory together. `shader`: whether the sheet's may be used.
     if cloth.subdivisions is not None:
         # What takes hours is refused, not drawn in pieces.
         refused = cloth.patches * cloth.subdivisions**2 >= MOST_QUADS
@@ -312,26 +261,8 @@ def choose_form(
 def require_level(
     scene: Scene, cloth: DrawnCloth, request: PictureRequest, level: LevelOfDetail, begun: bool
 ) -> None:
-    """Refuse yarns whose quadrilaterals do not fit into memory at a level.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    cloth : DrawnCloth
-        Its cloth.
-    request : PictureRequest
-        What is to be drawn.
-    level : LevelOfDetail
-        As `LevelOfDetail.at_scale` returns it.
-    begun : bool
-        Whether the control points of WHOLE yarns are in memory already.
-
-    Raises
-    ------
-    SizeError
-        If they do not fit.
-    """
+    """Refuse yarns whose quadrilaterals do not fit into memory at a level."""
+    # `begun`: whether the control points of WHOLE yarns are in memory already.
     if level.form in (Form.WHOLE, Form.PIECES, Form.TILES):
         require_yarns(
             scene,
@@ -347,24 +278,7 @@ def require_level(
 def choose_near(
     cloth: DrawnCloth, scale: float, patches: int, size: tuple[int, int]
 ) -> LevelOfDetail:
-    """Return how the window draws the part of a cloth that is in view: NEAR or SHEET.
-
-    Parameters
-    ----------
-    cloth : DrawnCloth
-        All of it.
-    scale : float
-        Pixels of a metre where the cloth is nearest to the camera.
-    patches : int
-        Of the yarns in view.
-    size : tuple of 2 int
-        Width and height of the view in pixels.
-
-    Returns
-    -------
-    LevelOfDetail
-        Its form is SHEET if the yarns in view are too thin or too many.
-    """
+    """Return how the window draws the yarns in view, which have so many patches: NEAR or SHEET."""
     if scale * cloth.spacing < SMALLEST_IN_WINDOW or patches > NEAR_PATCHES:
         return LevelOfDetail(Form.SHEET)
     most = max(1, isqrt(_NEAR_QUADS // max(1, patches)))
@@ -406,4 +320,4 @@ def _is_shadable(scene: Scene, cloth: Cloth) -> bool:
     if COLORINGS[scene.view.color].numbers or scene.view.look.outline:
         return False
     measures = [m for yarns in cloth.yarns for m in (yarns.diameter, np.diff(yarns.position))]
-    return all(np.ptp(measure) <= _ALIKE * np.mean(measure) for measure in measures)
+    return all(np.ptp(m) <= _ALIKE * np.mean(m) for m in measures if len(m))
