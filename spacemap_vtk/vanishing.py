@@ -4,8 +4,7 @@ A signal is answered by Python in between two of its instructions, not while VTK
 so what takes long inside a library should be done before there is anything to be removed.
 
 A process that is killed leaves its folders. The next one that makes such a folder there removes
-them: the system tells which of them nobody holds any more. What was whole, and on its way out,
-arrives.
+them: the system tells which of them nobody holds any more.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ else:
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 #: Seconds in which what goes must have gone.
 _PATIENCE = 10.0
-#: With which hidden folders begin, and what in them holds what was in the way of the rest.
-_NAME, _OLDER = ".spacemap-", "older"
+#: With which hidden folders begin.
+_NAME = ".spacemap-"
 
 
 @contextmanager
@@ -128,62 +127,7 @@ def clear(place: Path) -> None:
                 own = sys.platform == "win32" or known.st_uid == os.getuid()
                 if own and stat.S_ISDIR(known.st_mode):
                     taken(folder, held)
-                    # Of an unpacked archive's it may be a link: nothing is put elsewhere.
-                    if (older := folder / _OLDER).is_dir() and not older.is_symlink():
-                        move_out(folder)
                     shutil.rmtree(folder, ignore_errors=True)
-
-
-def move_out(folder: Path) -> None:
-    """Let what is in a folder appear beside it: all, or on a fault none, and the old is back."""
-    older = folder / _OLDER
-    files = sorted(path for path in folder.iterdir() if path != older)
-    begun = older.stat().st_mtime_ns if older.exists() else None  # by a process that was killed
-    if len(files) < 2 and begun is None:
-        for file in files:
-            os.replace(file, folder.parent / file.name)  # at no moment there is none
-        return
-    with ExitStack() as held:
-        _wait_for(folder.parent.resolve(), held)
-        older.mkdir(exist_ok=True)
-        try:
-            for file in files:
-                _exchange(file, folder.parent / file.name, older / file.name, begun)
-        except OSError:
-            for file in files:
-                if not file.exists():
-                    os.replace(folder.parent / file.name, file)
-                if (older / file.name).exists():
-                    os.replace(older / file.name, folder.parent / file.name)
-            shutil.rmtree(older)  # from now on nobody ends what was begun
-            raise
-
-
-def _exchange(file: Path, target: Path, older: Path, begun: int | None) -> None:
-    with suppress(FileNotFoundError):
-        if begun is not None and target.stat().st_mtime_ns > begun:
-            return  # somebody has made it since
-        try:
-            os.link(target, older)  # at no moment there is none
-        except FileNotFoundError:
-            raise
-        except OSError:  # a folder, or a disk without links
-            os.replace(target, older)
-    os.replace(file, target)
-
-
-def _wait_for(place: Path, held: ExitStack) -> None:
-    """Let files of several processes appear in a folder one after another."""
-    end = time.monotonic() + _PATIENCE  # whoever holds it for long does so for another reason
-    lock = place / _NAME if sys.platform == "win32" else place
-    while time.monotonic() < end:
-        try:
-            taken(lock, held)
-            return
-        except BlockingIOError:
-            time.sleep(0.01)
-        except OSError:
-            return  # a disk that knows no locks
 
 
 @contextmanager

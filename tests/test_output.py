@@ -392,20 +392,16 @@ def write_all(path: Path, names: list[str]) -> None:
             write(folder / name, [b"new"])
 
 
-def test_numbered_files_appear_all_or_none(small_disk: Callable[..., Path]) -> None:
-    disk = small_disk(2**20)
-    wanted = {disk / f"{number}.png": bytes([number]) for number in range(5)}
-    with whole_folder(disk / "%d.png") as folder:
-        for path, data in wanted.items():
-            write(folder / path.name, [data])
-    assert {path: path.read_bytes() for path in disk.iterdir()} == wanted
-    (disk / "2.png").unlink()
-    # What is mounted on cannot be moved away: the fourth fails, when three are moved already.
-    subprocess.run(["mount", "--bind", str(disk / "0.png"), str(disk / "3.png")], check=True)
-    before = {path: path.read_bytes() for path in disk.iterdir()}
-    with pytest.raises(SpacemapError, match=r"%d\.png: could not be written: .*busy"):
-        write_all(disk / "%d.png", [path.name for path in wanted])
-    assert {path: path.read_bytes() for path in disk.iterdir()} == before
+def test_a_series_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
+    for numbers in (3, 2):
+        with whole_folder(tmp_path / "a.pvd") as folder:
+            (folder / "a").mkdir()
+            for number in range(numbers):
+                write(folder / "a" / f"a_{number}.vtp", [bytes([numbers])])
+            write(folder / "a.pvd", [bytes([numbers])])
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == {"a.pvd", "a/a_0.vtp", "a/a_1.vtp"}
+    assert (tmp_path / "a/a_1.vtp").read_bytes() == b"\2"
 
 
 def test_a_folder_in_the_way_of_one_of_many_stays(tmp_path: Path) -> None:

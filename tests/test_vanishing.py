@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,7 +14,6 @@ import pytest
 from spacemap_vtk.vanishing import (
     ENDING,
     clear,
-    move_out,
     undisturbed,
     vanishing,
     vanishing_folder,
@@ -135,84 +131,6 @@ def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path:
         clear(tmp_path)
         assert sorted(filter(Path.is_dir, tmp_path.iterdir())) == sorted([own, *links])
     assert list(tmp_path.iterdir()) == links
-
-
-def killed_at(event: int, work: Callable[[], object]) -> bool:
-    """Carry out work in a process that is killed before so many names of files are changed."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which do not matter here
-        child = os.fork()
-    if not child:
-        left = [event]
-
-        def audit(name: str, _arguments: object) -> None:
-            if name in ("os.rename", "os.link", "os.mkdir", "os.rmdir", "os.remove"):
-                left[0] -= 1
-                if left[0] < 0:
-                    os.kill(os.getpid(), signal.SIGKILL)
-
-        sys.addaudithook(audit)
-        try:
-            work()
-        finally:
-            os._exit(0)
-    return bool(os.waitpid(child, 0)[1])
-
-
-@unix
-def test_of_several_files_killed_on_their_way_none_is_lost(tmp_path: Path) -> None:
-    # At every step in turn: before one of them appears all are old, from then on all get to be new.
-    old, new = [
-        {f"{name}/b": age + name, f"{name}.c": age} for name, age in (("x", "old"), ("x", "new"))
-    ]
-    old["x/gone"] = "old"
-
-    def there() -> dict[str, str]:
-        files = [
-            path for path in place.rglob("[!.]*") if path.is_file() and ".spacemap" not in str(path)
-        ]
-        return {str(path.relative_to(place)): path.read_text() for path in files}
-
-    def make(files: dict[str, str], folder: Path) -> None:
-        (folder / "x").mkdir(parents=True)
-        for name, text in files.items():
-            (folder / name).write_text(text)
-
-    def work() -> None:
-        with vanishing_folder(place) as folder:
-            make(new, folder)
-            move_out(folder)
-
-    seen = []
-    for event in range(40):
-        place = tmp_path / str(event)
-        make(old, place)
-        killed = killed_at(event, work)
-        now = there()
-        assert now["x.c"] in ("old", "new")
-        clear(place)
-        seen.append(there() == new)
-        assert there() in (old, new)
-        assert list(place.glob(".spacemap-*")) == []
-        if not killed:
-            break
-    assert not killed
-    assert seen == sorted(seen)
-    assert seen.count(True) > 5
-
-
-def test_what_was_made_since_is_not_written_over(tmp_path: Path) -> None:
-    left = tmp_path / ".spacemap-0"
-    (left / "older").mkdir(parents=True)
-    for name in ("a", "b"):
-        (left / name).write_text("new")
-    (tmp_path / "a").write_text("newer")
-    os.utime(left / "older", (1, 1))
-    clear(tmp_path)
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
-        "a": "newer",
-        "b": "new",
-    }
 
 
 def test_what_others_still_write_goes(tmp_path: Path) -> None:

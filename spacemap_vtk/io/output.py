@@ -1,7 +1,8 @@
-"""Output files that appear whole or not at all.
+"""An output file, or a folder of files, appears whole or not at all.
 
 What is written lies in a hidden folder beside its target, on the same disk, until it is whole and
-the disk has it; then it takes the target's place, in one step.
+the disk has it; then it takes the target's place. Of several files and folders each does so in
+turn, the file that names the others last.
 
 VTK's writers must not be let near a disk: on a full one they end the program (.vtp, .vtu), or say
 nothing and leave half a file (.ply). What they write they write to memory, and `write` to the disk,
@@ -25,7 +26,7 @@ from typing import Any
 
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import writers
-from spacemap_vtk.vanishing import move_out, undisturbed, vanishing_folder
+from spacemap_vtk.vanishing import undisturbed, vanishing_folder
 
 #: Bytes at a file's end that are read again.
 _END = 64
@@ -126,7 +127,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         for each in folder.rglob("*"):
             _make_last(each)
         with undisturbed():
-            _move(folder)
+            _move(folder, path)
             _make_last(path.parent)
 
 
@@ -215,12 +216,28 @@ def _make_last(path: Path) -> None:
                 raise
 
 
-def _move(folder: Path) -> None:
+def _move(folder: Path, path: Path) -> None:
     """Let files appear beside their folder, unless one would take the place of another's."""
-    files = list(folder.iterdir())
+    files = sorted(folder.iterdir(), key=lambda file: (file.name == path.name, file.name))
     for file in files if len(files) > 1 else ():
-        target = folder.parent / file.name
+        target = path.parent / file.name
         if stands_in_the_way(target, file.is_dir()):
             kind = errno.EISDIR if target.is_dir() else errno.ENOTDIR
             raise OSError(kind, "in the way", str(target))
-    move_out(folder)
+    for file in files:
+        _replace(file, path.parent / file.name)
+
+
+def _replace(source: Path, target: Path) -> None:
+    """Let a file or folder take the place of an earlier one."""
+    if not target.is_dir():
+        os.replace(source, target)
+        return
+    # No system call exchanges folders: the older one waits in the hidden folder, and goes with it.
+    older = source.with_name(f"{source.name}.older")
+    os.replace(target, older)
+    try:
+        os.replace(source, target)
+    except OSError:
+        os.replace(older, target)
+        raise
