@@ -118,12 +118,12 @@ def test_a_new_format_is_among_those_that_meet_a_full_disk() -> None:
 
 #: What writes past `spacemap_vtk.io.output`, and why it may.
 OWN_WRITERS = {
-    "io/output.py": {"write": {"file.open"}, "_make_last": {"os.open"}},
-    "vanishing.py": {
-        "taken": {"os.open"},
-        "move_out": {"os.replace"},
-        "_exchange": {"os.link", "os.replace"},
+    "io/output.py": {
+        "write": {"file.open"},
+        "_make_last": {"os.open"},
+        "_replace": {"os.replace"},
     },
+    "vanishing.py": {"taken": {"os.open"}},
     # the device that keeps nothing
     "datasets/quiet.py": {"quiet_stderr": {"os.open"}},
     # an entry with checksums, by way of a hidden folder

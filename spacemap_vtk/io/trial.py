@@ -80,10 +80,11 @@ def _ask(task: Any) -> Any:
             _child = workers.start(f"{__name__}:attempt", os.environ, stderr=quiet)
         except OSError:  # no more processes are allowed: then the file is read here alone
             return None
+    child = _child
     try:
-        answer, _child = workers.ask(_child, task)
+        answer, _child = workers.ask(child, task)
     except BaseException:  # Ctrl-C: the late answer would be taken for the next file's
-        _child.kill()
+        child.kill()
         _end_child()
         raise
     if answer is not None:
