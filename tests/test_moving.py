@@ -24,6 +24,7 @@ from spacemap_vtk.draw.moving import mode_shapes, moving
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.fabric.cross_section import cross_section
 from spacemap_vtk.io.registry import writer
+from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 
 ROOT = Path(__file__).parent.parent
@@ -70,7 +71,7 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     more: tuple[str, ...], short: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if short:  # as of a surface with many points
-        monkeypatch.setattr(moving_module, "_POINTS", 10)
+        monkeypatch.setattr(moving_module, "_MANY_POINTS", 2)
     scene, file = changed("plain_weave", *SMALL, *more), tmp_path / "a.glb"
     times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
     made = moving(scene, times, tolerance, lambda done, of: None, sides=2)
@@ -98,7 +99,8 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
 def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(moving_module, "_POINTS", 1000)
+    monkeypatch.setattr(level_of_detail, "FILE_POINTS", 1000)
+    monkeypatch.setattr(moving_module, "_MANY_POINTS", 200)
     monkeypatch.setattr(moving_module, "_LARGE", 1)
     monkeypatch.setattr(moving_module, "_OF_YARN", 4e-6)
     scene, said = changed("plain_weave", *SMALL), list[str]()
@@ -198,7 +200,7 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
 def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 6, "picks": 6}})
     usual = len(moving(scene, [0.0], None, lambda *_: None).points)
-    monkeypatch.setattr(moving_module, "_POINTS", usual / 3)
+    monkeypatch.setattr(level_of_detail, "FILE_POINTS", usual / 3)
     said: list[str] = []
     few = moving(scene, [0.0], None, lambda *_: None, say=said.append)
     assert len(few.points) < usual / 2

@@ -34,16 +34,15 @@ from spacemap_vtk.draw.surface_actor import (
 )
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.fabric import weave
-from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.patch_tessellator import estimate_bytes
-from spacemap_vtk.io.polygons import require_work, triangle_count
+from spacemap_vtk.io.polygons import require_work
 from spacemap_vtk.io.registry import SMALLER
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Floats, Ints, Say, Singles, Tell
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.footprint import frame_bytes, mesh_bytes, patch_bytes
+from spacemap_vtk.scenes.level_of_detail import DrawnCloth, sides_in_file
 from spacemap_vtk.scenes.report import modes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS, View
@@ -60,20 +59,16 @@ _AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
 _PLACES, _DIRECTIONS = 2**19, 100
 #: Frames whose normals are added up together, and points of these.
 _TOGETHER, _PART = 8, 2**14
-#: Points of a surface that moves, about, unless more are asked for, and bytes of a file that are
-#: told before they are made.
-_POINTS, _LARGE = 500_000, 2**26
+#: Bytes of a file that are warned of before they are made.
+_LARGE = 2**26
+#: Points from which on it counts how many bits each target takes.
+_MANY_POINTS = 100_000
 #: What makes a file smaller: of what stands still, of a motion, of modes.
 _COARSER = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
 _SMALLER = {
     "tolerance": SMALLER,
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
-
-#: Bytes that making triangles of one look takes, of each point and triangle of a surface: while
-#: points are found that are alike, and then corners. Of each point what frames take beside each
-#: other, and writers.
-_ALIKE, _CORNERS, _MADE = (150, 40), (32, 190), 125
 #: Where what has no normal faces.
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -200,7 +195,7 @@ def mode_shapes(
 
 
 def _is_large(still: MovingSurface) -> bool:
-    return len(still.points) > _POINTS / 5
+    return len(still.points) > _MANY_POINTS
 
 
 def _too_small(tolerance: float, least: float) -> InputError:
@@ -271,7 +266,7 @@ def _carried(
         say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
     # Where points are so many that it counts, once more in few bits: nine bytes for 24.
     few = 3 * size // 8 if data is None and _is_large(still) else 0
-    require(size + few + _MADE * len(still.points), what, cure=cure)
+    require(size + few + frame_bytes(len(still.points)), what, cure=cure)
     # Of a motion the normals' targets are found by what its frames are.
     faces = data is not None and still.normals is not None
     data = stage.output if data is None else data
@@ -344,14 +339,14 @@ def _taken(
 
 def _subdivide(scene: Scene, sides: int, say: Say) -> None:
     """Subdivide patches as asked, or less than the scene says where a file would be too large."""
-    if scene.woven is not None and scene.stages[-1] is scene.surface:
+    cloth = DrawnCloth.of(scene)
+    if cloth is not None and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
-        patches = estimate_counts(scene.woven.cloth).patches
-        chosen = sides or max(1, min(usual, int((_POINTS / patches) ** 0.5)))
+        chosen = sides or sides_in_file(cloth, usual)
         if not sides and chosen < usual:
             say(
                 f"patches are subdivided by {chosen}, not by {usual} as a picture's: "
-                f"{patches * usual**2 / 1e6:.1f} million points would be many to show "
+                f"{cloth.patches * usual**2 / 1e6:.1f} million points would be many to show "
                 f"(--subdivisions {usual})"
             )
         scene.take({"surface": {"subdivisions": chosen}})
@@ -359,19 +354,16 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
 
 def _require_patches(scene: Scene, most: int) -> None:
     """Refuse a weave that would not fit into memory, or into a file, before any memory is taken."""
-    if scene.woven is None or scene.stages[-1] is not scene.surface:
+    cloth = DrawnCloth.of(scene)
+    if cloth is None or scene.stages[-1] is not scene.surface:
         return
-    counts, sides = estimate_counts(scene.woven.cloth), scene.surface.sides
-    points, triangles = counts.patches * (sides + 1) ** 2, 2 * counts.patches * sides**2
+    sides = scene.surface.sides
+    points, quads = cloth.patches * (sides + 1) ** 2, cloth.patches * sides**2
     # Of closed tubes there are as many points as quadrilaterals, once neighbours share theirs.
-    least = int(0.9 * counts.patches * sides**2)
-    _require_fitting(24 * least + 12 * triangles, f"{least} points", most, _COARSER)
-    size = estimate_bytes(counts.patches, sides) + weave.estimate_bytes(
-        scene.woven.cloth, scene.woven.single
-    )
-    size += max(int(np.dot(each, (points, triangles))) for each in (_ALIKE, _CORNERS))
+    least = int(0.9 * quads)
+    _require_fitting(24 * least + 24 * quads, f"{least} points", most, _COARSER)
     require(
-        size,
+        patch_bytes(scene, cloth.patches) + mesh_bytes(points),
         f"a surface of {points / 1e6:.3g} million points, as triangles with colours,",
         cure=_COARSER,
     )
@@ -398,9 +390,7 @@ def _still(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, AnyInts]:
     """Return a surface without its motion, and which of its points are written."""
-    counts = surface.GetNumberOfPoints(), triangle_count(surface)
-    size = max(int(np.dot(each, counts)) for each in (_ALIKE, _CORNERS))
-    require_work(surface, size, "triangles with colours")
+    require_work(surface, mesh_bytes(surface.GetNumberOfPoints()), "triangles with colours")
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)

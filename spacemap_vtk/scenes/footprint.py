@@ -1,7 +1,8 @@
-"""Memory that pictures take, estimated before any is taken: a machine that lacks it kills.
+"""Memory that pictures and files of moving surfaces take, estimated before any is taken.
 
-The estimates hold within a factor of two, on any VTK and any OpenGL. They refuse what clearly
-cannot fit; what they let through and yet does not fit ends as Python's own MemoryError.
+A machine that lacks memory ends a program without a word, so what clearly does not fit is refused.
+The estimates hold within a factor of two, on any VTK and any OpenGL; what they let through and yet
+does not fit ends as Python's own MemoryError, or is ended.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
-# The table: bytes of whatever a picture has many of.
+# The table: bytes of whatever there are many of.
 
 #: Once: OpenGL's libraries, compiled loops, and what solves.
 _PROGRAM = 200_000_000
@@ -32,6 +33,10 @@ _CURVED_PATCH = 1200
 DRAWN_POINT = 90
 #: Each point of a surface, what OpenGL holds included.
 _SURFACE_POINT = 2 * DRAWN_POINT
+#: Each point of a surface that becomes triangles with colours in a file.
+_MESH_POINT = 300
+#: Each point of such triangles, in the frames that are compared, and in writers.
+_FRAME_POINT = 125
 #: Each crossing of a sheet: its colours in four textures.
 _CROSSING = 50
 #: Each crossing in addition, if clearances are measured.
@@ -114,6 +119,16 @@ def patch_bytes(scene: Scene, patches: int) -> int:
         crimped = scene.stage("crimp") is not None
         each += _MOVED_PATCH + _CURVED_PATCH * (curved + crimped)
     return each * patches
+
+
+def mesh_bytes(points: int) -> int:
+    """Return the memory in which a surface of some points becomes triangles with colours."""
+    return _MESH_POINT * points
+
+
+def frame_bytes(points: int) -> int:
+    """Return the memory of the frames of a motion of some points, beside its targets."""
+    return _FRAME_POINT * points
 
 
 def sheet_bytes(scene: Scene, crossings: int) -> int:

@@ -88,6 +88,8 @@ MOST_QUADS = 500_000_000
 #: Quadrilaterals that patches in view may have: so many, or one for so many pixels.
 _VIEW_QUADS = 600_000
 _PIXELS_OF_QUAD = 4
+#: Points of a moving surface in a file, about, unless more are asked for.
+FILE_POINTS = 500_000
 #: Quadrilaterals along each side of a patch out of view.
 LEAST_SIDES = AUTOMATIC_SIDES
 
@@ -299,6 +301,11 @@ def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> Level
     if sides < MOST_SIDES or cloth.clearance or cloth.subdivisions is not None:
         return level
     return replace(level, sides=LEAST_SIDES, near_quads=quads_in_view(size))
+
+
+def sides_in_file(cloth: DrawnCloth, usual: int) -> int:
+    """Return the quadrilaterals along each side of a patch in a file of a moving surface."""
+    return max(1, min(usual, int((FILE_POINTS / cloth.patches) ** 0.5)))
 
 
 def most_detail(cloth: DrawnCloth, size: tuple[int, int]) -> LevelOfDetail:
