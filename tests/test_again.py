@@ -15,9 +15,9 @@ import pyvista as pv
 from spacemap_vtk import __version__
 from spacemap_vtk.cli.again import told
 from spacemap_vtk.cli.main import app, main
-from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.provenance import NAME, Record
+from spacemap_vtk.jobs import job_from_json
 
 
 def run(*words: object) -> int:
@@ -70,7 +70,7 @@ def test_a_file_is_made_anew_from_the_files_it_was_made_of(tmp_path: Path, capsy
         ({"scene": '[[response.loads]]\nfile = "../secret.wif"\n'}, "not among the files"),
         ({"inputs": {"../secret.wif": "0" * 64}}, "has changed since"),
         ({"order": {"what": "painted", "nothing": 1}}, "no order"),
-        ({"order": {"what": "painted", "size": "large"}}, "no order"),
+        ({"order": {"what": "painted", "times": "soon"}}, "no order"),
         ({"order": ["picture"]}, "damaged"),
         ({"scene": "= ["}, "damaged"),
     ],
@@ -144,4 +144,4 @@ def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
 
 def test_an_order_that_is_no_order_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no order that this program knows"):
-        Order.of({"what": "picture", "place": [1, 2]}, tmp_path / "a.png")
+        job_from_json({"what": "picture", "place": [1, 2]}, tmp_path / "a.png")

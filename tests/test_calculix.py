@@ -20,9 +20,9 @@ from pencils import solve_modes
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import InputDeck
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
 from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
@@ -129,7 +129,7 @@ def exported(folder, mass="lumped", **modal):
             },
         }
     )
-    carry_out(Order("", folder / "slab.inp"), scene, lambda *_: None)
+    make_data_job(folder / "slab.inp").run(scene)
     return scene
 
 

@@ -24,9 +24,17 @@ from vtkmodules import vtkIOXML
 from spacemap_vtk import __version__
 from spacemap_vtk.cli.again import differences
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.provenance import NAME, Record, record_in, recorded
+from spacemap_vtk.jobs import (
+    DataJob,
+    Job,
+    MovingJob,
+    PictureJob,
+    job_from_json,
+    make_data_job,
+    make_job,
+)
 from spacemap_vtk.scenes.origin import scene_of
 from spacemap_vtk.scenes.scene import Scene
 
@@ -48,8 +56,8 @@ ANEW = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"
 DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
 
 
-def orders(folder: Path) -> list[tuple[str, Order]]:
-    """Return an order for each kind and ending that is written."""
+def jobs(folder: Path) -> list[tuple[str, Job]]:
+    """Return a job for each kind and ending that is written."""
     kinds = {(each, ending) for each in ("", *DRAWN) for ending in registry.written(each or None)}
     assert kinds == READERS.keys(), "a format without a reader that is not ours, or the other way"
     names = {"frames": "frame%02d"}
@@ -58,9 +66,13 @@ def orders(folder: Path) -> list[tuple[str, Order]]:
         if ending == ".jpeg" or (kind == "plot" and ending != ".svg"):
             continue  # as .jpg; all plots are of one figure, below
         name = f"{names.get(kind, kind or ending[1:])}{ending}"
-        order = Order(DRAWN.get(kind, kind), folder / name)
-        order.times = [0.0, 0.03] if order.lasts or order.what == "moving" else [0.03]
-        found.append((kind, order))
+        file = folder / name
+        job = make_job(DRAWN[kind], file) if kind else make_data_job(file)
+        if isinstance(job, PictureJob):
+            job.time = 0.03
+        elif isinstance(job, (DataJob, MovingJob)):
+            job.times = [0.0, 0.03] if job.is_series else [0.03]
+        found.append((kind, job))
     return found
 
 
@@ -178,34 +190,34 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
 }
 
 
-def expected(kind: str, order: Order) -> Any:
+def expected(kind: str, job: Job) -> Any:
     """Return what a reader finds in what is ordered."""
     scene = Scene(VALUES)
-    if order.what == "draft":
+    if job.kind == "draft":
         return ["10", "01"]
     if kind:
-        return (32, 24) if order.output.suffix == ".gif" else (64, 48)
-    first = order.what == "moving"
+        return (32, 24) if job.output.suffix == ".gif" else (64, 48)
+    first = job.kind == "moving"
     scene.update(0.0 if first else 0.03)
-    if order.what == "analysis":
+    if job.kind == "analysis":
         return bounds(points_of(scene.deformed_cage))
-    return bounds(points_of(scene.patches if order.what == "patches" else scene.polygons))
+    return bounds(points_of(scene.patches if job.kind == "patches" else scene.polygons))
 
 
-def check_content(kind: str, order: Order, file: Path) -> None:
+def check_content(kind: str, job: Job, file: Path) -> None:
     """Compare what another program finds in a file with the scene."""
     found = READERS[kind, file.suffix](file)
-    if order.what == "plot":
+    if job.kind == "plot":
         assert found == "0 0 691.2 518.4"
     elif file.suffix == ".csv":  # inside the yarns
-        outer = np.reshape(expected(kind, order), (3, 2))
+        outer = np.reshape(expected(kind, job), (3, 2))
         assert (found >= outer[:, 0] - 1e-9).all()
         assert (found <= outer[:, 1] + 1e-9).all()
     elif isinstance(found, np.ndarray):
         near = 1e-6 if file.suffix == ".html" else 2e-9  # of a tolerance of 4e-6
-        np.testing.assert_allclose(bounds(found), expected(kind, order), atol=near)
+        np.testing.assert_allclose(bounds(found), expected(kind, job), atol=near)
     else:
-        assert found == expected(kind, order), file
+        assert found == expected(kind, job), file
 
 
 def found_by_others(file: Path) -> str:
@@ -242,15 +254,15 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
 ) -> None:
     (tmp_path / "new").mkdir()
     mute = set()
-    for kind, order in orders(tmp_path):
-        if order.output.suffix in (".usda", ".usdc") and find_spec("pxr") is None:
+    for kind, job in jobs(tmp_path):
+        if job.output.suffix in (".usda", ".usdc") and find_spec("pxr") is None:
             continue
-        carry_out(order, Scene(VALUES, tmp_path / "two.toml"), lambda *_: None)
-        name = order.output.name % 1 if order.numbered else order.output.name
-        check_content(kind, order, tmp_path / name)
+        job.run(Scene(VALUES, tmp_path / "two.toml"))
+        name = job.output.name % 1 if job.numbered else job.output.name
+        check_content(kind, job, tmp_path / name)
         record = record_in(tmp_path / name)
         if record is None:
-            mute.add(order.output.suffix)
+            mute.add(job.output.suffix)
             continue
         assert "Two by two" in found_by_others(tmp_path / name), name
         assert record.version == __version__
@@ -258,11 +270,10 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
         assert scene.title == VALUES["title"]
         assert inputs == []
         assert scene.response.loads == Scene(VALUES).response.loads
-        if order.output.suffix not in ANEW:
+        if job.output.suffix not in ANEW:
             continue
-        anew = Order.of(record.order, tmp_path / "new" / name)
-        carry_out(anew, scene, lambda *_: None)
-        if order.numbered:  # seen from where its film is
+        job_from_json(record.order, tmp_path / "new" / name).run(scene)
+        if job.numbered:  # seen from where its film is
             assert record.times == (0.04,)
         made, was = ((folder / name).read_bytes() for folder in (tmp_path / "new", tmp_path))
         assert made == was, name

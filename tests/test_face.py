@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
@@ -69,7 +69,7 @@ def narrow(tmp_path: Path) -> Path:
 
 def ordered(scene: Scene, size: tuple[int, int] | None, folder: Path) -> np.ndarray:
     file = folder / "a.png"
-    carry_out(Order("picture", file, size=size), scene, lambda *done: None)
+    PictureJob(file, size=size).run(scene)
     return np.asarray(Image.open(file)).astype(int)
 
 

@@ -12,9 +12,9 @@ import pyvista as pv
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import reference
 
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.draw.surface_actor import RAMP
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 
 TIME = 0.1
@@ -25,7 +25,7 @@ def exported(file: Path, color: str = "own") -> pv.PolyData:
     scene = Scene.read("plain_weave")
     scene.set("surface.subdivisions=3")
     scene.set(f"view.color={color}")
-    carry_out(Order("", file, [TIME]), scene, lambda *_: None)
+    make_data_job(file, times=[TIME]).run(scene)
     scene.update(TIME)
     return pv.wrap(scene.polygons).copy()
 
@@ -99,7 +99,7 @@ def test_colours_of_a_scale_leave_with_the_surface(tmp_path: Path) -> None:
     scene = Scene.read("plain_weave")
     scene.set("surface.subdivisions=1")
     scene.set("view.color=displacement")
-    carry_out(Order("painted", tmp_path / "s%d.ply", [0.01, TIME]), scene, lambda *_: None)
+    make_data_job(tmp_path / "s%d.ply", "painted", times=[0.01, TIME]).run(scene)
     heads = [(tmp_path / f"s{k}.ply").read_bytes()[:9000] for k in (0, 1)]
     assert len({re.search(rb"colours: .*", head)[0] for head in heads}) == 1  # type: ignore[index]
 
@@ -117,7 +117,7 @@ def test_csv_has_the_middles_of_the_yarns(tmp_path: Path) -> None:
     pv.Sphere().save(tmp_path / "sphere.stl")
     scene = Scene({"object": {"file": str(tmp_path / "sphere.stl")}})
     with pytest.raises(InputError, match="no yarns"):
-        carry_out(Order("", tmp_path / "a.csv"), scene, lambda *_: None)
+        make_data_job(tmp_path / "a.csv").run(scene)
 
 
 @pytest.mark.parametrize("exact", ["false", "true"])
@@ -127,7 +127,7 @@ def test_the_documented_reader_of_patches_finds_what_vtk_finds(
     monkeypatch.chdir(tmp_path)
     scene = Scene.read("plain_weave")
     scene.set(f"weave.exact={exact}")
-    carry_out(Order("", Path("cloth.vtu"), [TIME]), scene, lambda *_: None)
+    make_data_job(Path("cloth.vtu"), times=[TIME]).run(scene)
     text = (Path(__file__).parents[1] / "docs" / "files.md").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     exec(text.rpartition("```python\n")[2].partition("```")[0], names)

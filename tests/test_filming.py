@@ -10,12 +10,11 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk import cache, workers
-from spacemap_vtk.draw import filming
-from spacemap_vtk.draw.filming import FilmJob, KeptFrames
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.io.formats.pictures import write_png
+from spacemap_vtk.jobs import FilmJob, frames
+from spacemap_vtk.jobs.frames import FilmSettings, KeptFrames
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -40,8 +39,8 @@ def filmed(output: Path, stop: int | None = None, **more: Any) -> list[int]:
             raise KeyboardInterrupt
 
     again, workers = more.pop("again", False), more.pop("workers", None)
-    order = Order("film", output, again=again, workers=workers)
-    carry_out(order, Scene({**VALUES, **more}), tell)
+    job = FilmJob(output, again=again, workers=workers)
+    job.run(Scene({**VALUES, **more}), tell)
     return told
 
 
@@ -123,7 +122,7 @@ def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None
                     filmed(output, **more)
                 found.append(str(no.value))
 
-    carry_out(Order("film", output), Scene(VALUES), tell)
+    FilmJob(output).run(Scene(VALUES), tell)
     assert len(found) == 2
     assert list(tmp_path.iterdir()) == [output]
     with Image.open(output) as image:
@@ -145,9 +144,10 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
 ) -> None:
     scene = Scene(VALUES)
 
-    def count(width: int, frames: int, asked: int | None, free: float) -> int:
+    def count(width: int, missing: int, asked: int | None, free: float) -> int:
         monkeypatch.setattr(workers, "available", lambda: int(free))
-        return filming._count(scene, FilmJob.of(scene, (width, width), (), None), frames, asked)
+        settings = FilmSettings.of_scene(scene, scene.animation.frame_times(), (width, width))
+        return frames._count(scene, settings, missing, asked)
 
     monkeypatch.setattr(workers, "core_count", lambda: 4)
     assert count(1000, 1000, None, 1e12) == 4

@@ -98,13 +98,13 @@ def require(size, *rest, **more):
     refuse(size, *rest, **more)
 
 memory.require = require
-from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 
 def export(yarns):
     what, values, told = json.loads(sys.argv[2])
     scene = Scene({"weave": {"ends": yarns, "picks": yarns}, **values})
-    carry_out(Order(what, Path(sys.argv[1]), **told), scene, lambda *_: None)
+    make_data_job(Path(sys.argv[1]), what, **told).run(scene)
 
 export(24)  # what is loaded and compiled is there before
 said.clear()

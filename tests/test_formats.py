@@ -17,12 +17,12 @@ import pyvista as pv
 
 from spacemap_vtk import MotionReader, ObjectSource
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import InputError, UnknownNameError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_blocks
 from spacemap_vtk.io.registry import reads, writes
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.paraview.hosted import proxies
 from spacemap_vtk.scenes.scene import Scene
 
@@ -244,7 +244,7 @@ def test_two_writers_share_an_ending() -> None:
 
     try:
         assert registry.written()[".vtu"] == "patches or cage or surface"
-        assert Order("surface", Path("a.vtu")).what == "surface"
+        assert make_data_job(Path("a.vtu"), "surface").kind == "surface"
         assert registry.writer(Path("a.vtu"), "surface").write is mine
         assert registry.writer(Path("a.vtu"), "cage").write is not mine
     finally:

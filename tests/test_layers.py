@@ -18,6 +18,7 @@ PACKAGE = Path(__file__).parents[1] / "spacemap_vtk"
 LAYERS = (
     ("__main__",),
     ("cli", "app", "paraview"),
+    ("jobs",),
     ("draw",),
     ("scenes",),
     # The package's own names, and PyVista's accessor, stand for the filters.

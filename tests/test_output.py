@@ -129,7 +129,7 @@ OWN_WRITERS = {
     # an entry with checksums, by way of a hidden folder
     "cache.py": {"store": {"np.savez", "os.replace"}},
     # frames in the folder that a film goes on from, whose checksums it looks at
-    "draw/filming.py": {"write": {"os.replace"}, "remove": {"os.replace"}},
+    "jobs/frames.py": {"write": {"os.replace"}, "remove": {"os.replace"}},
     # what another program reads, in a hidden folder
     "cage/tetwild.py": {"_run": {"np.savez"}},
     "draw/raytrace.py": {"_shapes": {"open", "np.savetxt"}},

@@ -20,7 +20,7 @@ from PIL import Image
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import FILTERS, ModalSolver, TetraCage, WeaveSource, connect
-from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes.scene import Scene
 
@@ -77,9 +77,8 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     cloth = {"ends": 2, "picks": 2}
     scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
     for name in ("cloth.pvd", "cloth_%d.vtp"):
-        carry_out(Order("", tmp_path / name, [0.0, 0.1 / 3]), scene, lambda *_: None)
-    order = Order("", tmp_path / "in_pieces.pvtp", [0.1 / 3], pieces=3)
-    carry_out(order, scene, lambda *_: None)
+        make_data_job(tmp_path / name, times=[0.0, 0.1 / 3]).run(scene)
+    make_data_job(tmp_path / "in_pieces.pvtp", times=[0.1 / 3], pieces=3).run(scene)
     scripts = {
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),

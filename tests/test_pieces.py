@@ -21,11 +21,11 @@ from weaves import woven
 from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.weave import build
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parent / "mpi"))
@@ -225,7 +225,7 @@ def test_a_file_of_pieces_is_the_whole(pieces: int, tmp_path: Path) -> None:
     scene, file = Scene(values), tmp_path / "a.pvtp"
     scene.update(MOVED)
     whole = pv.wrap(scene.polygons).copy()
-    carry_out(Order("", file, [MOVED], pieces=pieces), scene, lambda *_: None)
+    make_data_job(file, times=[MOVED], pieces=pieces).run(scene)
     scene.update(MOVED)  # no more in pieces
     assert scene.polygons.GetNumberOfCells() == whole.n_cells
     reader = vtkXMLPPolyDataReader()
@@ -249,6 +249,6 @@ def test_a_file_of_pieces_is_the_whole(pieces: int, tmp_path: Path) -> None:
     assert len(list((tmp_path / "a").iterdir())) == min(pieces, 7)
     for wrong, told in ((20_000, "1 to 10000"), (-1, "1 to 10000")):
         with pytest.raises(InputError, match=told):
-            Order("", file, pieces=wrong)
+            make_data_job(file, pieces=wrong)
     with pytest.raises(InputError, match="no number of pieces of a"):
-        Order("", tmp_path / "a.vtp", pieces=2)
+        make_data_job(tmp_path / "a.vtp", pieces=2)

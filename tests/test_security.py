@@ -15,13 +15,13 @@ from test_layers import PACKAGE
 
 from spacemap_vtk import workers
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.filming import KeptFrames
 from spacemap_vtk.draw.page import new_figure
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.io.named import named
+from spacemap_vtk.jobs.frames import KeptFrames
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import vanishing_folder

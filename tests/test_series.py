@@ -16,9 +16,9 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from spacemap_vtk import MotionReader
 from spacemap_vtk.datasets.arrays import array_of, points_of
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -40,7 +40,7 @@ def scene() -> Scene:
 
 
 def write(scene: Scene, file: Path, what: str = "", times: Any = TIMES) -> str:
-    return carry_out(Order(what, file, times), scene, lambda done, of: None)
+    return make_data_job(file, what, times=times).run(scene)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -131,13 +131,13 @@ def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, nam
             raise Cancelled("enough")
 
     with pytest.raises(Cancelled):
-        carry_out(Order("", tmp_path / name, TIMES), scene, stop)
+        make_data_job(tmp_path / name, times=TIMES).run(scene, stop)
     assert list(tmp_path.iterdir()) == []
     write(scene, tmp_path / name)
     before = content(tmp_path)
     assert len(before) == {"cloth.pvd": 4, "c.vtkhdf": 1}.get(name, 3)
     with pytest.raises(Cancelled):
-        carry_out(Order("", tmp_path / name, TIMES), scene, stop)
+        make_data_job(tmp_path / name, times=TIMES).run(scene, stop)
     assert content(tmp_path) == before
 
 
@@ -146,10 +146,10 @@ def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_
     write(scene, tmp_path / "cloth.pvd", times=[0.01])
     assert content(tmp_path).keys() == {"cloth.pvd", "cloth/cloth_0000.vtp"}
     with pytest.raises(InputError, match=r"cloth, in place of those of .*cloth\.pvd\. Choose"):
-        Order("", tmp_path / "cloth.pvtp")
+        make_data_job(tmp_path / "cloth.pvtp")
     (tmp_path / "cloth" / "mine").touch()
     with pytest.raises(InputError, match=r"where others are\. Choose another name"):
-        Order("", tmp_path / "cloth.pvd")
+        make_data_job(tmp_path / "cloth.pvd")
 
 
 def test_what_stands_still_has_one_time(tmp_path: Path) -> None:

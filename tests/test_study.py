@@ -15,8 +15,8 @@ from PIL import Image
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.contact_sheet import contact_sheet
-from spacemap_vtk.draw.study import Result, carry_out_run, carry_out_sweep, table
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.jobs.sweep import Result, carry_out_run, carry_out_sweep, table
 from spacemap_vtk.scenes.runs import Run, Sweep, sweep_of
 
 SCENE = """
@@ -53,7 +53,7 @@ def no_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     def here(_function: str, tasks: Sequence[Run], _count: int) -> Iterator[tuple[int, Result]]:
         yield from ((number, carry_out_run(task)) for number, task in enumerate(tasks))
 
-    monkeypatch.setattr("spacemap_vtk.draw.study.in_processes", here)
+    monkeypatch.setattr("spacemap_vtk.jobs.sweep.in_processes", here)
 
 
 def run(*words: str) -> int:

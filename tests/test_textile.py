@@ -16,12 +16,12 @@ import spacemap_vtk
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import set_patches
-from spacemap_vtk.draw.study import carry_out_run
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.sweep import CentreLines, sweep
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.textile import Measure, Textile
+from spacemap_vtk.jobs.sweep import carry_out_run
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
 from spacemap_vtk.scenes.runs import sweep_of

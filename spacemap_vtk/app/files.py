@@ -14,11 +14,11 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
-from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.provenance import Record, recorded
 from spacemap_vtk.io.registry import kind_of, name_filter, opened_filters, writer, written
+from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.origin import record_of
 
 _RECENT = 8
@@ -127,13 +127,19 @@ class Files(QObject):
         if view.frame is None or self._document.drafts.holds(scene.draft_file):
             return None
         height, width, _ = view.image().shape
-        times = [view.frame.time]
-        order = Order("picture", path, times, (width, height), view.panels(scene), view.place)
-        order.wireframe = view.look.wireframe
+        time = view.frame.time
+        job = PictureJob(
+            path,
+            time,
+            (width, height),
+            view.panels(scene),
+            view.place,
+            wireframe=view.look.wireframe,
+        )
         before = scene.view.settings
         try:
             scene.view.configure(**view.settings)
-            return record_of(scene, order.told, times)
+            return record_of(scene, job.as_json(), [time])
         finally:
             scene.view.configure(**before)
 

@@ -12,17 +12,12 @@ from cyclopts import Parameter
 
 from spacemap_vtk import __version__
 from spacemap_vtk.cli.options import Quiet, Set, flag, progress, tell_warnings, written_to
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError, printable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.io.provenance import Record
+from spacemap_vtk.jobs import JOBS, DataJob, job_from_json
 from spacemap_vtk.vanishing import vanishing_folder
 
-#: The commands for what is ordered; all else is exported.
-_COMMANDS = {
-    **{"picture": "render", "film": "animate", "storyboard": "storyboard"},
-    **{"shapes": "modes", "plot": "plot", "biaxial": "plot --biaxial", "figure": "figure"},
-}
 #: What the window asks for of pictures and films, and frames of their film: no option says that.
 _UNSAID = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
 
@@ -89,7 +84,7 @@ def again(
     with vanishing_folder() as room:
         made = room / file.name if check else target
         with progress(scene, "Making", quiet) as tell:
-            carry_out(Order.of(record.order, made), scene, tell)
+            job_from_json(record.order, made).run(scene, tell)
         tell_warnings(scene, quiet)
         if check and (found := list(differences(file, made))):
             raise SpacemapError(f"{file}: made anew it is another: {'; '.join(found)}")
@@ -101,7 +96,7 @@ def told(record: Record, file: Path) -> list[str]:
     """Return what a record says, for people."""
     here = "" if record.version == __version__ else f" (this is {__version__})"
     what = str(record.order.get("what"))
-    words = f"spacemap {_COMMANDS.get(what, 'export')} {shlex.quote(record.file or 'SCENE')}"
+    words = f"spacemap {JOBS.get(what, DataJob).command} {shlex.quote(record.file or 'SCENE')}"
     words += f" {'--plot' if what == 'shapes' else '-o'} {shlex.quote(file.name)}"
     once = {"time": record.times[0]} if len(record.times) == 1 else {}
     asked = {**once, **record.order, **record.order.get("page", {})}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -26,21 +26,29 @@ from spacemap_vtk.cli.options import (
     TimeStamp,
     To,
     Triad,
-    carried_out,
     flag,
     listed_times,
+    naming_options,
     opened,
+    run_job,
     several_times,
     written_to,
 )
-from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.jobs import (
+    DataJob,
+    FilmJob,
+    ModesJob,
+    MovingJob,
+    PictureJob,
+    StoryboardJob,
+    make_data_job,
+)
+from spacemap_vtk.jobs.job import Job
+from spacemap_vtk.jobs.picture import MOST_SAMPLES, SAMPLES
 from spacemap_vtk.units import parse_quantity
-
-if TYPE_CHECKING:
-    from spacemap_vtk.scenes.scene import Scene
 
 PictureFile = Annotated[Path, written_to(f"A {registry.written_words('picture')} file.")]
 
@@ -74,7 +82,6 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Draw a scene, a draft or a mesh at one time."""
-    order = Order("picture", output)
     if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
             "no number of rays" if raytrace else "nothing is traced",
@@ -82,11 +89,10 @@ def render(
             value=samples,
             allowed=f"1 to {MOST_SAMPLES}, with --raytrace",
         )
-    if raytrace:
-        order.samples = samples or SAMPLES
+    job = PictureJob(output, samples=(samples or SAMPLES) if raytrace else 0)
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
     chosen = opened(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
-    carried_out(order, chosen, "Drawing", quiet)
+    run_job(job, chosen, "Drawing", quiet)
 
 
 def animate(
@@ -124,19 +130,16 @@ def animate(
     folder beside it, as film.mp4.frames: the same command goes on from there. Frames of another
     scene, or of other settings, are never used. The folder goes when the film is whole.
     """
-    order = Order("film", output)
-    if workers is not None and workers < 1:
-        raise InputError(
-            "no number of processes", key="--workers", value=workers, allowed="at least 1"
-        )
+    with naming_options():
+        job = FilmJob(output, workers=workers, again=again)
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
     chosen = opened(scene, set_, size=size, color=color, style=style, signs=signs)
-    order.size = chosen.view.size if size else None
-    order.workers, order.again = workers, again
+    if size:
+        job = replace(job, size=chosen.view.size)
     try:
-        carried_out(order, chosen, "Drawing frames", quiet)
+        run_job(job, chosen, "Drawing frames", quiet)
     except BaseException as error:
-        from spacemap_vtk.draw.filming import BusyError, KeptFrames
+        from spacemap_vtk.jobs.frames import BusyError, KeptFrames
 
         kept = KeptFrames(output)
         if kept.count and not isinstance(error, BusyError):
@@ -174,16 +177,13 @@ def storyboard(
     The cage (a) above, the fabric (b) below, time to the right. With --motions the same scene moved
     in several ways, one below the other.
     """
-    order = Order("storyboard", output)
+    names = () if motions is None else [word.strip() for word in motions.split(",")]
+    with naming_options():
+        job = StoryboardJob(output, listed_times(times), motions=names)
     chosen = opened(scene, set_, size=size)
-    if not chosen.moves:
-        raise InputError(
-            f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
-        )
-    order.times = listed_times(times)
-    order.motions = () if motions is None else _motions(motions)
-    order.size = chosen.view.size if size else None
-    carried_out(order, chosen, "Drawing columns", quiet)
+    if size:
+        job = replace(job, size=chosen.view.size)
+    run_job(job, chosen, "Drawing columns", quiet)
 
 
 def export(
@@ -258,29 +258,27 @@ def export(
 
     A .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder beside, as ParaView does.
     """
-    try:
-        if pieces is not None and pieces < 1:
-            raise InputError("no number of pieces", key="pieces", value=pieces, allowed="1 or more")
-        order = Order("modes" if modes else what or "", output, pieces=pieces or 0)
-    except InputError as error:
-        error.key = error.key and f"--{error.key}"  # in the words of the command line
-        raise
+    if pieces is not None and pieces < 1:
+        raise InputError("no number of pieces", key="--pieces", value=pieces, allowed="1 or more")
+    with naming_options():
+        job = make_data_job(output, "modes" if modes else what or "", pieces=pieces or 0)
     chosen = opened(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
     given = {"--times": times or None, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:
-        _check_times(order, found)
-    if times:
-        order.times = listed_times(times)
-    elif time is not None:
-        order.times = [chosen.view.time]
-    if tolerance is not None:
-        order.tolerance = _tolerance(order, tolerance)
-    if curves is not None:
-        order.curves = _curves(order, curves)
-    if subdivisions is not None:
-        _check_subdivisions(order, chosen, subdivisions)
-        order.subdivisions = subdivisions
-    carried_out(order, chosen, "Computing", quiet)
+        _check_times(job, found)
+    with naming_options():
+        if isinstance(job, (DataJob, MovingJob)):
+            if times:
+                job = replace(job, times=listed_times(times))
+            elif time is not None:
+                job = replace(job, times=[chosen.view.time])
+        if tolerance is not None:
+            job = _with_tolerance(job, tolerance)
+        if curves is not None:
+            job = _with_curves(job, curves)
+        if subdivisions is not None:
+            job = _with_subdivisions(job, subdivisions)
+    run_job(job, chosen, "Computing", quiet)
 
 
 def convert(
@@ -322,14 +320,14 @@ def convert(
             print(f"spacemap: warning: {text}", file=sys.stderr)
 
 
-def _check_times(order: Order, options: list[str]) -> None:
-    if not order.lasts:
+def _check_times(job: Job, options: list[str]) -> None:
+    if not job.is_series:
         lasting = [each for each in registry.writers() if each.times or "moving" in each.holds]
         raise InputError(
-            f"a {order.output.suffix} holds one moment of {order.what}",
+            f"a {job.output.suffix} holds one moment of {job.kind}",
             key=options[0],
             allowed=", ".join(ending for each in lasting for ending in each.endings)
-            + f", or numbered files such as {order.output.stem}_%04d{order.output.suffix}",
+            + f", or numbered files such as {job.output.stem}_%04d{job.output.suffix}",
             cure="Or choose the moment with --time.",
         )
     if options[0] == "--times" and len(options) > 1:
@@ -338,48 +336,30 @@ def _check_times(order: Order, options: list[str]) -> None:
         )
 
 
-def _curves(order: Order, text: str) -> str:
-    from spacemap_vtk.draw.seen_yarns import checked_strands
-
-    curved = order.what == "moving" and not order.numbered
-    if not (curved and order.output.suffix.lower() in (".usdc", ".usda")):
-        raise InputError(
-            f"{order.output.name} holds no curves to choose", key="--curves", allowed="of a .usdc"
-        )
-    return checked_strands(text)
-
-
-def _check_subdivisions(order: Order, scene: Scene, subdivisions: int) -> None:
-    try:
-        if order.what not in ("moving", "modes"):
-            raise InputError(
-                f"{order.what} has those of the scene",
-                value=subdivisions,
-                cure=f"Say --set surface.subdivisions={subdivisions}.",
-            )
-        scene.surface.parameter("subdivisions").check(subdivisions)
-    except InputError as error:
-        error.key = "--subdivisions"
-        raise
-
-
-def _tolerance(order: Order, text: str) -> float:
-    if order.what != "moving":
-        raise InputError(f"nothing is left out of {order.what}", key="--tolerance", value=text)
+def _with_tolerance(job: Job, text: str) -> Job:
+    if not isinstance(job, MovingJob):
+        raise InputError(f"nothing is left out of {job.kind}", key="tolerance", value=text)
     with suppress(InputError):
-        if 0.0 < (tolerance := parse_quantity(text, "m")) < math.inf:
-            return tolerance
+        return replace(job, tolerance=parse_quantity(text, "m"))
     raise InputError(
-        "not a tolerance", key="--tolerance", value=text, allowed="a length above 0, as in 0.01mm"
+        "not a tolerance", key="tolerance", value=text, allowed="a length above 0, as in 0.01mm"
     )
 
 
-def _motions(text: str) -> list[str]:
-    from spacemap_vtk.scenes.motions import MOTIONS
-
-    names = [word.strip() for word in text.split(",")]
-    if unknown := [name for name in names if name not in MOTIONS]:
+def _with_curves(job: Job, curves: str) -> Job:
+    if not (isinstance(job, MovingJob) and job.holds_curves):
         raise InputError(
-            "no such motion", key="--motions", value=unknown[0], allowed=", ".join(MOTIONS)
+            f"{job.output.name} holds no curves to choose", key="curves", allowed="of a .usdc"
         )
-    return names
+    return replace(job, curves=curves)
+
+
+def _with_subdivisions(job: Job, subdivisions: int) -> Job:
+    if not isinstance(job, (MovingJob, ModesJob)):
+        raise InputError(
+            f"{job.kind} has those of the scene",
+            key="subdivisions",
+            value=subdivisions,
+            cure=f"Say --set surface.subdivisions={subdivisions}.",
+        )
+    return replace(job, subdivisions=subdivisions)

@@ -15,16 +15,16 @@ from spacemap_vtk.cli.options import (
     SceneName,
     SetLists,
     Styled,
-    carried_out,
     flag,
     listed_times,
     opened,
+    run_job,
     several_times,
     written_to,
 )
-from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.jobs import FigureJob
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.units import parse_quantity
 
@@ -101,30 +101,28 @@ def figure(
             lists.append(assignment)
         else:
             chosen.set(assignment)
-    if transparent and output.suffix.lower() in (".jpg", ".jpeg"):
-        raise InputError(
-            f"a {output.suffix} has no transparency",
-            key="--transparent",
-            allowed=".png, .svg, .pdf",
-        )
     if not _DOTS[0] <= dpi <= _DOTS[1]:
         raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
-    asked = {
-        **{"lists": lists, "paired": paired, "cage": cage, "columns": columns, "end": end},
-        **{"pick": pick, "width": 1e3 * _width(width), "dpi": dpi, "dark": dark},
-        "transparent": transparent,
-    }
-    order = Order(
-        "figure",
-        output,
-        listed_times(times),
+    from spacemap_vtk.draw.figure_page import FigurePage
+
+    page = FigurePage(
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],
-        # A zero is refused, not left out.
-        page={k: v for k, v in asked.items() if v not in (None, []) and v is not False},
+        times=listed_times(times),
+        lists=lists,
+        paired=paired,
+        cage=cage,
+        columns=columns,
+        end=end,
+        pick=pick,
+        width=1e3 * _width(width),
+        dpi=dpi,
+        dark=dark,
+        transparent=transparent,
     )
+    job = FigureJob(output, page)
     if color is None and not panels and chosen.moves and chosen.view.color == "own":
         chosen.take({"view": {"color": "displacement"}})
-    carried_out(order, chosen, "Drawing", quiet)
+    run_job(job, chosen, "Drawing", quiet)
 
 
 def _width(text: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,6 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SceneFile,
     Set,
-    carried_out,
     flag,
     numbers_table,
     opened,
@@ -21,12 +21,14 @@ from spacemap_vtk.cli.options import (
     print_labelled,
     print_plain,
     progress,
+    run_job,
     tell_warnings,
     written_to,
 )
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
+from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.units import aligned, parse_quantity
 
 
@@ -50,7 +52,7 @@ def modes(
     tells how far down, of a sheet its shadow, and of one on a disc (held by one sphere) Cusick's
     drape coefficient.
     """
-    sheet = None if plot is None else Order("shapes", plot)
+    sheet = None if plot is None else ShapesJob(plot)
     chosen = opened(scene, set_)
     from spacemap_vtk.scenes import report
     from spacemap_vtk.scenes.figure_list import hung_figures, sheet_figures
@@ -58,8 +60,8 @@ def modes(
     with progress(chosen, "Solving", quiet):
         figures = report.modes(chosen)
     if sheet is not None:
-        with progress(chosen, "Drawing shapes", quiet) as tell:
-            carry_out(sheet, chosen, tell)
+        with progress(chosen, "Drawing shapes", quiet) as report_progress:
+            sheet.run(chosen, report_progress)
     if json_:
         print_json(figures)
         return
@@ -120,19 +122,22 @@ def plot(
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
     scene as sines in phase. A motion by steps has none: in its place are the energies.
     """
-    order = Order("biaxial" if biaxial else "plot", output, quantity=quantity)
+    job: Job = BiaxialJob(output) if biaxial else PlotJob(output, _point(point), quantity)
     chosen = opened(scene, set_)
-    if point is not None and not biaxial:
-        try:
-            place = [parse_quantity(word, "m") for word in point.split(",")]
-        except InputError:
-            place = []
-        if len(place) != 3 or not all(map(math.isfinite, place)):
-            raise InputError(
-                "not a point",
-                key="--point",
-                value=point,
-                allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
-            )
-        order.point = place
-    carried_out(order, chosen, "Pulling" if biaxial else "Plotting", quiet)
+    run_job(job, chosen, "Pulling" if biaxial else "Plotting", quiet)
+
+
+def _point(text: str | None) -> list[float]:
+    """Return a position at rest; without a text none."""
+    if text is None:
+        return []
+    with suppress(InputError):
+        place = [parse_quantity(word, "m") for word in text.split(",")]
+        if len(place) == 3 and all(map(math.isfinite, place)):
+            return place
+    raise InputError(
+        "not a point",
+        key="--point",
+        value=text,
+        allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
+    )

@@ -21,8 +21,8 @@ from spacemap_vtk.units import parse_quantity
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from spacemap_vtk.draw.order import Order
     from spacemap_vtk.filters.base import Stage
+    from spacemap_vtk.jobs.job import Job
     from spacemap_vtk.scenes.scene import Scene
 
 
@@ -204,19 +204,29 @@ def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
     return times
 
 
-def carried_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
-    """Carry out an order, with progress; tell what is lost, doubted and written."""
-    from spacemap_vtk.draw.order import carry_out
+@contextmanager
+def naming_options() -> Iterator[None]:
+    """Name the option in the errors of a job, which name its fields."""
+    try:
+        yield
+    except InputError as error:
+        if error.key and not error.key.startswith("--"):
+            error.key = f"--{error.key}"
+        raise
 
-    def lose(text: str) -> None:
+
+def run_job(job: Job, scene: Scene, doing: str, quiet: bool) -> None:
+    """Run a job with a progress bar; print what is lost, doubted and written."""
+
+    def report_loss(text: str) -> None:
         if not quiet:
             print(f"spacemap: warning: {text}", file=sys.stderr, flush=True)
 
-    with progress(scene, doing, quiet) as tell:
-        told = carry_out(order, scene, tell, lose=lose)
-    tell_warnings(scene, quiet, brief=order.what == "picture")
-    if not quiet and told:
-        print(f"{order.output}: {told}")
+    with progress(scene, doing, quiet) as report_progress:
+        result = job.run(scene, report_progress, report_loss)
+    tell_warnings(scene, quiet, brief=job.kind == "picture")
+    if not quiet and result:
+        print(f"{job.output}: {result}")
 
 
 def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:

@@ -29,7 +29,7 @@ from spacemap_vtk.cli.options import (
 from spacemap_vtk.errors import InputError, SpacemapError
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.study import Result
+    from spacemap_vtk.jobs.sweep import Result
     from spacemap_vtk.scenes.runs import Sweep
 
 #: Figures that are printed first where they differ from run to run, by how their headings begin;
@@ -116,7 +116,7 @@ def sweep(
         fixed.append(("view", "size", list(chosen.view.size)))
     if color is not None:
         fixed.append(("view", "color", color))
-    from spacemap_vtk.draw.study import SHEET, TABLE, carry_out_sweep
+    from spacemap_vtk.jobs.sweep import SHEET, TABLE, carry_out_sweep
     from spacemap_vtk.scenes.runs import sweep_of
 
     asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
@@ -142,7 +142,7 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
     """Print the values and those figures that differ, as many as there is room for."""
     from rich.console import Console
 
-    from spacemap_vtk.draw.study import table
+    from spacemap_vtk.jobs.sweep import table
 
     headings, rows = table(sweep, found)
     rows = [[_short(cell) for cell in row] for row in rows]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -51,8 +51,8 @@ _BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FigureAsked(Paper):
-    """What a figure is to show, and on what."""
+class FigurePage(Paper):
+    """What is on the page of a figure, and on what paper."""
 
     #: Keys of `PANELS`; none: pictures of what moves, of a still cloth all else.
     panels: Sequence[str] = ()
@@ -69,16 +69,6 @@ class FigureAsked(Paper):
     end: int | None = None
     pick: int | None = None
 
-    @classmethod
-    def of(
-        cls, page: Mapping[str, Any], panels: Sequence[str], times: Sequence[float]
-    ) -> FigureAsked:
-        """Return what an order asks for, which may be a stranger's."""
-        try:
-            return cls(panels=panels, times=times, **page)
-        except TypeError as error:
-            raise InputError(f"no figure that this program knows: {error}") from None
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if unknown := [name for name in self.panels if name not in PANELS]:
@@ -94,7 +84,7 @@ class FigureAsked(Paper):
             )
 
 
-def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) -> Figure:
+def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
     """Return a scene's figure; but for the pictures, all is of the first of several values."""
     sweep = runs_of(
         scene,
@@ -201,7 +191,7 @@ def _weave_row(
 class _Shots:
     """The tiles of a scene's pictures: one camera, one scale of colours, and a key for all."""
 
-    def __init__(self, sweep: Sweep, asked: FigureAsked) -> None:
+    def __init__(self, sweep: Sweep, asked: FigurePage) -> None:
         self._sweep = sweep
         self.scenes = [run.scene() for run in sweep.runs]
         first = self.scenes[0]

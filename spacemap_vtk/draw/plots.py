@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +16,7 @@ from spacemap_vtk.fabric.biaxial import Tensile, tensile_tests
 from spacemap_vtk.fabric.interchange import Interchange
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import as_csv, write
+from spacemap_vtk.io.output import as_csv
 from spacemap_vtk.mechanics.energy import Balance, balance
 from spacemap_vtk.mechanics.response import Motion, Response
 from spacemap_vtk.ndarrays import Floats
@@ -49,7 +48,7 @@ NO_FREQUENCIES = "A motion by steps has no frequency response, which is one of m
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 
-def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: str) -> None:
+def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> Figure:
     """Plot how a point of the cage moves, and how it answers to frequencies or its energies."""
     from spacemap_vtk.scenes import report
 
@@ -81,7 +80,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     else:
         scene.warn(NO_FREQUENCIES)
         _energy_over_time(below, times, balance_of(motion, times))
-    write_figure(figure, file)
+    return _with_legends(figure)
 
 
 def figure_about(title: str) -> Figure:
@@ -91,15 +90,15 @@ def figure_about(title: str) -> Figure:
     return figure
 
 
-def write_figure(figure: Figure, file: Path) -> None:
-    """Write a figure whose curves are drawn, with its grids and legends."""
+def _with_legends(figure: Figure) -> Figure:
+    """Add grids and legends to a figure whose curves are drawn, and return it."""
     for panel in figure.axes:
         panel.grid(color="#e6e9ed", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
         if panel.get_legend_handles_labels()[0]:
             # Over the panel, where no curve runs.
             panel.legend(frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 0.98))
-    registry.writer(file, "plot").write(file, figure)
+    return figure
 
 
 def tip(scene: Scene) -> Floats:
@@ -219,19 +218,16 @@ def crossings_of(scene: Scene) -> Interchange:
     return Interchange(cloth, stage.yarns(cloth))
 
 
-def biaxial_plot(scene: Scene, file: Path) -> None:
-    """Plot force per width against extension, of strips and pulled both ways; or write a table."""
+def tests_of(scene: Scene) -> list[Tensile]:
+    """Compute tensile tests of a cloth: strips along warp and weft, and both pulled alike."""
     crossings = crossings_of(scene)
-    assert scene.woven is not None
+    assert scene.woven is not None  # asked above
     crimp = max(float(family.crimp.crimp) for family in scene.woven.cloth.families)
-    tests = tensile_tests(crossings, crimp + _PAST)
-    if file.suffix.lower() == ".csv":
-        write(file, [_table(tests).encode()])
-        return
-    write_figure(_figure(scene.title, tests), file)
+    return tensile_tests(crossings, crimp + _PAST)
 
 
-def _table(tests: list[Tensile]) -> str:
+def tensile_table(tests: list[Tensile]) -> str:
+    """Return tensile tests as CSV."""
     rows = [
         [test.name, *(format(float(value), ".9g") for value in values)]
         for test in tests
@@ -240,7 +236,8 @@ def _table(tests: list[Tensile]) -> str:
     return as_csv([_COLUMNS, *rows])
 
 
-def _figure(title: str, tests: list[Tensile]) -> Figure:
+def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
+    """Plot force per width and change of width against extension."""
     figure = figure_about(f"{title}\nforce per width of its yarns")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
     unit, size = handy("N/m", max(float(test.force.max()) for test in tests))
@@ -260,4 +257,4 @@ def _figure(title: str, tests: list[Tensile]) -> Figure:
         width.plot(pulled, 100.0 * strip.extension[1 - family], color=color, linewidth=wide)
     force.set(ylabel=f"force per width [{unit}]")
     width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, pulled[-1]))
-    return figure
+    return _with_legends(figure)

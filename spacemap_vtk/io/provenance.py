@@ -34,7 +34,7 @@ class Record:
 
     #: Of the program that made it.
     version: str
-    #: What was asked for, beside the scene: arguments of `spacemap_vtk.draw.order.Order`.
+    #: What was asked for, beside the scene: a job as `spacemap_vtk.jobs.job.Job.as_json` has it.
     order: Mapping[str, Any]
     #: The whole scene as it was run, as a scene file has it.
     scene: str

@@ -1,4 +1,4 @@
-"""Films: frames drawn in one process or several, encoded beside, kept until all are there.
+"""Frames of a film: drawn in one process or several, encoded meanwhile, kept until all are there.
 
 Frames wait in a folder beside the film, whole pictures each. A film that is stopped or fails leaves
 them there, and the same film goes on from them; the folder goes when the film is whole.
@@ -57,8 +57,8 @@ class BusyError(InputError):
 
 
 @dataclass(frozen=True)
-class FilmJob:
-    """What all frames of a film have in common, for processes that know nothing else."""
+class FilmSettings:
+    """What all frames of a film have in common: all that a process needs to draw one."""
 
     file: Path | None
     settings: dict[str, dict[str, Any]]
@@ -71,19 +71,19 @@ class FilmJob:
     wireframe: bool = False
 
     @classmethod
-    def of(
+    def of_scene(
         cls,
         scene: Scene,
+        times: Iterable[float],
         size: tuple[int, int],
-        panels: Iterable[str],
-        place: Viewpoint | None,
+        panels: Iterable[str] = (),
+        place: Viewpoint | None = None,
         wireframe: bool = False,
-    ) -> FilmJob:
-        """Return the job of filming a scene."""
+    ) -> FilmSettings:
+        """Return the settings of a film of a scene as it is now."""
         settings = {name: part.settings for name, part in scene.parts.items()}
-        times = tuple(scene.animation.frame_times())
         seen = size, tuple(panels), place, wireframe
-        return cls(scene.file, settings, scene.given, times, *seen)
+        return cls(scene.file, settings, scene.given, tuple(times), *seen)
 
     @property
     def request(self) -> PictureRequest:
@@ -120,7 +120,7 @@ class KeptFrames:
     """The frames of a film that are there, in a folder of their own beside it."""
 
     output: Path
-    #: Of the job.
+    #: Of the film's settings.
     digest: str = ""
     #: Whether frames from before are drawn again.
     again: bool = False
@@ -221,37 +221,37 @@ def write_film(
     file: Path,
     format_: Writer | None,
     scene: Scene,
-    job: FilmJob,
+    settings: FilmSettings,
     kept: KeptFrames,
     tell: Tell,
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames where there is no format; say what was there before."""
-    there = set(kept.open(len(job.times)))
+    there = set(kept.open(len(settings.times)))
     try:
-        _write(file, format_, scene, job, kept, there, tell, workers)
+        _write(file, format_, scene, settings, kept, there, tell, workers)
     except BaseException as error:
         # A disk that is full is not left so, unless the frames were there before.
         given_up = isinstance(error, (OSError, Cancelled)) and not there
         if given_up or not kept.count:
             kept.remove()
         raise
-    return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
+    return f"{len(there)} of {len(settings.times)} frames were there from before" if there else ""
 
 
 def _write(
     file: Path,
     format_: Writer | None,
     scene: Scene,
-    job: FilmJob,
+    settings: FilmSettings,
     kept: KeptFrames,
     there: set[int],
     tell: Tell,
     workers: int | None,
 ) -> None:
-    steps = range(len(job.times))
+    steps = range(len(settings.times))
     missing = [number for number in steps if number not in there]
-    count = _count(scene, job, len(missing), workers)
+    count = _count(scene, settings, len(missing), workers)
     done = len(there)
     tell(done, len(steps))
     frames: Queue[Future[Image] | None] = Queue(_AHEAD)
@@ -262,7 +262,9 @@ def _write(
         _one_cache(kept.folder, count),
         _under_way(encode) as encoding,
     ):
-        drawn = (_drawn if count == 1 else partial(_drawn_by, count))(scene, job, kept, missing)
+        drawn = (_drawn if count == 1 else partial(_drawn_by, count))(
+            scene, settings, kept, missing
+        )
         try:
             with closing(drawn):
                 for number in steps:
@@ -282,7 +284,7 @@ def _write(
         encoding.result()
     if format_ is None:
         for number in steps:
-            with recorded_at(job.times[number], what="picture", framed=True):
+            with recorded_at(settings.times[number], what="picture", framed=True):
                 png = kept.path(number).read_bytes()
                 write(file.with_name(file.name % number), add_record(png))
             kept.path(number).unlink()
@@ -337,28 +339,28 @@ def _stop() -> Image:
 
 
 def _drawn(
-    scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
+    scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Draw frames, and yield what keeps each."""
-    picture = job.picture(scene)
+    picture = settings.picture(scene)
     try:
         for number in missing:
-            yield partial(kept.write, number, picture.draw(job.times[number]))
+            yield partial(kept.write, number, picture.draw(settings.times[number]))
     finally:
         picture.close()
 
 
 def _drawn_by(
-    count: int, scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
+    count: int, scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield what reads each."""
     if draws_without_opengl():
         scene.warn(WITHOUT_OPENGL)
     # What is solved here they find in the cache.
-    choose = partial(choose_scale, scene, job.size, job.panels, job.place, False)
-    sheet = Sheet(scene) if choose_level(scene, job.request).has_sheet else None
-    extent = over_motion(scene, job.times, sheet, choose)
-    tasks = [(job, kept, extent, number) for number in missing]
+    choose = partial(choose_scale, scene, settings.size, settings.panels, settings.place, False)
+    sheet = Sheet(scene) if choose_level(scene, settings.request).has_sheet else None
+    extent = over_motion(scene, settings.times, sheet, choose)
+    tasks = [(settings, kept, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
         for number in missing:
@@ -378,25 +380,26 @@ def _drawn_by(
 _begun: dict[KeptFrames, Picture] = {}
 
 
-def draw_frame(task: tuple[FilmJob, KeptFrames, Extent, int]) -> list[str]:
-    """Draw one frame of a job, and return what its stages say."""
-    job, kept, extent, number = task
+def draw_frame(task: tuple[FilmSettings, KeptFrames, Extent, int]) -> list[str]:
+    """Draw one frame of a film, and return what its stages say."""
+    settings, kept, extent, number = task
     if kept not in _begun:
         warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
         _begun.clear()
-        _begun[kept] = job.picture(job.scene(), extent)
-    kept.write(number, _begun[kept].draw(job.times[number]))
+        _begun[kept] = settings.picture(settings.scene(), extent)
+    kept.write(number, _begun[kept].draw(settings.times[number]))
     return _begun[kept].scene.warnings
 
 
-def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
+def _count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None) -> int:
     """Return how many processes draw frames."""
     if asked == 1 or not frames:
         return 1
-    level = choose_level(scene, job.request)
+    level = choose_level(scene, settings.request)
     if level.has_sheet:
         return asked or 1  # drawn piece by piece, it keeps the cores busy
-    return process_count(frames, frames * prod(job.size) // _WORTHWHILE, level.bytes, asked)
+    pixels = frames * prod(settings.size)
+    return process_count(frames, pixels // _WORTHWHILE, level.bytes, asked)
 
 
 @contextmanager

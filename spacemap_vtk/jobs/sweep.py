@@ -21,11 +21,11 @@ import numpy as np
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.draw.contact_sheet import contact_sheet
-from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
+from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.ndarrays import Tell
 from spacemap_vtk.scenes import anatomy, report
@@ -121,9 +121,9 @@ def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
 
 def _picture(scene: Scene, time: float) -> bytes:
     with vanishing_folder() as folder:
-        order = Order("picture", folder / "picture.png", [time])
-        carry_out(order, scene, lambda done, of: None, whole=False)
-        return order.output.read_bytes()
+        job = PictureJob(folder / "picture.png", time)
+        job.run(scene, whole=False)
+        return job.output.read_bytes()
 
 
 def carry_out_sweep(

@@ -1,0 +1,35 @@
+"""Jobs: a picture, a film, a figure, a plot or a data file to be made of a scene.
+
+One class for each kind of work, registered under the name of the kind. A new kind is one module
+with one class under `register`; the built-in ones are imported here.
+"""
+
+from spacemap_vtk.jobs.data import DataJob, make_data_job
+from spacemap_vtk.jobs.figure import FigureJob
+from spacemap_vtk.jobs.film import FilmJob
+from spacemap_vtk.jobs.job import JOBS, Context, Job, Times, job_from_json, make_job, register
+from spacemap_vtk.jobs.moving import ModesJob, MovingJob
+from spacemap_vtk.jobs.picture import PictureJob
+from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob
+from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
+
+__all__ = [
+    "JOBS",
+    "BiaxialJob",
+    "Context",
+    "DataJob",
+    "FigureJob",
+    "FilmJob",
+    "Job",
+    "ModesJob",
+    "MovingJob",
+    "PictureJob",
+    "PlotJob",
+    "ShapesJob",
+    "StoryboardJob",
+    "Times",
+    "job_from_json",
+    "make_data_job",
+    "make_job",
+    "register",
+]

@@ -1,0 +1,282 @@
+"""Data files: of one time, of a series of times, or in pieces."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output, require_room
+from spacemap_vtk.io.provenance import recorded_at
+from spacemap_vtk.io.registry import DATA, writer, writers, written
+from spacemap_vtk.jobs.job import (
+    Context,
+    Job,
+    Times,
+    asked_times,
+    film_times,
+    floats,
+    make_job,
+    register,
+    require_number,
+)
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.surface_actor import Span
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Keys of `DATA` that change with time, so that numbered files may hold a time each.
+_MOVING_DATA = ("patches", "surface", "cage", "moving", "painted", "yarns")
+#: A number in a file's name, or what is meant as one.
+_NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
+#: Pieces of a file by default, and at most.
+_PIECES = 4
+_MOST_PIECES = 10_000
+
+
+@register(*(kind for kind in DATA if kind not in ("moving", "modes")))
+@dataclass
+class DataJob(Job):
+    """Data of a scene at one time, or at several, or in pieces; see `make_data_job`."""
+
+    output: Path
+    #: A key of `spacemap_vtk.io.registry.DATA`.
+    kind: str
+    #: In s; none: the scene's, of a series those of its film.
+    times: Sequence[float] = ()
+    #: Parts that are made and written one after another, where the format has them.
+    pieces: int = 0
+
+    def __post_init__(self) -> None:
+        check_data_output(self.output, self.kind, self.pieces)
+        self.times = floats(self.times)
+        if writer(self.output, self.kind).pieces:
+            self.pieces = self.pieces or _PIECES
+
+    @classmethod
+    def of_kind(cls, kind: str, output: Path, **fields: Any) -> Job:
+        """Return a job of one of the kinds that this class is registered for."""
+        return cls(output, kind, **fields)
+
+    @property
+    def numbered(self) -> bool:
+        """Whether there is a file for each time."""
+        return is_numbered(self.output, self.kind)
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether other files may appear beside the output."""
+        return True
+
+    @property
+    def is_series(self) -> bool:
+        """Whether data of many times are written."""
+        return self.numbered or writer(self.output, self.kind).times
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times that are asked for, or the scene's, of a series those of its film."""
+        if self.is_series:
+            return series_times(scene, self.times)
+        return asked_times(self.times or [scene.view.time])
+
+    def write(self, context: Context) -> str:
+        """Compute the data and write them; return how many times or pieces and how large."""
+        format_ = writer(self.output, self.kind)
+        if format_.pieces:
+            return self._write_pieces(context)
+        if self.is_series:
+            painted = self.kind == "painted"
+            span = common_scale(context.scene, context.times) if painted else None
+            return write_series(
+                self, context, lambda time: data_at(context.scene, self.kind, time, span)
+            )
+        context.progress(0, 2)
+        # Computed before there is anything to be removed if the program is ended.
+        content = data_at(context.scene, self.kind, context.times[0])
+        context.progress(1, 2)
+        report_losses(self, context, content)
+        self.write_output(context, self.kind, content)
+        context.progress(2, 2)
+        return ""
+
+    def _write_pieces(self, context: Context) -> str:
+        with self.open_output(context.whole) as file:
+            pieces = _pieces_at(context, self.kind, self.pieces)
+            writer(file, self.kind).write(file, pieces)
+            return f"{counted(self.pieces, 'piece')}, {megabytes(size_of(file.parent))}"
+
+
+def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: Any) -> Job:
+    """Return the job that writes data of a kind; by default what the output's ending stands for."""
+    if not kind and output.suffix.lower() in written():
+        kind = writer(output).holds[0]
+    check_data_output(output, kind, pieces)
+    if pieces:
+        fields["pieces"] = pieces
+    return make_job(kind, output, **fields)
+
+
+def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
+    """Refuse an output that cannot hold data of a kind, or not in pieces."""
+    ending = output.suffix.lower()
+    wanted = None if ending in written() or kind not in DATA else kind
+    numbered = is_numbered(output, kind)
+    check_output(output, written(wanted), numbered)
+    if ending not in written(kind):
+        raise InputError(
+            f"{ending} files do not hold that",
+            key="what",
+            value=kind,
+            allowed=", ".join(each for each in DATA if ending in written(each)),
+        )
+    if numbered:
+        require_number(output, "a series needs one number in its name")
+    format_ = writer(output, kind)
+    format_.check(output)
+    if not 0 <= pieces <= (_MOST_PIECES if format_.pieces else 0):
+        able = ", ".join(e for each in writers() if each.pieces for e in each.endings)
+        raise InputError(
+            f"no number of pieces of a {ending}",
+            key="pieces",
+            value=pieces,
+            allowed=f"1 to {_MOST_PIECES}, of {able}",
+        )
+
+
+def is_numbered(output: Path, kind: str) -> bool:
+    """Return whether data are written into a file for each time."""
+    if kind not in _MOVING_DATA or output.suffix.lower() not in written(kind):
+        return False
+    format_ = writer(output, kind)
+    return not (format_.times or format_.pieces) and bool(_NUMBER.search(output.name))
+
+
+def series_times(scene: Scene, times: Sequence[float]) -> Times:
+    """Return the times of a series: those that are asked for, or of the scene's film."""
+    if not times:
+        return film_times(scene) if scene.moves else asked_times([scene.view.time])
+    if len(times) > 1 and not scene.moves:
+        raise InputError(
+            "this scene does not move: it is the same at all of them",
+            key="times",
+            cure="Add a section [response], or leave them out.",
+        )
+    for before, after in pairwise(times):
+        if not before < after:
+            raise InputError(
+                f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
+            )
+    return asked_times(times)
+
+
+def write_series(job: Job, context: Context, content_at: Callable[[float], Any]) -> str:
+    """Write data of several times, computed one after another; return how many and how large."""
+    times, steps = context.times, len(context.times) + 1
+    context.progress(0, steps)
+
+    def series(folder: Path) -> Iterator[tuple[float, Any]]:
+        # All together need not fit into memory.
+        used = 0
+        for done, time in enumerate(times, 1):
+            yield time, content_at(time)
+            if done <= 2:
+                more, used = size_of(folder) - used, size_of(folder)
+                if done == 2:  # what stays the same may be in the first alone
+                    left = (len(times) - 2) * more
+                    require_room(folder / job.output.name, left, f"{len(times)} times")
+            context.progress(done, steps)
+
+    with job.open_output(context.whole) as file:
+        format_ = writer(file, job.kind)
+        if job.numbered:
+            for number, (time, content) in enumerate(series(file.parent)):
+                if not number:
+                    report_losses(job, context, content)
+                with recorded_at(time):
+                    format_.write(file.with_name(file.name % number), content)
+        else:
+            format_.write(file, series(file.parent))
+        size = size_of(file.parent)
+    context.progress(steps, steps)
+    return f"{counted(len(times), 'time')}, {megabytes(size)}"
+
+
+def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> Any:
+    """Return data of a kind at a time; their colours have a scale with the ends `span`."""
+    moved = scene.stage("warp") or scene.source  # without a surface, which takes most
+    if kind == "yarns":
+        from spacemap_vtk.draw.seen_yarns import SeenYarns
+
+        scene.update_stage(moved, time)
+        seen = SeenYarns(scene, 1)
+        seen.see(0)
+        return seen.curves
+    if kind == "painted":
+        from spacemap_vtk.draw.moving import moving
+
+        return moving(scene, [time], None, lambda *_: None, span, sides=None)
+    if kind in ("draft", "analysis"):  # a draft needs no room for its yarns
+        return scene.data(kind)
+    from spacemap_vtk.datasets.arrays import copied
+
+    # Of a cage nothing below it is needed.
+    last = moved if kind == "patches" else scene.stages[-1]
+    scene.update_stage(scene.deforming if kind == "cage" else last, time)
+    data = copied(scene.data(kind))  # what the pipeline has it would take for up to date
+    if scene.moves:
+        data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats tell it
+    return data
+
+
+def report_losses(job: Job, context: Context, content: Any) -> None:
+    """Report what a format cannot hold of some data."""
+    loses = writer(job.output, job.kind).loses
+    for text in loses(content) if loses else ():
+        context.report_loss(text)
+
+
+def size_of(folder: Path) -> int:
+    """Return how many bytes the files in a folder have."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+
+
+def megabytes(size: int) -> str:
+    """Return a number of bytes in words."""
+    return f"{size / 1e6:.3g} MB"
+
+
+def counted(count: int, what: str) -> str:
+    """Return how many there are, in words."""
+    return f"{count} {what}{'s' * (count > 1)}"
+
+
+def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
+    """Return the ends of the scale that the colours of all files have, where there is one."""
+    from spacemap_vtk.scenes.colorings import COLORINGS
+
+    if not COLORINGS[scene.view.color].numbers:
+        return None
+    from spacemap_vtk.draw.picture import over_motion
+
+    return over_motion(scene, times)[1]
+
+
+def _pieces_at(context: Context, kind: str, count: int) -> Iterator[Any]:
+    """Yield the pieces of a surface or of patches, each made when it is asked for."""
+    from spacemap_vtk.datasets.processes import WHOLE, Piece
+    from spacemap_vtk.filters.algorithm import PIECE
+
+    scene = context.scene
+    try:
+        for number in range(count):
+            context.progress(number, count)
+            scene.update(context.times[0], Piece(number, count))
+            yield scene.data(kind)
+        context.progress(count, count)
+    finally:
+        for key, value in zip(PIECE, WHOLE, strict=True):  # for whoever updates the scene next
+            scene.stages[-1].GetOutputInformation(0).Set(key, value)

@@ -1,0 +1,84 @@
+"""Pages for publications."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output
+from spacemap_vtk.io.registry import written
+from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register, words
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.figure_page import FigurePage
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Fields of `FigurePage` in a record, in their order there.
+_RECORDED = (
+    *("lists", "paired", "cage", "columns", "end", "pick"),
+    *("width", "dpi", "dark", "transparent"),
+)
+
+
+@register()
+@dataclass
+class FigureJob(Job):
+    """A page of pictures, draft, cloth and sections."""
+
+    output: Path
+    page: FigurePage
+
+    kind = "figure"
+    command = "figure"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("plot"))
+        if self.page.transparent and self.output.suffix.lower() in (".jpg", ".jpeg"):
+            raise InputError(
+                f"a {self.output.suffix} has no transparency",
+                key="--transparent",
+                allowed=".png, .svg, .pdf",
+            )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what is on the page."""
+        found: dict[str, Any] = {"what": self.kind}
+        for name in ("times", "panels"):
+            if value := list(getattr(self.page, name)):
+                found[name] = value
+        page = {name: getattr(self.page, name) for name in _RECORDED}
+        page["lists"] = list(page["lists"])
+        # A zero is refused, not left out.
+        found["page"] = {k: v for k, v in page.items() if v not in (None, []) and v is not False}
+        return found
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+        """Return the job that `as_json` has described."""
+        from spacemap_vtk.draw.figure_page import FigurePage
+
+        try:
+            page = FigurePage(
+                panels=words(given.get("panels", ())),
+                times=floats(given.get("times", ())),
+                **given.get("page", {}),
+            )
+        except TypeError as error:
+            raise InputError(f"no figure that this program knows: {error}") from None
+        return cls(output, page)
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times that are asked for; by default the page chooses its own."""
+        return asked_times(self.page.times)
+
+    def write(self, context: Context) -> str:
+        """Lay out the page and write it."""
+        from spacemap_vtk.draw.figure_page import figure_of
+
+        context.progress(0, 1)
+        self.write_output(context, "plot", figure_of(context.scene, self.page, context.progress))
+        context.progress(1, 1)
+        return ""

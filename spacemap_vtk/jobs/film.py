@@ -1,0 +1,118 @@
+"""Films, and numbered frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output, telling_refusals
+from spacemap_vtk.io.registry import writer, written
+from spacemap_vtk.jobs.job import (
+    Context,
+    Job,
+    Times,
+    film_times,
+    picture_size,
+    register,
+    require_number,
+    viewpoint,
+    words,
+)
+from spacemap_vtk.jobs.picture import fill_background
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.camera import Viewpoint
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Smallest side of a film that is drawn at half the scene's size, in pixels.
+_SMALLEST = 16
+
+
+@register()
+@dataclass
+class FilmJob(Job):
+    """A film, or a file for each of its frames."""
+
+    output: Path
+    #: In pixels; None: the scene's, of a .gif half of that.
+    size: tuple[int, int] | None = None
+    #: What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; none: as the scene says.
+    panels: Sequence[str] = ()
+    #: Where it is seen from; None: as the scene says.
+    place: Viewpoint | None = None
+    #: Whether only the edges of the fabric's facets are drawn.
+    wireframe: bool = False
+    #: Processes that draw; None: as many as there is work and memory for.
+    workers: int | None = None
+    #: Whether frames are drawn again that a film which was stopped has left.
+    again: bool = False
+
+    kind = "film"
+    command = "animate"
+    unrecorded = ("workers", "again")
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("film") | written("frames"), self.numbered)
+        writer(self.output, self._holds).check(self.output)
+        if self.numbered:
+            require_number(self.output, "frames need one number in their name")
+        self.size = picture_size(self.size)
+        self.panels = words(self.panels)
+        self.place = viewpoint(self.place)
+        if self.workers is not None and self.workers < 1:
+            raise InputError(
+                "no number of processes", key="workers", value=self.workers, allowed="at least 1"
+            )
+
+    @property
+    def numbered(self) -> bool:
+        """Whether there is a file for each time."""
+        return self.output.suffix.lower() in written("frames")
+
+    @property
+    def _holds(self) -> str:
+        return "frames" if self.numbered else "film"
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether other files may appear beside the output."""
+        return self.numbered
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times of the frames."""
+        if not scene.moves:
+            raise InputError(
+                "nothing in this scene moves, and all frames of its film would be the same",
+                cure="Add a section [response], as --set response.alpha=1 does, or draw a picture: "
+                "spacemap render.",
+            )
+        scene.check()
+        return film_times(scene)
+
+    def write(self, context: Context) -> str:
+        """Draw the frames, encode them, and return how many were there from before."""
+        from spacemap_vtk.jobs.frames import FilmSettings, KeptFrames, write_film
+        from spacemap_vtk.scenes import face
+
+        scene, whole = context.scene, context.whole
+        width, height = self.size or face.picture_size(scene)
+        if self.size is None and self.output.suffix.lower() == ".gif":
+            width, height = max(_SMALLEST, width // 2), max(_SMALLEST, height // 2)
+        fill_background(self.output, self._holds, scene)
+        settings = FilmSettings.of_scene(
+            scene, context.times, (width, height), self.panels, self.place, self.wireframe
+        )
+        kept = KeptFrames(self.output, settings.digest, self.again)
+        # A frame that is kept is a .png already.
+        copied = self.numbered and self.output.suffix.lower() == ".png"
+        format_ = None if copied else writer(self.output, self._holds)
+        with telling_refusals(self.output, "" if whole else self.output.name), kept.held():
+            with self.open_output(whole) as file:
+                found = write_film(
+                    file, format_, scene, settings, kept, context.progress, self.workers
+                )
+            kept.remove()  # not before the film is there
+        return found

@@ -1,0 +1,258 @@
+"""The base of all jobs, their registry, and how they travel as JSON.
+
+A job holds what is asked for and where it goes, and nothing of the scene. It is refused when it is
+made if its output cannot be written, so that nobody waits for a scene first. `Job.run` decides the
+times once, by `Job.decide_times`, and makes the file; the record in the file states the same times.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import whole_file, whole_folder
+from spacemap_vtk.io.provenance import recorded
+from spacemap_vtk.io.registry import writer
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.camera import Viewpoint
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Keys of all records that versions before the classes of jobs have written, whatever the kind: a
+#: class ignores those that it has no field for.
+_EARLIER_KEYS = {
+    *("what", "times", "size", "panels", "place", "wireframe", "motions", "tolerance"),
+    *("subdivisions", "pieces", "framed", "point", "quantity", "curves", "samples", "page"),
+}
+#: Called with how many steps are done, and of how many. It cancels the job by raising `Cancelled`.
+Progress = Callable[[int, int], object]
+#: Called with a sentence for each thing that the format of the file cannot hold.
+ReportLoss = Callable[[str], object]
+
+
+class Times(NamedTuple):
+    """The times that a job shows."""
+
+    #: In s.
+    values: Sequence[float] = ()
+    #: What the record in the file states: one time, or the first and the last; empty: none.
+    span: tuple[float, ...] = ()
+
+
+def asked_times(times: Sequence[float]) -> Times:
+    """Return times that the user has chosen."""
+    ends = times[:1] if len(times) == 1 else [*times[:1], *times[-1:]]
+    return Times(times, tuple(ends))
+
+
+def film_times(scene: Scene) -> Times:
+    """Return the times of the frames of a scene's film."""
+    animation = scene.animation
+    return Times(animation.frame_times(), (animation.start, animation.stop))
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a job works with while it runs."""
+
+    scene: Scene
+    #: Those of `Job.decide_times` [s].
+    times: Sequence[float]
+    progress: Progress
+    report_loss: ReportLoss
+    #: Whether the output appears only when it is complete. Otherwise the caller sees to that.
+    whole: bool
+
+
+class Job(ABC):
+    """A file, or a series of files, to be made of a scene.
+
+    A kind of job is a dataclass with a field ``output`` and the fields that this kind needs, with
+    defaults, under `register`.
+    """
+
+    #: The name of the kind, which the record in the file holds as ``what``.
+    kind: str
+    #: The file; of a series of files, with a number such as ``%04d`` in its name.
+    output: Path
+    #: The command and the options that ask for this kind of job.
+    command: ClassVar[str] = "export"
+    #: Fields that say how the job is done, not what comes: a record does not hold them.
+    unrecorded: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def numbered(self) -> bool:
+        """Whether there is a file for each time."""
+        return False
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether other files may appear beside the output."""
+        return False
+
+    @property
+    def is_series(self) -> bool:
+        """Whether data of many times are written."""
+        return False
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times that are shown; refuse those that the scene does not have."""
+        return Times()
+
+    @abstractmethod
+    def write(self, context: Context) -> str:
+        """Make the file, and return a sentence about it, or an empty text."""
+
+    def run(
+        self,
+        scene: Scene,
+        progress: Progress = lambda done, of: None,
+        report_loss: ReportLoss | None = None,
+        whole: bool = True,
+    ) -> str:
+        """Make the file of a scene.
+
+        Parameters
+        ----------
+        scene : Scene
+            What is shown; a job may change its view.
+        progress : callable
+            Called with how many steps are done, and of how many; may raise `Cancelled`.
+        report_loss : callable, optional
+            Called with what the file's format cannot hold; by default the scene warns of it.
+        whole : bool
+            Whether the output appears complete or not at all. If not, the caller sees to that.
+
+        Returns
+        -------
+        str
+            A sentence about what was written, or an empty text.
+        """
+        from spacemap_vtk.scenes.origin import record_of
+
+        times = self.decide_times(scene)
+        asked = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
+        with recorded(record_of(scene, asked, times.span)):
+            return self.write(
+                Context(scene, times.values, progress, report_loss or scene.warn, whole)
+            )
+
+    @contextmanager
+    def open_output(self, whole: bool) -> Iterator[Path]:
+        """Yield the path to write to."""
+        if not whole:
+            yield self.output
+        elif self.in_folder:
+            with whole_folder(self.output) as folder:
+                yield folder / self.output.name
+        else:
+            with whole_file(self.output) as file:
+                yield file
+
+    def write_output(self, context: Context, holds: str, content: Any) -> None:
+        """Write content by the writer of what is a key of `registry.DRAWN` or `registry.DATA`."""
+        with self.open_output(context.whole) as file:
+            writer(file, holds).write(file, content)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the kind, as ``what``, and all fields but the output that differ from defaults."""
+        found: dict[str, Any] = {"what": self.kind}
+        for each in fields(self):  # type: ignore[arg-type]
+            if each.name not in ("output", "kind"):
+                value = json.loads(json.dumps(getattr(self, each.name)))
+                if value not in (each.default, []):
+                    found[each.name] = value
+        return found
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+        """Return the job that `as_json` has described, here or in an earlier version."""
+        own = {each.name for each in fields(cls)}  # type: ignore[arg-type]
+        asked = {k: v for k, v in given.items() if k in own or k not in _EARLIER_KEYS}
+        return cls.of_kind(given["what"], output, **asked)
+
+    @classmethod
+    def of_kind(cls, kind: str, output: Path, **fields: Any) -> Job:
+        """Return a job of one of the kinds that this class is registered for."""
+        return cls(output, **fields)  # type: ignore[call-arg]
+
+
+JobClass = TypeVar("JobClass", bound=type[Job])
+#: The class of each kind of job, by the name of the kind.
+JOBS: dict[str, type[Job]] = {}
+
+
+def register(*kinds: str) -> Callable[[JobClass], JobClass]:
+    """Register a class of jobs under the names of its kinds; by default under its own."""
+
+    def add(job_class: JobClass) -> JobClass:
+        JOBS.update(dict.fromkeys(kinds or (job_class.kind,), job_class))
+        return job_class
+
+    return add
+
+
+def class_of(kind: str) -> type[Job]:
+    """Return the class of a kind of job."""
+    if kind not in JOBS:
+        raise InputError(
+            "no job of that kind is known", key="what", value=kind, allowed=", ".join(JOBS)
+        )
+    return JOBS[kind]
+
+
+def make_job(kind: str, output: Path, **fields: Any) -> Job:
+    """Return a job of a kind, with the fields of its class."""
+    return class_of(kind).of_kind(kind, output, **fields)
+
+
+def job_from_json(given: Mapping[str, Any], output: Path) -> Job:
+    """Return the job that a record or another process describes; the record may be a stranger's."""
+    try:
+        return class_of(str(given["what"])).from_json(given, output)
+    except InputError:
+        raise
+    except (TypeError, ValueError, LookupError) as error:
+        raise InputError(f"no order that this program knows: {error}") from None
+
+
+def floats(numbers: Sequence[Any]) -> list[float]:
+    """Return numbers of a field as floats."""
+    return [float(number) for number in numbers]
+
+
+def words(texts: Sequence[Any]) -> list[str]:
+    """Return texts of a field."""
+    return [str(text) for text in texts]
+
+
+def picture_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
+    """Return width and height of a field in pixels."""
+    if not size:
+        return None
+    width, height = map(int, size)
+    return width, height
+
+
+def viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
+    """Return the viewpoint of a field, which may be a list of numbers."""
+    if not place:
+        return None
+    from spacemap_vtk.draw.camera import Viewpoint
+
+    return Viewpoint.from_json(place)
+
+
+def require_number(path: Path, what: str) -> None:
+    """Refuse a name of a series of files without exactly one number."""
+    if not re.fullmatch(r"[^%]*%0?\d*d[^%]*", path.name):
+        stem = re.sub("%[0-9]*[a-z]?", "", path.stem).rstrip("-_")
+        example = path.with_name(f"{stem}-%04d{path.suffix}")
+        raise InputError(f"{path}: {what}", allowed=f"for example {example}")

@@ -1,0 +1,178 @@
+"""Surfaces that move, in one file: by a motion over time, or by mode shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import writer
+from spacemap_vtk.jobs.data import (
+    check_data_output,
+    common_scale,
+    counted,
+    is_numbered,
+    megabytes,
+    series_times,
+    write_series,
+)
+from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register
+from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from spacemap_vtk.datasets.moving_surface import MovingSurface
+    from spacemap_vtk.scenes.scene import Scene
+
+
+@register()
+@dataclass
+class MovingJob(Job):
+    """The surface with its motion, or a file for each time."""
+
+    output: Path
+    #: In s; none: those of the scene's film.
+    times: Sequence[float] = ()
+    #: How far the surface may be from its motion [m]; None: so that nobody sees it.
+    tolerance: float | None = None
+    #: Of each patch; None: as the scene says, or as a player bears.
+    subdivisions: int | None = None
+    #: What yarns are as curves, see `spacemap_vtk.draw.seen_yarns.STRANDS`.
+    curves: str = "yarns"
+
+    kind = "moving"
+
+    def __post_init__(self) -> None:
+        check_data_output(self.output, self.kind)
+        self.times = floats(self.times)
+        self.subdivisions = _checked_subdivisions(self.subdivisions)
+        if self.tolerance is not None:
+            self.tolerance = float(self.tolerance)
+            if not 0.0 < self.tolerance < math.inf:
+                raise InputError(
+                    "not a tolerance",
+                    key="tolerance",
+                    value=self.tolerance,
+                    allowed="a length above 0, as in 0.01mm",
+                )
+        if self.curves != "yarns":
+            from spacemap_vtk.draw.seen_yarns import checked_strands
+
+            self.curves = checked_strands(str(self.curves))
+
+    @property
+    def numbered(self) -> bool:
+        """Whether there is a file for each time."""
+        return is_numbered(self.output, self.kind)
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether other files may appear beside the output."""
+        return True
+
+    @property
+    def is_series(self) -> bool:
+        """Whether data of many times are written."""
+        return True
+
+    @property
+    def holds_curves(self) -> bool:
+        """Whether the file has yarns as curves."""
+        curved = self.output.suffix.lower() in (".usdc", ".usda")
+        return curved and not self.numbered
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times that are asked for, or of the scene's film."""
+        return series_times(scene, self.times)
+
+    def write(self, context: Context) -> str:
+        """Compute the motion and write it; return how large and how near it is."""
+        from spacemap_vtk.draw.moving import moving
+
+        scene, times = context.scene, context.times
+        if self.numbered:
+            span = common_scale(scene, times)
+
+            def still(time: float) -> MovingSurface:
+                return moving(scene, [time], self.tolerance, lambda *_: None, span, sides=0)
+
+            return write_series(self, context, still)
+        format_ = writer(self.output, self.kind)
+        made = moving(
+            scene,
+            times,
+            self.tolerance,
+            context.progress,
+            most=format_.most,
+            numbers=format_.numbers,
+            strands=self.curves,
+            sides=self.subdivisions or 0,
+            say=context.report_loss,
+        )
+        return _save(self, context, made)
+
+
+@register()
+@dataclass
+class ModesJob(Job):
+    """The surface as it hangs, with a shape and a swing for each mode."""
+
+    output: Path
+    #: Of each patch; None: as the scene says, or as a player bears.
+    subdivisions: int | None = None
+
+    kind = "modes"
+
+    def __post_init__(self) -> None:
+        check_data_output(self.output, self.kind)
+        self.subdivisions = _checked_subdivisions(self.subdivisions)
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether other files may appear beside the output."""
+        return True
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the scene's time."""
+        return asked_times([scene.view.time])
+
+    def write(self, context: Context) -> str:
+        """Compute the shapes and write them; return how many there are."""
+        from spacemap_vtk.draw.moving import mode_shapes
+
+        made = mode_shapes(
+            context.scene,
+            context.progress,
+            writer(self.output, self.kind).most,
+            self.subdivisions or 0,
+            context.report_loss,
+        )
+        return _save(self, context, made)
+
+
+def _checked_subdivisions(count: Any) -> int | None:
+    if count is None:
+        return None
+    from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+
+    try:
+        found: int = PatchTessellator.parameters["subdivisions"].check(count)
+    except InputError as error:
+        error.key = "subdivisions"
+        raise
+    return found
+
+
+def _save(job: Job, context: Context, made: Any) -> str:
+    """Write a surface that moves, and return what came of it in words."""
+    with job.open_output(context.whole) as file:
+        writer(file, job.kind).write(file, made)
+        size = file.stat().st_size
+    count = len(made.targets)
+    words = [counted(count, "target")] if count else []
+    if "largest_error" in made.about:
+        near = format_quantity(made.about["largest_error"], "m", 3)
+        words.append(f"{made.about['frames']} frames, each within {near}")
+    return ", ".join([*words, megabytes(size)])

@@ -1,0 +1,130 @@
+"""Pictures of a scene at one time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk import extensions
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output
+from spacemap_vtk.io.registry import writer, written
+from spacemap_vtk.jobs.job import (
+    Context,
+    Job,
+    Times,
+    asked_times,
+    picture_size,
+    register,
+    viewpoint,
+    words,
+)
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.camera import Viewpoint
+    from spacemap_vtk.draw.picture import Image
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Rays for each pixel of a traced picture, by default and at most.
+SAMPLES = 64
+MOST_SAMPLES = 65_536
+
+
+@register()
+@dataclass
+class PictureJob(Job):
+    """A picture."""
+
+    output: Path
+    #: In s; None: the scene's.
+    time: float | None = None
+    #: In pixels; None: the scene's.
+    size: tuple[int, int] | None = None
+    #: What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; none: as the scene says.
+    panels: Sequence[str] = ()
+    #: Where it is seen from; None: as the scene says.
+    place: Viewpoint | None = None
+    #: Whether only the edges of the fabric's facets are drawn.
+    wireframe: bool = False
+    #: Whether it is seen from where the scene's film is seen from.
+    framed: bool = False
+    #: Rays that are traced for each pixel; 0: none, it is drawn.
+    samples: int = 0
+
+    kind = "picture"
+    command = "render"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("picture"))
+        self.time = None if self.time is None else float(self.time)
+        self.size = picture_size(self.size)
+        self.panels = words(self.panels)
+        self.place = viewpoint(self.place)
+        self.samples = int(self.samples)
+        if not 0 <= self.samples <= MOST_SAMPLES:
+            raise InputError(
+                "no number of rays",
+                key="samples",
+                value=self.samples,
+                allowed=f"1 to {MOST_SAMPLES}",
+            )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what is asked for; the time as a list of one."""
+        found = super().as_json()
+        time = found.pop("time", None)
+        times = {} if time is None else {"times": [time]}
+        return {"what": self.kind, **times, **found}
+
+    @classmethod
+    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+        """Return the job that `as_json` has described."""
+        if times := given.get("times"):
+            given = {**given, "time": times[0]}
+        return super().from_json({k: v for k, v in given.items() if k != "times"}, output)
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the time that is asked for, or the scene's."""
+        return asked_times([scene.view.time if self.time is None else self.time])
+
+    def write(self, context: Context) -> str:
+        """Draw the picture and write it."""
+        # Drawn before there is anything to be removed if the program is ended.
+        self.write_output(context, "picture", self._draw(context))
+        return ""
+
+    def _draw(self, context: Context) -> Image:
+        from spacemap_vtk.draw.picture import Picture
+        from spacemap_vtk.scenes import face
+
+        scene, time = context.scene, context.times[0]
+        size = self.size or face.picture_size(scene)
+        fill_background(self.output, "picture", scene)
+        if self.place is None:
+            face.draw_beginning(scene, size)
+        if self.samples:
+            raytraced: Callable[..., Image] = extensions.load("renderers", "raytrace")
+            return raytraced(scene, time, size, self.samples, context.progress)
+        context.progress(0, 1)
+        picture = Picture(
+            scene,
+            scene.animation.frame_times() if self.framed else [time],
+            size,
+            self.panels,
+            self.place,
+            clear=scene.view.transparent,
+            wireframe=self.wireframe,
+        )
+        image = picture.draw(time)
+        picture.close()
+        context.progress(1, 1)
+        return image
+
+
+def fill_background(output: Path, holds: str, scene: Scene) -> None:
+    """Draw the background of a scene that has none, where the format needs one."""
+    if scene.view.transparent and not writer(output, holds).alpha:
+        scene.warn(f"a {output.suffix} cannot be transparent, and has its background")
+        scene.view.transparent = False

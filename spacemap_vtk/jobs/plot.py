@@ -1,0 +1,68 @@
+"""Plots of curves: the motion of a point, the tensile tests of a cloth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from spacemap_vtk.io.output import check_output, write
+from spacemap_vtk.io.registry import written
+from spacemap_vtk.jobs.job import Context, Job, floats, register
+
+
+@register()
+@dataclass
+class PlotJob(Job):
+    """The motion of a point over time, and its frequency response or its energies."""
+
+    output: Path
+    #: Position at rest [m]; none: where the first mode moves most.
+    point: Sequence[float] = ()
+    #: A key of `spacemap_vtk.draw.plots.QUANTITIES`.
+    quantity: str = "displacement"
+
+    kind = "plot"
+    command = "plot"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("plot"))
+        self.point = floats(self.point)
+
+    def write(self, context: Context) -> str:
+        """Draw the curves and write them."""
+        from spacemap_vtk.draw.plots import motion_plot
+
+        context.progress(0, 1)
+        figure = motion_plot(context.scene, self.point or None, self.quantity)
+        self.write_output(context, "plot", figure)
+        context.progress(1, 1)
+        return ""
+
+
+@register()
+@dataclass
+class BiaxialJob(Job):
+    """The tensile tests of the cloth: a plot, or a table as .csv."""
+
+    output: Path
+
+    kind = "biaxial"
+    command = "plot --biaxial"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, {**written("plot"), ".csv": "table"})
+
+    def write(self, context: Context) -> str:
+        """Compute the tests and write them."""
+        from spacemap_vtk.draw.plots import tensile_plot, tensile_table, tests_of
+
+        context.progress(0, 1)
+        tests = tests_of(context.scene)
+        if self.output.suffix.lower() == ".csv":
+            with self.open_output(context.whole) as file:
+                write(file, [tensile_table(tests).encode()])
+        else:
+            self.write_output(context, "plot", tensile_plot(context.scene.title, tests))
+        context.progress(1, 1)
+        return ""

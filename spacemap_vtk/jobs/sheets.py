@@ -1,0 +1,105 @@
+"""Sheets of several pictures: a motion over time, the shapes of a scene's modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output
+from spacemap_vtk.io.registry import written
+from spacemap_vtk.jobs.job import (
+    Context,
+    Job,
+    Times,
+    asked_times,
+    floats,
+    picture_size,
+    register,
+    words,
+)
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
+
+
+@register()
+@dataclass
+class StoryboardJob(Job):
+    """A picture of a motion: time to the right, the cage above the fabric, or a row a motion."""
+
+    output: Path
+    #: In s; none: over the first mode's period.
+    times: Sequence[float] = ()
+    #: In pixels; None: wide enough for its columns.
+    size: tuple[int, int] | None = None
+    #: Keys of `spacemap_vtk.scenes.motions.MOTIONS`, a row for each; none: the cage above the
+    #: fabric, moved as the scene says.
+    motions: Sequence[str] = ()
+
+    kind = "storyboard"
+    command = "storyboard"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("picture"))
+        self.times = floats(self.times)
+        self.size = picture_size(self.size)
+        self.motions = words(self.motions)
+        if self.motions:
+            self._check_motions()
+
+    def _check_motions(self) -> None:
+        from spacemap_vtk.scenes.motions import MOTIONS
+
+        if unknown := [name for name in self.motions if name not in MOTIONS]:
+            raise InputError(
+                "no such motion", key="motions", value=unknown[0], allowed=", ".join(MOTIONS)
+            )
+
+    def decide_times(self, scene: Scene) -> Times:
+        """Return the times that are asked for, or those of a swing."""
+        if not scene.moves:
+            raise InputError(
+                f"{scene.file or scene.title}: a storyboard needs a scene that moves",
+                cure="Add a section [response].",
+            )
+        if self.times:
+            return asked_times(self.times)
+        from spacemap_vtk.draw.sheets import swing_times
+
+        return Times(swing_times(scene))
+
+    def write(self, context: Context) -> str:
+        """Draw the board and write it."""
+        from spacemap_vtk.draw.sheets import motions_board, storyboard
+
+        scene, times, progress = context.scene, context.times, context.progress
+        if self.motions:
+            image = motions_board(scene, self.motions, times, self.size, progress)
+        else:
+            image = storyboard(scene, times, self.size, progress)
+        self.write_output(context, "picture", image)
+        return ""
+
+
+@register()
+@dataclass
+class ShapesJob(Job):
+    """A sheet of the first mode shapes."""
+
+    output: Path
+
+    kind = "shapes"
+    command = "modes"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, written("picture"))
+
+    def write(self, context: Context) -> str:
+        """Draw the sheet and write it."""
+        from spacemap_vtk.draw.sheets import mode_sheet
+
+        self.write_output(context, "picture", mode_sheet(context.scene, context.progress))
+        return ""

@@ -1,0 +1,79 @@
+"""A process of its own that runs one job and can be ended at any moment.
+
+``python -m spacemap_vtk.jobs.worker`` reads a request as JSON from its standard input, see
+`request`, and prints a line of JSON for each message: ``{"done": 3, "of": 50}``, ``{"lost": ...}``
+for what the file cannot hold, and at last ``{"result": ...}``, or ``{"error": ...}`` if it fails.
+Whoever has started it makes the output appear, or removes it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk.errors import SpacemapError, SpacemapWarning
+from spacemap_vtk.io.output import telling_refusals
+from spacemap_vtk.jobs.job import Job, job_from_json
+from spacemap_vtk.vanishing import ended_by_exceptions
+
+#: Added to the process's niceness, so that the window stays responsive.
+_NICENESS = 5
+#: Attributes of an error that travel.
+_ERROR_PARTS = ("message", "section", "key", "value", "allowed", "cure")
+
+
+def request(job: Job, values: Mapping[str, Any], base: Path) -> str:
+    """Return a job and the values of its scene, in a folder, as the process reads them."""
+    asked = {"job": job.as_json(), "output": str(job.output), "values": values, "base": str(base)}
+    return json.dumps(asked, default=str)
+
+
+def error_from_json(parts: Mapping[str, Any]) -> SpacemapError:
+    """Return the error that a process has sent."""
+    error = SpacemapError(**{name: part for name, part in parts.items() if name != "section"})
+    error.section = parts.get("section")
+    return error
+
+
+def main() -> None:
+    """Run the job on standard input."""
+    warnings.simplefilter("ignore", SpacemapWarning)  # the window shows what stages doubt
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
+    try:
+        from spacemap_vtk.scenes.scene import Scene
+
+        asked = json.loads(sys.stdin.read())
+        job = job_from_json(asked["job"], Path(asked["output"]))
+        scene = Scene(asked["values"], Path(asked["base"]))
+        # The user has never heard of the hidden folder: errors name the file alone.
+        with ended_by_exceptions(), telling_refusals(job.output, job.output.name):
+            if job.kind != "draft":  # whose yarns need no room
+                scene.check()
+            result = job.run(
+                scene,
+                lambda done, of: _send({"done": done, "of": of}),
+                lambda text: _send({"lost": text}),
+                whole=False,
+            )
+            _send({"result": result})
+    except Exception as error:
+        parts = {}
+        if isinstance(error, SpacemapError):
+            parts = {name: getattr(error, name, None) for name in _ERROR_PARTS}
+        _send({"error": {**parts, "message": parts.get("message") or str(error)}})
+        sys.exit(1)
+
+
+def _send(message: dict[str, Any]) -> None:
+    # A value may be of any type.
+    print(json.dumps(message, default=str), flush=True)
+
+
+if __name__ == "__main__":
+    main()
