@@ -12,6 +12,7 @@ The groups and what a member of each is:
   docstring is the help.
 - ``formats``: "module", which registers readers and writers (`spacemap_vtk.io.registry`).
 - ``stages``: "module:class", a stage (`spacemap_vtk.filters.base.Stage`).
+- ``jobs``: "module:class", a kind of job (`spacemap_vtk.jobs.job.Job`) under ``register``.
 - ``maps``: "module:class", an interpolation from the vertices of a cage to points in it
   (`spacemap_vtk.embedding.interpolation.Riding`).
 - ``data``: "module:function", which returns data of a scene for a file format.

@@ -227,7 +227,7 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     window.document.set("animation", "speed", 0.001)
     file = tmp_path / "long.gif"
     file.write_bytes(b"what was there")
-    window.exports.start("film", file, (320, 240))
+    window.exports.start("film", file, size=(320, 240))
     bar = window.exports.bar
     wait_until(lambda: bar.maximum() > 100 and bar.value() >= 2, 60)
     # One goes on working meanwhile, but with another film.
@@ -286,7 +286,7 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
     assert proposed[0][0] == ("plain_weave.mp4" if encoder else "plain_weave.gif")
     assert ("50 frames" if encoder else "pip install 'spacemap_vtk[movie]'") in said[0]
     assert ("*.mp4" in proposed[0][1]) == encoder
-    window.exports.start("film", tmp_path / "film.mp4", (160, 120))
+    window.exports.start("film", tmp_path / "film.mp4", size=(160, 120))
     assert window.exports.busy == encoder
     window.exports.stop()
     if not encoder:
@@ -377,7 +377,7 @@ def test_what_cannot_be_written_is_told(open_scene: Any, tmp_path: Path) -> None
     # What the scene refuses in the other process arrives here.
     window.document.set("animation", "start", "1 s")
     wait_until(lambda: settled(window))
-    window.exports.start("film", tmp_path / "none.gif", (160, 120))
+    window.exports.start("film", tmp_path / "none.gif", size=(160, 120))
     wait_until(lambda: not window.exports.busy)
     assert "animation.stop" in window.errors.text
     assert list(tmp_path.glob("none*")) == []
@@ -393,7 +393,8 @@ def test_a_full_disk_is_told_and_what_was_there_stays(
     (disk / name).write_bytes(b"what was there")
     window = open_scene()
     window.document.set("animation", "speed", 1.0)
-    window.exports.start(kind, disk / name, (480, 360))
+    size = {} if kind == "surface" else {"size": (480, 360)}
+    window.exports.start(kind, disk / name, **size)
     wait_until(lambda: not window.exports.busy)
     assert f"{name}: could not be written: disk full. " in window.errors.text
     assert ".spacemap-" not in window.errors.text
@@ -404,7 +405,7 @@ def test_a_full_disk_is_told_and_what_was_there_stays(
 
 def test_a_folder_that_comes_in_the_way_is_told(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
-    window.exports.start("picture", tmp_path / "x.png", (160, 120))
+    window.exports.start("picture", tmp_path / "x.png", size=(160, 120))
     (tmp_path / "x.png").mkdir()
     wait_until(lambda: not window.exports.busy)
     assert "x.png: could not be written: is a directory" in window.errors.text
@@ -419,7 +420,7 @@ from PySide6.QtCore import QTimer
 from spacemap_vtk.app.launch import launch
 def begin(window):
     window.document.set("animation", "speed", 0.001)
-    window.exports.start("film", Path(sys.argv[1]), (320, 240))
+    window.exports.start("film", Path(sys.argv[1]), size=(320, 240))
 launch("plain_weave", lambda window: QTimer.singleShot(1000, lambda: begin(window)))
 """
 
@@ -452,14 +453,14 @@ def test_processes_that_do_not_start_are_told_and_the_next_one_runs(
             program.chmod(0o644 if kind == "no program" else 0o755)
         with monkeypatch.context() as changed:
             changed.setattr(sys, "executable", str(program))
-            window.exports.start("picture", folder / "picture.png", (160, 120))
+            window.exports.start("picture", folder / "picture.png", size=(160, 120))
         wait_until(lambda: not window.exports.busy)
         assert "picture.png could not be written: " in window.errors.text
         assert (str(program) if kind != "ends at once" else "code 3") in window.errors.text
         assert list(folder.iterdir()) == []
         assert not window.exports.progress.isVisible()
         window.errors.clear()
-    window.exports.start("picture", folder / "picture.png", (160, 120))
+    window.exports.start("picture", folder / "picture.png", size=(160, 120))
     wait_until(lambda: done or window.exports.busy is False)
     assert done == [str(folder / "picture.png")]
     assert [path.name for path in folder.iterdir()] == ["picture.png"]

@@ -490,9 +490,8 @@ def test_the_view_has_the_fibres_of_the_file(
     drawn = view.image()
     done, file = [], tmp_path / "cloth.png"
     window.exports.written.connect(done.append)
-    window.exports.start(
-        "picture", file, view.seen.size, view.panels(window.document.scene), view.place
-    )
+    panels = view.panels(window.document.scene)
+    window.exports.start("picture", file, size=view.seen.size, panels=panels, place=view.place)
     wait_until(lambda: done or window.errors.text)
     with Image.open(file) as image:
         written = np.asarray(image)

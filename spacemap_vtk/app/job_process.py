@@ -24,11 +24,10 @@ _PATIENCE = 500
 
 
 class JobProcess(QObject):
-    """Runs a job in a child process, which cancelling ends.
+    """Runs a job in a child process, which cancelling ends."""
 
-    The child writes into a hidden folder. Its files appear when it has ended well, and are removed
-    otherwise.
-    """
+    # The child writes into a hidden folder. Its files appear when it has ended well; otherwise they
+    # are removed.
 
     #: Steps done, and all steps.
     progress = Signal(int, int)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
+from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import whole_file, whole_folder
 from spacemap_vtk.io.provenance import recorded
@@ -72,11 +73,10 @@ class Context:
 
 
 class Job(ABC):
-    """A file, or a series of files, to be made of a scene.
+    """A file, or a series of files, to be made of a scene."""
 
-    A kind of job is a dataclass with a field ``output`` and the fields that this kind needs, with
-    defaults, under `register`.
-    """
+    # A kind of job is a dataclass under `register`: a field `output`, and the fields that this kind
+    # needs, with defaults.
 
     #: The name of the kind, which the record in the file holds as ``what``.
     kind: str
@@ -117,24 +117,9 @@ class Job(ABC):
         report_loss: ReportLoss | None = None,
         whole: bool = True,
     ) -> str:
-        """Make the file of a scene.
-
-        Parameters
-        ----------
-        scene : Scene
-            What is shown; a job may change its view.
-        progress : callable
-            Called with how many steps are done, and of how many; may raise `Cancelled`.
-        report_loss : callable, optional
-            Called with what the file's format cannot hold; by default the scene warns of it.
-        whole : bool
-            Whether the output appears complete or not at all. If not, the caller sees to that.
-
-        Returns
-        -------
-        str
-            A sentence about what was written, or an empty text.
-        """
+        """Make the file of a scene, and return a sentence about it, or an empty text."""
+        # By default the scene warns of what the format cannot hold. Without `whole` the caller sees
+        # to it that the output appears complete or not at all.
         from spacemap_vtk.scenes.origin import record_of
 
         times = self.decide_times(scene)
@@ -201,6 +186,8 @@ def register(*kinds: str) -> Callable[[JobClass], JobClass]:
 
 def class_of(kind: str) -> type[Job]:
     """Return the class of a kind of job."""
+    if kind not in JOBS:
+        extensions.load_all("jobs")
     if kind not in JOBS:
         raise InputError(
             "no job of that kind is known", key="what", value=kind, allowed=", ".join(JOBS)
