@@ -231,7 +231,7 @@ def poem() -> Iterator[None]:
             return Times([0.0, 1.0], (0.0, 1.0))
 
         def write(self, context: Context) -> str:
-            verse = f"# {context.scene.weave.ends} ends, times {context.times}\n" * self.lines
+            verse = f"# {context.scene.source.ends} ends, times {context.times}\n" * self.lines
             with self.open_output(context.whole) as file:
                 write(file, [(verse + "\n".join(comments("#")) + "\n").encode()])
             context.report_loss("a poem has no picks")
