@@ -153,7 +153,7 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
     assert count(1000, 1000, None, 1e12) == 4
     assert count(1000, 50, None, 1e12) == 2
     assert count(64, 1000, None, 1e12) == 1
-    assert count(1000, 1000, None, 2e9) == 3
+    assert 1 < count(1000, 1000, None, 2e9) < 4
     assert count(1000, 1000, None, 1e8) == 1
     assert count(64, 3, 8, 1e12) == 3
     # Many yarns are drawn some after others, and keep all cores busy.
