@@ -16,7 +16,7 @@ import spacemap_vtk
 from spacemap_vtk import connect
 from spacemap_vtk.app.plots.curves import Wish, curves_of
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of
+from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters import crimp_interchange
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
@@ -107,6 +107,46 @@ class Tightened(Stage):
         output.ShallowCopy(inputs[0])
 
 
+class Moved(Stage):
+    """Move the points of an object along z."""
+
+    inputs = ("vtkPointSet",)
+    takes = ("object",)
+    output_type = SAME_AS_INPUT
+
+    by = Real(1.0, "How far.", unit="m")
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        output.ShallowCopy(inputs[0])
+        output.SetPoints(to_points(np.add(points_of(inputs[0]), [0.0, 0.0, self.by])))
+
+
+class MovedFirst(Moved):
+    """Move the object before a cage is made round it."""
+
+    section = "first"
+    role, after = "first", "source"
+
+
+class MovedLast(Moved):
+    """Move the object after the cage has moved it."""
+
+    section = "last"
+    role, after = "last", "warp"
+
+
+class Halved(Doubled):
+    """Halve what the cage does, once it has been doubled."""
+
+    section = "halved"
+    role, after = "halved", "rotation"
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        output.ShallowCopy(inputs[0])
+        moved = vtk_to_numpy(inputs[0].GetPointData().GetArray("displacement"))
+        add_array(output.GetPointData(), "displacement", 0.5 * moved)
+
+
 class PatchTessellator(spacemap_vtk.PatchTessellator):
     """Turn patches into polygons, and shift them."""
 
@@ -120,7 +160,7 @@ class PatchTessellator(spacemap_vtk.PatchTessellator):
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line of the program's table for each toy."""
-    for toy in (Shear, Doubled, Tightened, PatchTessellator):
+    for toy in (Shear, Doubled, Tightened, MovedFirst, MovedLast, Halved, PatchTessellator):
         monkeypatch.setitem(spacemap_vtk.FILTERS, toy.__name__, __name__)
 
 
@@ -233,15 +273,52 @@ def test_optional_stages_stand_where_their_roles_say() -> None:
     assert [stage.executions for stage in scene.stages] == [1, 1, 1, 2, 2, 2, 2, 2]
 
 
+@pytest.mark.usefixtures("toys")
+def test_a_stage_can_have_a_role_of_its_own() -> None:
+    rest = Scene(SMALL)
+    rest.update()
+    low, high = rest.polygons.GetBounds()[4:]
+    # Before the surface alone: nothing moves.
+    still = Scene({**SMALL, "last": {"by": "2 m"}, "first": {}})
+    assert [stage.section for stage in still.stages] == ["weave", "first", "last", "surface"]
+    assert not still.moves
+    still.update()
+    np.testing.assert_allclose(still.polygons.GetBounds()[4:], [low + 3.0, high + 3.0], atol=1e-6)
+    assert still.patches is still.part(MovedLast).output
+
+    scene = Scene({**SMALL, "shear": {}, "doubled": {}, "halved": {}, "first": {}, "last": {}})
+    assert [stage.section for stage in scene.stages] == [
+        *("weave", "first", "cage", "modal", "shear", "doubled", "halved"),
+        *("warp", "last", "surface"),
+    ]
+    scene.update(time=1.0)
+    assert scene.object_at_rest is scene.part(MovedFirst)
+    simple = Scene({**SMALL, "shear": {}})
+    simple.update(time=1.0)
+    np.testing.assert_allclose(height(scene), height(simple), atol=1e-6)
+    expected = np.array(simple.polygons.GetBounds()[4:]) + 2.0
+    np.testing.assert_allclose(scene.polygons.GetBounds()[4:], expected, atol=1e-6)
+    scene.update(time=0.5)
+    assert [stage.executions for stage in scene.stages] == [1, 1, 1, 1, 2, 2, 2, 2, 2, 2]
+    given = {"weave", "shear", "first"}
+    assert switched(scene.parts, given, "shear", False) == {"weave", "first"}
+    assert switched(scene.parts, given, "first", False) == {"weave", "shear"}
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_role_without_a_place_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Halved, "after", "nothing")
+    with pytest.raises(InputError, match=r'Halved has no place.*"halved", after "nothing"'):
+        Scene(SMALL)
+
+
 def test_a_scene_has_the_stages_that_its_sections_name() -> None:
     still = Scene(SMALL)
     assert [stage.role for stage in still.stages] == ["source", "surface"]
     assert not still.moves
     assert still.stage("mover") is None
     still.set("modal.modes=6")
-    assert [stage.role for stage in still.stages] == [
-        role for role in ROLES if role not in ("rotation", "crimp")
-    ]
+    assert tuple(stage.role for stage in still.stages) == ROLES
     still.set("motion.file=sheet.pvd")
     assert [stage.section for stage in still.stages] == ["weave", "motion", "warp", "surface"]
     still.set("object.file=model.ply")
@@ -271,7 +348,7 @@ def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
 def test_every_stage_of_the_table_says_what_it_is() -> None:
     for name in spacemap_vtk.FILTERS:
         stage = getattr(spacemap_vtk, name)
-        assert stage.role in ROLES, name
+        assert stage.role in ROLES or stage.after, name
         assert sections()[stage.section] is stage
         assert len(stage.takes) == len(stage.inputs) == len(stage.input_names) * bool(stage.inputs)
 

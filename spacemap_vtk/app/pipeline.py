@@ -347,7 +347,7 @@ class Pipeline:
         self._swing.SetOutput(cage)
         # A mode has no velocity that could ride along.
         self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})
-        source, crimp = scene.source, scene.stage("crimp")
+        source, crimp = scene.object_at_rest, scene.stage("crimp")
         if isinstance(crimp, CrimpInterchange):
             self._swing_crimp.configure(**crimp.settings)
             self._swing_crimp.SetInputConnection(0, source.GetOutputPort())

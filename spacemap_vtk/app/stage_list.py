@@ -116,8 +116,9 @@ class StageList(QTreeWidget):
         self._boxes.clear()
         for section, item in self.items.items():
             part, on = scene.parts[section], self.states[section] != "off"
-            role = part.role if isinstance(part, Stage) else ""
-            if role in ROLES[1:-1] and (on or scene.woven is not None or role != "crimp"):
+            role = part.role if isinstance(part, Stage) else ROLES[0]
+            possible = on or scene.woven is not None or role != "crimp"
+            if role not in (ROLES[0], ROLES[-1]) and possible:
                 state = _CHECKED if on else Qt.CheckState.Unchecked
                 item.setCheckState(_BOX, state)
                 self._boxes[section] = on

@@ -116,6 +116,7 @@ class Sheet:
         if self._follows and settings["outside"] == "error":
             settings["outside"] = "extrapolate"
         self._warp.configure(**settings)
+        self._warp.color_array = self._scene.warp.color_array
         self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
 

@@ -238,7 +238,7 @@ def _field(stage: Stage, data: Any) -> NDArray[Any]:
 
 def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
     """Return the surface of what takes the place of a stage's output."""
-    made = {"object": scene.source.output, stage.makes: data}
+    made = {"object": scene.object_at_rest.output, stage.makes: data}
     for each in scene.stages[scene.stages.index(stage) + 1 :]:
         made[each.makes] = each(*(made[kind] for kind in each.takes))
     return made["object"]

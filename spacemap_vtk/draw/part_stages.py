@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import copied
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
@@ -39,6 +40,7 @@ class PartStages:
         assert isinstance(last, PatchTessellator)
         self.source, self.surface = self.all[0], last
         scene.woven.lend(first)
+        self.use_color_array()
         for before, stage in pairwise(self.all):
             stage.SetInputConnection(0, before.GetOutputPort())
 
@@ -47,6 +49,12 @@ class PartStages:
         for stage in self.all[1:]:
             if len(stage.takes) > 1:
                 stage.SetInputDataObject(1, copied(cage))
+
+    def use_color_array(self) -> None:
+        """Let the array that the scene's colours show ride along."""
+        for stage in self.all:
+            if isinstance(stage, BarycentricWarp):
+                stage.color_array = self.scene.warp.color_array
 
     def choose_part(self, part: Share) -> None:
         """Make no yarns but these, as far as they cross one another."""

@@ -346,7 +346,7 @@ def over_motion(
         if sheet is not None:
             clouds.append(points_of(sheet.place(time)))
         else:
-            scene.update_stage(scene.stage("warp") or scene.source, time)
+            scene.update_stage(scene.last_object, time)
             clouds.append(_some(points_of(scene.patches)))
         arrows = arrows_of(scene, time) if scene.view.loads else None
         if arrows is not None:

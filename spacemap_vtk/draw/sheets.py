@@ -210,7 +210,7 @@ class _Drawing:
         add_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")
         self._moved.Modified()
-        mesh = self._surface(self._warp(self._scene.source.output, self._moved))
+        mesh = self._surface(self._warp(self._scene.object_at_rest.output, self._moved))
         add_measure(mesh, "displacement")
         self._solid.show(mesh, "displacement", span=(0.0, self._swing))
         return composed(self._window.draw(), self._behind)

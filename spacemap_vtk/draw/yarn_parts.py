@@ -143,6 +143,7 @@ class NearYarns:
             self._own.choose_part(yarns_in(sheet, *part))
         if self.part is not None:
             self._own.use_crossings(sheet.crimp, yarns_in(sheet, *self.part))
+        self._own.use_color_array()
         choose_facets(self._own.surface, choose_near(cloth, scale, self._patches, seen.size), seen)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()

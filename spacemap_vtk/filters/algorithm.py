@@ -83,8 +83,10 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output_type: ClassVar[str] = "vtkUnstructuredGrid"
-    #: What it is in a scene's pipeline, see `spacemap_vtk.filters.base.ROLES`.
+    #: Its place in a scene's pipeline: one of `spacemap_vtk.filters.base.ROLES`, or a role of its
+    #: own, which directly follows the role `after`.
     role: ClassVar[str] = ""
+    after: ClassVar[str] = ""
     #: Whether pieces of the output share no points, so that they need no ghosts.
     seamless: bool = False
 

@@ -102,19 +102,38 @@ class BarycentricWarp(Stage):
 
     _kept: _Ride | None = None
     _feet: vtkPolyData | None = None
+    _color_array = ""
+
+    @property
+    def color_array(self) -> str:
+        """Name of the array that colours show; it rides along, too, where the cage has it."""
+        return self._color_array
+
+    @color_array.setter
+    def color_array(self, name: str) -> None:
+        if name != self._color_array:
+            self._color_array = name
+            self.Modified()
+
+    def _carried_arrays(self, cage: vtkUnstructuredGrid) -> list[str]:
+        """Return the names of the cage's arrays that ride along, each once."""
+        names, color = self.carried.replace(",", " ").split(), self._color_array
+        if any(data.HasArray(color) for data in (cage.GetPointData(), cage.GetCellData())):
+            names.append(color)
+        return list(dict.fromkeys(names))
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             output.ShallowCopy(inputs[0])  # a process with nothing to do
             return
-        riding = self._riding(inputs[0])
-        prepared = self._prepared(riding, inputs[1])
+        points = self._points_in_cage(inputs[0])
+        prepared = self._prepared(points, inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
-        moved, displacement = prepared.interpolation.displace(points_of(riding), field)
+        moved, displacement = prepared.interpolation.displace(points_of(points), field)
         output.ShallowCopy(inputs[0])
         data = output.GetPointData()
-        if riding is not inputs[0]:
+        if points is not inputs[0]:
             _stand(moved, array_of(data, OFFSET, "BarycentricWarp"), displacement, inputs[0])
             for name in (FOOT, OFFSET):
                 data.RemoveArray(name)
@@ -126,11 +145,11 @@ class BarycentricWarp(Stage):
         if output.GetCellData().GetNormals() is not None:
             _renew_cell_normals(output)
         add_array(data, "displacement", displacement)
-        for name in self.carried.replace(",", " ").split():
+        for name in self._carried_arrays(inputs[1]):
             values = self._at_vertices(inputs[1], prepared, name)
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
 
-    def _riding(self, points: vtkPointSet) -> vtkPointSet:
+    def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
         """Return what rides in the cage: the points, or the feet on which yarns stand in it."""
         feet = points.GetPointData().GetArray(FOOT)
         if feet is None or not points.GetPointData().HasArray(OFFSET):
@@ -179,7 +198,7 @@ class BarycentricWarp(Stage):
             riding = [
                 data.GetArray(name).GetNumberOfComponents()
                 for data in (cage.GetPointData(), cage.GetCellData())
-                for name in self.carried.replace(",", " ").split()
+                for name in self._carried_arrays(cage)
                 if data.HasArray(name)
             ]
             single = points_of(points).dtype.itemsize == 4

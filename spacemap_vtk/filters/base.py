@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.mechanics.response import Motion
 
-#: What a stage can be in a scene's pipeline, in its order: a scene has one of each, but of those
-#: that are `OPTIONAL` only what it names.
-ROLES = ("source", "cage", "solver", "mover", "rotation", "crimp", "warp", "surface")
-OPTIONAL = ("rotation", "crimp")
+#: The roles that every scene has a stage of, in the order of its pipeline; a scene without a cage
+#: has the first and the last alone. A stage can declare any other role, see `Stage.after`: a scene
+#: has such a stage where it names the stage's section.
+ROLES = ("source", "cage", "solver", "mover", "warp", "surface")
 
 #: Held while a thread takes the stages of an update.
 _taking = threading.Lock()

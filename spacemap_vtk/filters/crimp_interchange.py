@@ -61,7 +61,7 @@ class CrimpInterchange(YarnParameters, Stage):
     """
 
     section = "yarns"
-    role = "crimp"
+    role, after = "crimp", "rotation"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
     takes = ("object", "cage")
     provides: ClassVar = {

@@ -56,7 +56,7 @@ class RotationStrain(Stage):
     """
 
     section = "rotation"
-    role = "rotation"
+    role, after = "rotation", "mover"
     inputs = ("vtkUnstructuredGrid",)
     takes = ("cage",)
     makes = "cage"

@@ -207,7 +207,7 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
 
 def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> Any:
     """Return data of a kind at a time; their colours have a scale with the ends `span`."""
-    moved = scene.stage("warp") or scene.source  # without a surface, which takes most
+    moved = scene.last_object  # without a surface, which takes most
     if kind == "yarns":
         from spacemap_vtk.draw.seen_yarns import SeenYarns
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 import spacemap_vtk
 from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import OPTIONAL, ROLES, Stage, connect
+from spacemap_vtk.filters.base import ROLES, Stage, connect
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.parameters import Parameterised
@@ -18,9 +18,44 @@ def sections() -> dict[str, type[Parameterised]]:
     """Return the class of each section of a scene file, in the order of the pipeline."""
     own: list[type[Stage]] = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
     stages = [*own, *extensions.load_all("stages")]
-    stages.sort(key=lambda stage: ROLES.index(stage.role))
+    roles = roles_of(stages)
+    stages.sort(key=lambda stage: roles.index(stage.role))
     classes: list[type[Parameterised]] = [*stages, View, Animation]
     return {cls.section: cls for cls in classes}
+
+
+def roles_of(stages: Collection[type[Stage]]) -> list[str]:
+    """Return all roles, in the order of the pipeline.
+
+    Parameters
+    ----------
+    stages : collection of type
+        Their roles are `ROLES`, or follow one another by `Stage.after`.
+
+    Returns
+    -------
+    list of str
+        Each once.
+
+    Raises
+    ------
+    InputError
+        If a role follows none that there is.
+    """
+    roles = list(ROLES)
+    own = {stage.role: stage.after for stage in stages if stage.after and stage.role not in ROLES}
+    while found := [role for role in own if own[role] in roles]:
+        for role in found:
+            roles.insert(roles.index(own.pop(role)) + 1, role)
+    for stage in stages:
+        if stage.role not in roles:
+            raise InputError(
+                f"{stage.__name__} has no place in a pipeline: its role is "
+                f'"{stage.role}", after "{stage.after}"',
+                allowed=f"one of {', '.join(roles)}, or any role after one of these",
+                cure='Declare one, as in role, after = "smoothing", "mover".',
+            )
+    return roles
 
 
 def words_of(name: str) -> str:
@@ -32,12 +67,13 @@ def words_of(name: str) -> str:
 def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
     """Return those stages of all parts that make up a scene that has some sections, in order."""
     stages = [part for part in parts.values() if isinstance(part, Stage)]
-    # Between source and surface one section will do, and the scene moves.
-    moves = any(stage.section in given for stage in stages if stage.role in ROLES[1:-1])
+    # One section of a stage that has to do with the cage will do, and the scene moves.
+    moves = any(stage.section in given for stage in stages if _has_cage(stage))
+    required = ROLES if moves else (ROLES[0], ROLES[-1])
     chosen: dict[str, Stage] = {}
     for stage in stages:
-        wanted = stage.role not in (OPTIONAL if moves else ROLES[1:-1])
-        if stage.section in given or (wanted and stage.role not in chosen):
+        missing = stage.role in required and stage.role not in chosen
+        if stage.section in given or missing:
             chosen[stage.role] = stage
     found: list[Stage] = []
     for stage in chosen.values():
@@ -46,6 +82,10 @@ def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[St
             found = [other for other in found if other.makes != stage.makes]
         found.append(stage)
     return found
+
+
+def _has_cage(stage: Stage) -> bool:
+    return stage.makes == "cage" or "cage" in stage.takes
 
 
 def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) -> None:
@@ -69,10 +109,10 @@ def switched(
     """Return the sections of a scene whose stage of a section is switched on or off."""
     if on:
         return {section} | {other for other in given if fits(parts, section, [other])}
-    middle = {stage.section for stage in chain(parts, given)[1:-1]} - {section}
+    middle = {stage.section for stage in chain(parts, given) if _has_cage(stage)} - {section}
     rest = set(given) - {section}
     part = parts[section]
-    if not isinstance(part, Stage) or part.role not in OPTIONAL:
+    if not isinstance(part, Stage) or part.role in ROLES:
         return rest - middle  # without one of them there is no motion
     return rest if rest & middle else rest | middle  # the others were there for it alone
 

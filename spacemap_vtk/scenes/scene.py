@@ -19,7 +19,7 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import ROLES, Provided, Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
@@ -83,8 +83,6 @@ class Scene:
         self._warnings: dict[str, None] = {}
         #: Sections and keys that `set` has changed: the file does not say these.
         self.assigned: set[tuple[str | None, str | None]] = set()
-        #: What rides along for the colours, and nobody has asked for; see `_carry`.
-        self._riding: list[str] = []
         #: The sections that it has; `set` adds more.
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
@@ -146,14 +144,13 @@ class Scene:
         Parameters
         ----------
         role : str
-            One of `spacemap_vtk.filters.base.ROLES`.
+            One of `spacemap_vtk.filters.base.ROLES`, or another that a stage declares.
 
         Returns
         -------
         Stage or None
             None where the scene has none.
         """
-        assert role in ROLES, role
         return next((stage for stage in self.stages if stage.role == role), None)
 
     @property
@@ -196,8 +193,20 @@ class Scene:
     @property
     def moving(self) -> list[Stage]:
         """The stages from what moves the cage to what lets the object ride along."""
-        first = ROLES.index("mover")
-        return [stage for stage in self.stages if stage.role in ROLES[first:-1]]
+        mover = self.stage("mover")
+        return [] if mover is None else self.stages[self.stages.index(mover) : -1]
+
+    @property
+    def object_at_rest(self) -> Stage:
+        """The stage that makes the object as it is before a cage moves it."""
+        rides = (n for n, s in enumerate(self.stages) if set(s.takes) == {"object", "cage"})
+        still = self.stages[: next(rides, -1)]
+        return next(stage for stage in reversed(still) if stage.makes == "object")
+
+    @property
+    def last_object(self) -> Stage:
+        """The stage that the surface is made of: the object, moved if the scene moves."""
+        return next(stage for stage in reversed(self.stages[:-1]) if stage.makes == "object")
 
     @property
     def arrays(self) -> dict[str, Provided]:
@@ -337,15 +346,12 @@ class Scene:
                     allowed=", ".join(self.colorings),
                 )
 
-    def _carry(self) -> None:
-        """Let ride along what the colours show."""
-        array, carried = COLORINGS[self.view.color].array, self.warp.carried.split()
+    def _choose_color_array(self) -> None:
+        """Let an array of the cage that the colours show ride along with the object."""
+        array = COLORINGS[self.view.color].array
         of_cage = {name for stage in self.stages if stage.makes == "cage" for name in stage.arrays}
-        if carried[-1:] == self._riding:
-            del carried[-1:]  # for other colours, and it need not be there any more
-        lacking = of_cage - self.warp.arrays.keys() - set(carried)
-        self._riding = [array] if array in lacking else []
-        self.warp.carried = " ".join(carried + self._riding)
+        rides = array in of_cage and array not in self.warp.arrays
+        self.warp.color_array = array if rides else ""
 
     def obstacle(self) -> GeometryError | SizeError | None:
         """Return what keeps the cloth from being built; builds nothing.
@@ -399,7 +405,7 @@ class Scene:
     @property
     def patches(self) -> vtkPointSet:
         """The Bézier patches or the object, moved if the scene moves, as of the last update."""
-        return (self.stage("warp") or self.source).output
+        return self.last_object.output
 
     @property
     def deforming(self) -> Stage:
@@ -502,7 +508,7 @@ class Scene:
         if stages != self.stages:
             self.stages = stages
             connect_chain(stages)
-        self._carry()
+        self._choose_color_array()
 
     @contextmanager
     def naming_file(self) -> Iterator[None]:

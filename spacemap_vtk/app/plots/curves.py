@@ -17,7 +17,7 @@ from spacemap_vtk.draw.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import ROLES, Stage
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.mechanics.energy import Balance, balance
 from spacemap_vtk.mechanics.resolution import mode_errors
@@ -30,7 +30,6 @@ if TYPE_CHECKING:  # it imports Qt
 FloatArray = NDArray[np.float64]
 
 #: What stages are that say how a scene moves.
-_MOVING = ROLES[: ROLES.index("crimp")]
 #: Times of a curve.
 SAMPLES = 1500
 #: Times or frequencies that are computed before the engine looks for other work, at most.
@@ -78,7 +77,9 @@ class Curves:
 
 def moving(document: Document) -> str:
     """Return another word for another way in which a scene moves."""
-    stages = (stage for stage in document.scene.stages if stage.role in _MOVING)
+    scene = document.scene
+    last = scene.deforming if scene.moves else scene.source
+    stages = scene.stages[: scene.stages.index(last) + 1]
     return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
 
