@@ -251,7 +251,7 @@ def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
     sheet = Sheet(scene)
     flat = sheet.place(0.0).GetBounds()
     assert sheet.place(0.3).GetBounds() != flat
-    scene.take({}, {"weave"})  # as the window switches the motion off
+    scene.adopt({}, {"weave"})  # as the window switches the motion off
     assert not scene.moves
     assert sheet.place(0.3).GetBounds() == flat
     assert sheet.ride(None).GetBounds() == flat

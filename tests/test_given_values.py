@@ -76,7 +76,7 @@ def test_given_gravity_survives_records_and_copies() -> None:
     down = (0.0, 0.0, -9.80665)
     assert Scene(values_of(scene)).response.gravity == down
     copy = Scene({})
-    copy.take({name: part.settings for name, part in scene.parts.items()}, scene.given)
+    copy.adopt(scene.settings, scene.given)
     assert copy.response.gravity == down
     assert "gravity" not in values_of(Scene({"response": {}}))["response"]
 

@@ -341,7 +341,7 @@ def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
     scene.set("yarns.bending=3 mN.mm2")
     assert [scene.update(0.0), scene.modal.executions] == [None, 3]
     # of another scene's values, without the section
-    scene.take({"modal": {"material": "denim"}}, {"weave", "modal"})
+    scene.adopt({"modal": {"material": "denim"}}, {"weave", "modal"})
     assert scene.modal.yarns is None
 
 

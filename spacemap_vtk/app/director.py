@@ -76,7 +76,7 @@ class Director(QObject):
         self._asked = Job(
             values=document.values,
             base=document.base,
-            settings={name: part.settings for name, part in scene.parts.items()},
+            settings=scene.settings,
             generation=self.generation,
             time=self._times.time,
             coarse=coarse,

@@ -393,7 +393,7 @@ class Document(QObject):
 
     def _settings(self) -> dict[str, dict[str, Any]]:
         """Return the values of every section, by which it is told whether anything is unsaved."""
-        settings = {name: dict(part.settings) for name, part in self.scene.parts.items()}
+        settings = self.scene.settings
         draft = settings["weave"]["draft"]
         settings["weave"]["draft"] = draft and draft.resolve()
         return settings

@@ -138,10 +138,10 @@ class Files(QObject):
         )
         before = scene.view.settings
         try:
-            scene.view.configure(**view.settings)
+            scene.adopt({"view": view.settings})
             return record_of(scene, job.as_json(), [time])
         finally:
-            scene.view.configure(**before)
+            scene.adopt({"view": before})
 
     def may_leave(self) -> bool:
         """Ask what becomes of unsaved changes."""

@@ -250,7 +250,7 @@ class Pipeline:
             # An equal value changes nothing: only what lies downstream of a change runs.
             changed = {k: v for k, v in job.settings.items() if v != self._settings[k]}
             before = here.stages
-            here.take(changed, job.values.keys())
+            here.adopt(changed, job.values.keys())
             if here.stages != before:
                 self._first = 0
             places = [n for n, stage in enumerate(here.stages) if stage.section in changed]

@@ -121,7 +121,7 @@ def figure(
     )
     job = FigureJob(output, page)
     if color is None and not panels and chosen.moves and chosen.view.color == "own":
-        chosen.take({"view": {"color": "displacement"}})
+        chosen.assign("view", "color", "displacement")
     run_job(job, chosen, "Drawing", quiet)
 
 

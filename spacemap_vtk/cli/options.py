@@ -164,14 +164,16 @@ def opened(
     ):
         if value is not None:
             try:
-                scene.take({section: {key: value}})
+                scene.assign(section, key, value)
             except InputError as error:
-                error.key = option  # which the user wrote
+                error.section, error.key = None, option  # which the user wrote
                 raise
-    scene.view.configure(**{key: True for key, given in (signs or {}).items() if given})
+    for key, given in (signs or {}).items():
+        if given:
+            scene.assign("view", key, True)
     if size is not None:
         try:
-            scene.view.size = size.lower().split("x")
+            scene.assign("view", "size", size.lower().split("x"))
         except InputError as error:
             # In the words of the command line, where a size is no list.
             side: Any = type(scene.view).parameters["size"]

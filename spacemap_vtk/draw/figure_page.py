@@ -151,7 +151,8 @@ def _still(run: Run) -> Scene:
     assert scene.woven is not None
     ends, picks = scene.woven.cloth.size
     if max(ends, picks) > _SEEN:
-        scene.source.configure(ends=min(ends, _SEEN), picks=min(picks, _SEEN))
+        scene.assign(source, "ends", min(ends, _SEEN))
+        scene.assign(source, "picks", min(picks, _SEEN))
         scene.warn(f"of {ends} ends and {picks} picks the first {_SEEN} are drawn")
     return scene
 
@@ -252,7 +253,8 @@ class _Shots:
 
 def _blend(scene: Scene, paper: Paper) -> None:
     """Let a scene's lines be seen on the paper."""
-    scene.view.configure(background=paper.color, background_top=paper.color)
+    for key in ("background", "background_top"):
+        scene.assign("view", key, paper.color)
 
 
 def _columns(runs: int, times: int) -> int:

@@ -159,7 +159,7 @@ def mode_shapes(
     _settle_colors(scene)
     _subdivide(scene, sides, say)
     _require_patches(scene, most)
-    scene.warp.carried = ""  # a mode has no velocity that could ride along
+    scene.assign("warp", "carried", "")  # a mode has no velocity that could ride along
     figures = modes(scene)["modes"]
     tell(0, len(figures))
     stage, solver = scene.deforming, scene.stage("solver")
@@ -349,7 +349,7 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
                 f"{cloth.patches * usual**2 / 1e6:.1f} million points would be many to show "
                 f"(--subdivisions {usual})"
             )
-        scene.take({"surface": {"subdivisions": chosen}})
+        scene.assign("surface", "subdivisions", chosen)
 
 
 def _require_patches(scene: Scene, most: int) -> None:
@@ -374,7 +374,7 @@ def _settle_colors(scene: Scene) -> None:
     color = scene.view.color
     if COLORINGS[color].numbers:
         scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
-        scene.take({"view": {"color": "own"}})
+        scene.assign("view", "color", "own")
 
 
 def _require_fitting(size: int, what: str, most: int, cure: str) -> None:

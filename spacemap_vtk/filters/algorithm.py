@@ -237,8 +237,13 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._warnings.append(text)
 
     def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
-        """State the required type of an input port."""
-        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self.inputs[port])
+        """State what an input port takes: composite data, too, where VTK's own way fails."""
+        kind = vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE()
+        info.Set(kind, self.inputs[port])
+        # VTK would run it block by block: there would be a cage round each, and it would forget the
+        # times of the second input, so that a cage stands still.
+        if len(self.inputs) > 1 or self.makes == "cage":
+            info.Append(kind, "vtkCompositeDataSet")
         return 1
 
     def ProcessRequest(

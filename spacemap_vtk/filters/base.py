@@ -68,15 +68,6 @@ class Stage(Algorithm):
     #: This stage and those above it, then; Python may have let go of some since.
     _above: Sequence[weakref.ref[Stage]] = ()
 
-    def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
-        """State what an input port takes: composite data, too, where VTK's own way fails."""
-        # Block by block there would be a cage round each; and after it VTK forgets the times of the
-        # second input, so that a cage stands still.
-        done = super().FillInputPortInformation(port, info)
-        if len(self.inputs) > 1 or self.makes == "cage":
-            info.Append(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkCompositeDataSet")
-        return done
-
     def SetInputConnection(self, *given: Any) -> None:
         """Connect an input, as VTK does."""
         Stage._connections += 1

@@ -81,9 +81,8 @@ class FilmSettings:
         wireframe: bool = False,
     ) -> FilmSettings:
         """Return the settings of a film of a scene as it is now."""
-        settings = {name: part.settings for name, part in scene.parts.items()}
         seen = size, tuple(panels), place, wireframe
-        return cls(scene.file, settings, scene.given, tuple(times), *seen)
+        return cls(scene.file, scene.settings, scene.given, tuple(times), *seen)
 
     @property
     def request(self) -> PictureRequest:
@@ -93,7 +92,7 @@ class FilmSettings:
     def scene(self) -> Scene:
         """Return the scene, not yet run."""
         scene = Scene({}, self.file)
-        scene.take(self.settings, self.given)
+        scene.adopt(self.settings, self.given)
         return scene
 
     def picture(self, scene: Scene, extent: Extent | None = None) -> Picture:

@@ -52,7 +52,7 @@ def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
     counts = _drawn_counts(scene, cloth, size)
     for family, name in enumerate(("ends", "picks")):
         if counts[family] < (whole := cloth.size[family]):
-            scene.source.configure(**{name: counts[family]})
+            scene.assign(section, name, counts[family])
             scene.warn(
                 f"only {name} 1 to {counts[family]} of {whole} are drawn, as the cloth is so long: "
                 f"--set {section}.{name}={whole} draws all"

@@ -36,4 +36,4 @@ def take_motion(scene: Scene, name: str, given: LoadParameters) -> None:
             "starts where it hangs, or undeformed"
         )
     kept = {stage.section for stage in scene.stages if stage.role not in ("mover", "rotation")}
-    scene.take({sections[0]: values}, kept | set(sections))
+    scene.adopt({sections[0]: values}, kept | set(sections))

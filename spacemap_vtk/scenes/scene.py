@@ -81,21 +81,19 @@ class Scene:
         self.view, self.animation = self.part(View), self.part(Animation)
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
-        #: Sections and keys that `set` has changed: the file does not say these.
+        #: Sections and keys that `assign` has changed: the file does not say these.
         self.assigned: set[tuple[str | None, str | None]] = set()
-        #: The sections that it has; `set` adds more.
+        #: The sections that it has; `assign` adds more.
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
         with self.naming_file():
             refuse_replaced(self.parts, self._sections)
             for name, value in values.items():
-                if name != "title":
-                    self._configure(name, value)
-                elif isinstance(value, str):
-                    self.title = "".join(c if c.isprintable() else " " for c in value)
+                if name == "title":
+                    self.title = _title(value)
                 else:
-                    raise InputError("not a string", key="title", value=value)
+                    self._write_section(name, value)
         self._connect()
 
     @classmethod
@@ -235,7 +233,9 @@ class Scene:
         self.assign(section, key, value_of(text))
 
     def assign(self, section: str, key: str, value: Any) -> None:
-        """Change a value; messages about it do not name the file.
+        """Change a value: the one way to do so. Messages about it do not name the file.
+
+        The section's stage is connected, if it was not, as if the scene's file had that section.
 
         Parameters
         ----------
@@ -249,11 +249,35 @@ class Scene:
         InputError
             If it is refused.
         """
-        part = part_of(self.parts, section)
-        with naming_section(section):
-            part.write(key, value)
+        self._write(section, key, value)
         self.assigned.add((section, key))
-        self._sections.add(section)
+        part = self.parts[section]
+        if isinstance(part, Stage) and part not in self.stages:
+            self._sections.add(section)
+        self._connect()
+
+    @property
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """The value of every parameter, by section and name."""
+        return {name: part.settings for name, part in self.parts.items()}
+
+    def adopt(
+        self,
+        settings: Mapping[str, Mapping[str, Any]],
+        sections: Collection[str] | None = None,
+    ) -> None:
+        """Adopt the state of another scene; of what is the same in both nothing runs again.
+
+        Parameters
+        ----------
+        settings : mapping
+            All of its `settings`, or those that differ.
+        sections : collection of str, optional
+            The sections that the other scene has, its `given`; by default the same.
+        """
+        for section, values in settings.items():
+            self.parts[section].configure(**values)
+        self._sections = self._sections if sections is None else set(sections)
         self._connect()
 
     def update(self, time: float | None = None, piece: Piece | None = None) -> None:
@@ -472,7 +496,8 @@ class Scene:
         """The surface, as of the last update."""
         return self.stages[-1].output
 
-    def _configure(self, section: str, values: Any) -> None:
+    def _write_section(self, section: str, values: Any) -> None:
+        """Write what a file says of a section."""
         part = part_of(self.parts, section)
         if not isinstance(values, Mapping):
             raise InputError(
@@ -482,26 +507,15 @@ class Scene:
                 cure=f"Write [{section}] on its own line.",
             )
         folder = self.file.parent if self.file else Path()
+        for key, value in values.items():
+            with naming_section(section):
+                value = part.parameter(key).within(value, folder)
+            self._write(section, key, value)
+
+    def _write(self, section: str, key: str, value: Any) -> None:
+        part = part_of(self.parts, section)
         with naming_section(section):
-            for key, value in values.items():
-                part.write(key, part.parameter(key).within(value, folder))
-
-    def take(
-        self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str] | None = None
-    ) -> None:
-        """Take over another scene's values; of what is the same in both nothing runs again.
-
-        Parameters
-        ----------
-        settings : mapping
-            For some sections, values of parameters, as `Parameterised.settings` has them.
-        given : collection of str, optional
-            The sections that the other scene has; by default the same.
-        """
-        for section, values in settings.items():
-            self.parts[section].configure(**values)
-        self._sections = self._sections if given is None else set(given)
-        self._connect()
+            part.write(key, value)
 
     def _connect(self) -> None:
         stages = chain(self.parts, self._sections)
@@ -526,3 +540,10 @@ class Scene:
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
+
+
+def _title(value: Any) -> str:
+    """Return a scene's title without control characters."""
+    if not isinstance(value, str):
+        raise InputError("not a string", key="title", value=value)
+    return "".join(c if c.isprintable() else " " for c in value)

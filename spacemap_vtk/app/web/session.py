@@ -146,7 +146,7 @@ class Session:
         self._job = Job(
             values=values,
             base=self.base or Path("scene.toml"),
-            settings={name: part.settings for name, part in self.scene.parts.items()},
+            settings=self.scene.settings,
             generation=0,
             time=self._time,
             coarse=coarse,
