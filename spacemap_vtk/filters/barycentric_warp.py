@@ -118,7 +118,8 @@ class BarycentricWarp(Stage):
     def _carried_arrays(self, cage: vtkUnstructuredGrid) -> list[str]:
         """Return the names of the cage's arrays that ride along, each once."""
         names, color = self.carried.replace(",", " ").split(), self._color_array
-        if any(data.HasArray(color) for data in (cage.GetPointData(), cage.GetCellData())):
+        data = cage.GetPointData(), cage.GetCellData()
+        if color and any(each.HasArray(color) for each in data):
             names.append(color)
         return list(dict.fromkeys(names))
 
