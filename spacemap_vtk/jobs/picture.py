@@ -127,4 +127,4 @@ def fill_background(output: Path, holds: str, scene: Scene) -> None:
     """Draw the background of a scene that has none, where the format needs one."""
     if scene.view.transparent and not writer(output, holds).alpha:
         scene.warn(f"a {output.suffix} cannot be transparent, and has its background")
-        scene.view.transparent = False
+        scene.assign("view", "transparent", False)
