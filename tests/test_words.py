@@ -41,7 +41,7 @@ def american(line: str) -> list[str]:
 
 
 FILES = [
-    *(ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "scenes").glob("*.[tm][od]*")),
+    *(ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.[tm][od]*")),
     *(ROOT / "pipelines").rglob("*.py"),
     *(ROOT / "spacemap_vtk").rglob("*.py"),
 ]
