@@ -1,1 +1,1 @@
-"""Tetrahedral cages. numpy only."""
+"""Tetrahedral cages: lattices, carved lattices, split cells, fTetWild. No VTK."""

@@ -1,4 +1,4 @@
-"""Which hexahedra of a lattice an object touches."""
+"""Carve a lattice: find the hexahedra that an object touches."""
 
 from __future__ import annotations
 
@@ -8,35 +8,37 @@ import numpy as np
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-_PAIRS = 2**17  # pairs of a triangle and a hexahedron that are looked at together
-_SLACK = 1e-9  # of an edge: what lies on a face touches both sides
+#: Pairs of a triangle and a hexahedron that are tested in one block.
+_PAIRS = 2**17
+#: Tolerance as a share of an edge: a point on a face belongs to both hexahedra.
+_SLACK = 1e-9
 
 
 def touched(
     points: Floats, triangles: Ints, origin: Floats, spacing: Floats, divisions: Sequence[int]
 ) -> Bools:
-    """Return the hexahedra that points lie in or triangles pass through.
+    """Find the hexahedra that contain a point or are crossed by a triangle.
 
     Parameters
     ----------
     points : (N, 3) float64
         In m, inside the box.
     triangles : (F, 3) int64
-        Point numbers; a segment names its second end twice.
+        Point indices; a segment is given as a triangle that repeats its second end.
     origin, spacing : (3,) float64
-        Lowest corner of the box, and edges of a hexahedron, in m.
+        Lowest corner of the box, and edge lengths of a hexahedron, in m.
     divisions : sequence of 3 int
-        Hexahedra along x, y and z.
+        Number of hexahedra along x, y and z.
 
     Returns
     -------
     (nz, ny, nx) bool
-        True where touched.
+        True where a hexahedron is touched.
 
     Notes
     -----
-    Triangle and box are told apart by separating axes (T. Akenine-Möller, "Fast 3D Triangle-Box
-    Overlap Testing", J. Graphics Tools 6, 2001): exact, and no triangle is too large.
+    Triangle and box are tested by separating axes (T. Akenine-Möller, "Fast 3D Triangle-Box
+    Overlap Testing", J. Graphics Tools 6, 2001). The test is exact for triangles of any size.
     """
     counts = np.asarray(divisions, dtype=np.int64)
     result = np.zeros(counts[::-1], dtype=np.bool_)
@@ -49,7 +51,7 @@ def touched(
     high = np.clip(np.floor(corners.max(axis=1) + _SLACK).astype(np.int64), 0, counts - 1)
     extent = high - low + 1
     sizes = extent.prod(axis=1)
-    # those inside one hexahedron have been counted with their points
+    # Triangles inside one hexahedron are covered by their corner points.
     large = np.flatnonzero(sizes > 1)
     ends = np.cumsum(sizes[large])
     begin = 0
@@ -73,8 +75,8 @@ def touched(
 
 
 def _overlap(corners: Floats) -> Bools:
-    """Return whether triangles (n, 3, 3) overlap the unit box round the origin."""
-    # Their own boxes do already.
+    """Test whether triangles (n, 3, 3) overlap the unit box centred at the origin."""
+    # The axes of the box need no test: the bounding boxes overlap already.
     edges = np.roll(corners, -1, axis=1) - corners
     normal = np.cross(edges[:, 0], edges[:, 1])
     axes = [normal]
@@ -89,23 +91,23 @@ def _overlap(corners: Floats) -> Bools:
 
 
 def grown(kept: Bools, margin: int, fill: bool) -> Bools:
-    """Return the hexahedra of a carved cage.
+    """Add margin layers and enclosed hexahedra to a carved cage.
 
     Parameters
     ----------
     kept : (nz, ny, nx) bool
-        Those that the object touches.
+        Hexahedra that the object touches.
     margin : int
-        Layers to add around them, corners included.
+        Layers to add around them, also across edges and corners.
     fill : bool
-        Add those that they enclose.
+        Also add hexahedra that are completely enclosed.
 
     Returns
     -------
     (nz, ny, nx) bool
-        As large as `kept`.
+        Hexahedra of the cage, in the shape of `kept`.
     """
-    from scipy import ndimage  # with all it brings: a tenth of a second
+    from scipy import ndimage  # imported here: it takes a tenth of a second
 
     if margin:
         kept = ndimage.binary_dilation(kept, np.ones((3, 3, 3)), iterations=margin)
@@ -113,7 +115,7 @@ def grown(kept: Bools, margin: int, fill: bool) -> Bools:
 
 
 def pieces(kept: Bools) -> tuple[list[int], int]:
-    """Return how many hexahedra each piece has, and how many pieces hang together at all.
+    """Count the connected pieces of a cage, by faces and by any contact.
 
     Parameters
     ----------
@@ -123,12 +125,12 @@ def pieces(kept: Bools) -> tuple[list[int], int]:
     Returns
     -------
     sizes : list of int
-        Hexahedra of the pieces that hang together by faces, the largest first.
+        Number of hexahedra in each face-connected piece, the largest first.
     loose : int
-        Pieces where edges and corners count too. If there are fewer than sizes, some of those
-        hang on hinges.
+        Number of pieces that are connected by faces, edges or corners. If it is less than
+        ``len(sizes)``, some pieces are connected only by an edge or a corner, like a hinge.
     """
-    from scipy import ndimage  # with all it brings: a tenth of a second
+    from scipy import ndimage  # imported here: it takes a tenth of a second
 
     labels, _ = ndimage.label(kept)
     sizes = np.sort(np.bincount(labels.ravel())[1:])[::-1]

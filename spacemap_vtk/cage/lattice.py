@@ -1,9 +1,9 @@
-"""A box cut into hexahedra of five tetrahedra each: the paper's cage.
+"""Lattice cage: a box of hexahedra, each split into five tetrahedra, as in the paper.
 
 Source: T. Furukawa, S. Kitagawa, Y. Shimizu, "Deformation of Flexible Objects Based on Space
-Mapping". The paper leaves open how neighbouring hexahedra are split; here the split is mirrored
-from one to the next (checkerboard), because otherwise the diagonals of a shared face cross and the
-mesh falls apart along it.
+Mapping". The paper does not say how neighbouring hexahedra are split. Here the split is mirrored
+from one hexahedron to the next (checkerboard parity); otherwise the diagonals of a shared face
+would cross and the mesh would not conform.
 """
 
 from __future__ import annotations
@@ -18,33 +18,34 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 TETRAHEDRA_PER_CELL = 5
 
-# Corners of a hexahedron are numbered x + 2y + 4z. One tetrahedron joins four corners of which no
-# two are neighbours; the other four cut off one corner each: in tetrahedron 1 + k corner k of the
-# first one is replaced by the one diagonally opposite, and two more are swapped to keep the
-# orientation. spacemap_vtk.embedding.lattice_locate relies on this order.
+# Corners of a hexahedron are numbered x + 2y + 4z. The first tetrahedron joins four corners of
+# which no two are neighbours. Each of the other four cuts off one corner: in tetrahedron 1 + k,
+# corner k of the first one is replaced by the diagonally opposite corner, and two more are swapped
+# to keep the orientation. spacemap_vtk.embedding.lattice_locate relies on this order.
 _EVEN = np.array([[0, 5, 3, 6], [7, 5, 6, 3], [0, 2, 6, 3], [0, 5, 6, 4], [0, 5, 1, 3]])
-# Mirrored in x (bit 0), and two corners swapped to keep the orientation.
+# Mirrored in x (bit 0), with two corners swapped to keep the orientation.
 _ODD = (_EVEN ^ 1)[:, [0, 1, 3, 2]]
-#: The five tetrahedra of an even hexahedron, and of an odd one.
+#: The five tetrahedra of an even and of an odd hexahedron.
 SPLIT = np.stack((_EVEN, _ODD))
 
-# A box thinner than this, relative to its longest side, counts as flat; so does one cut into steps
-# of fewer units in the last place than this. Barycentric coordinates in it would be noise.
+#: A box is flat if it is thinner than this share of its longest side.
 _FLAT = 1e-12
+#: A box is also flat if its cells are smaller than this many units in the last place: barycentric
+#: coordinates in them would be noise.
 _LEAST_ULPS = 16
-#: Thickness given to a flat object's box, as a share of its largest side.
+#: Thickness given to the box of a flat object, as a share of its largest side.
 _FLAT_SHARE = 0.05
 
 
 def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, Ints]:
-    """Cut a box into ``nx * ny * nz`` hexahedra of five tetrahedra each, conforming.
+    """Split a box into ``nx * ny * nz`` hexahedra of five conforming tetrahedra each.
 
     Parameters
     ----------
     bounds : sequence of 6 floats
         ``xmin, xmax, ymin, ymax, zmin, zmax`` in m.
     divisions : sequence of 3 ints
-        Hexahedra along x, y and z, each at least 1.
+        Number of hexahedra along x, y and z, each at least 1.
 
     Returns
     -------
@@ -52,7 +53,7 @@ def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, 
         Vertices in m, x running fastest, then y, then z; ``V = (nx+1)(ny+1)(nz+1)``.
     tetrahedra : (5 nx ny nz, 4) int64
         Vertices of each tetrahedron, positively oriented (``det(b-a, c-a, d-a) > 0``); the five of
-        one hexahedron follow each other, hexahedra in the order of their first vertex.
+        one hexahedron are consecutive, hexahedra in the order of their first vertex.
 
     Raises
     ------
@@ -86,17 +87,17 @@ def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, 
 
 
 def estimate_bytes(divisions: Sequence[int]) -> int:
-    """Return the most memory that `lattice` holds for these divisions.
+    """Estimate the peak memory of `lattice`.
 
     Parameters
     ----------
     divisions : sequence of 3 ints
-        Hexahedra along x, y and z.
+        Number of hexahedra along x, y and z.
 
     Returns
     -------
     int
-        Bytes: the points, the tetrahedra and the scratch that is alive with them.
+        Bytes of points, tetrahedra and temporary arrays.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def estimate_bytes(divisions: Sequence[int]) -> int:
     counts = _checked_divisions(divisions)
     cells = prod(counts)
     vertices = prod(count + 1 for count in counts)
-    # 3 float64 a vertex; 5 x 4 int64 a cell; scratch: parity, first vertex, one sum on its way
+    # Per vertex 3 float64; per cell 5 x 4 int64, and 3 temporary int64.
     return 8 * (3 * vertices + 4 * TETRAHEDRA_PER_CELL * cells + 3 * cells)
 
 
@@ -122,7 +123,7 @@ def _checked_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
         for value in values
     ):
         raise InputError(
-            "the cage cannot be divided so",
+            "the cage cannot be divided like this",
             key="divisions",
             value=values,
             allowed="three whole numbers, each at least 1",
@@ -134,7 +135,7 @@ def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floa
     box = np.asarray(bounds, dtype=np.float64)
     if box.shape != (6,) or not np.isfinite(box).all():
         raise GeometryError(
-            "these are not the bounds of a box",
+            "not the bounds of a box",
             key="bounds",
             value=bounds,
             allowed="six finite numbers xmin, xmax, ymin, ymax, zmin, zmax",
@@ -159,20 +160,20 @@ def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floa
 
 
 def padded_bounds(bounds: Sequence[float], padding: float) -> tuple[float, ...]:
-    """Return a bounding box with room on each side, and with a volume.
+    """Enlarge a bounding box, and give a flat one a volume.
 
     Parameters
     ----------
     bounds : sequence of 6 float
         xmin, xmax, ymin, ymax, zmin, zmax in m.
     padding : float
-        Room on each side as a share of that side's length.
+        Share of a side's length that is added at each of its ends.
 
     Returns
     -------
     tuple of 6 float
-        The larger box. A side without length, as of a planar mesh, gets a twentieth of the
-        largest one, since tetrahedra need a volume.
+        The enlarged box. A side of no length (a planar mesh) becomes a twentieth of the largest
+        one, because tetrahedra need a volume.
     """
     low, high = np.reshape(bounds, (3, 2)).astype(np.float64).T
     extent = high - low

@@ -1,7 +1,7 @@
-"""Cells of any common kind, split into tetrahedra that conform.
+"""Split hexahedra, wedges and pyramids into conforming tetrahedra.
 
-Every quadrilateral face is cut from its corner with the lowest number, so that both neighbours cut
-it the same way, whatever they are (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, "How to
+Every quadrilateral face is cut from its corner with the lowest index, so that both cells that share
+it cut it in the same way (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, "How to
 Subdivide Pyramids, Prisms, and Hexahedra into Tetrahedra", 8th International Meshing Roundtable,
 1999). No point is added.
 """
@@ -12,29 +12,29 @@ import numpy as np
 
 from spacemap_vtk.ndarrays import AnyInts, Floats
 
-#: A tetrahedron of less volume than this part of its longest edge cubed is flat.
+#: A tetrahedron is flat if its volume is less than this share of its longest edge cubed.
 FLAT = 1e-12
 
-# Positions of a wedge that bring each corner to the first place.
+# Permutations of a wedge that bring each corner to the first position.
 _WEDGES = np.array(
     [
         *([0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4]),
         *([3, 5, 4, 0, 2, 1], [4, 3, 5, 1, 0, 2], [5, 4, 3, 2, 1, 0]),
     ]
 )
-# VTK's numbers of the corners x + 2y + 4z of a hexahedron; this is its own inverse.
+# VTK's index of corner x + 2y + 4z of a hexahedron. The permutation is its own inverse.
 _CORNERS = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 
 
 def _pyramids(cells: AnyInts) -> AnyInts:
-    """Return two tetrahedra for each pyramid."""
+    """Split each pyramid into two tetrahedra."""
     return joined(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
 
 
 def _wedges(cells: AnyInts) -> AnyInts:
-    """Return three tetrahedra for each wedge."""
+    """Split each wedge into three tetrahedra."""
     turned = np.take_along_axis(cells, _WEDGES[cells.argmin(axis=1)], axis=1)
-    # a pyramid on the face opposite of the lowest corner, and the rest
+    # A pyramid on the face opposite the lowest corner, and the remaining tetrahedron.
     base = np.concatenate((turned[:, [1, 2, 5, 4]], turned[:, :1]), axis=1)
     rest = turned[:, [0, 4, 5, 3]]
     both = np.concatenate((_pyramids(base).reshape(-1, 2, 4), rest[:, None]), axis=1)
@@ -42,29 +42,29 @@ def _wedges(cells: AnyInts) -> AnyInts:
 
 
 def _hexahedra(cells: AnyInts) -> AnyInts:
-    """Return six tetrahedra for each hexahedron."""
+    """Split each hexahedron into six tetrahedra."""
     first = _CORNERS[cells.argmin(axis=1)]
-    # mirrored so that the lowest corner comes first
-    order = _CORNERS[np.arange(8) ^ first[:, None]]  # binary place -> VTK's place
-    turned = np.take_along_axis(cells, order, axis=1)  # in binary order
+    # Mirror the cell so that the lowest corner comes first.
+    order = _CORNERS[np.arange(8) ^ first[:, None]]  # position x + 2y + 4z -> VTK's
+    turned = np.take_along_axis(cells, order, axis=1)  # at position x + 2y + 4z
     faces = turned[:, [[1, 3, 7, 5], [2, 3, 7, 6], [4, 5, 7, 6]]]
     triangles = cut_quadrilaterals(faces.reshape(-1, 4)).reshape(-1, 6, 3)
     return joined(turned[:, :1], triangles)
 
 
-#: What splits cells of so many corners, (n, corners) in VTK's order (a pyramid's apex last), into
-#: tetrahedra, (m, 4) in any orientation.
+#: Function for each number of corners: it splits cells, (n, corners) in VTK's order (the apex of a
+#: pyramid last), into tetrahedra, (m, 4), of any orientation.
 SPLITS = {5: _pyramids, 6: _wedges, 8: _hexahedra}
 
 
 def joined(apex: AnyInts, triangles: AnyInts) -> AnyInts:
-    """Return the tetrahedra of (n, 1) points and (n, m, 3) triangles."""
+    """Join apex points (n, 1) with triangles (n, m, 3) to tetrahedra."""
     apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
     return np.concatenate((triangles, apexes), axis=2).reshape(-1, 4)
 
 
 def cut_quadrilaterals(quads: AnyInts) -> AnyInts:
-    """Return two triangles for each quadrilateral, cut from its lowest number."""
+    """Cut each quadrilateral into two triangles, from its lowest index."""
     even = quads.argmin(axis=1) % 2 == 0
     one = quads[:, [[0, 1, 2], [0, 2, 3]]]
     two = quads[:, [[1, 2, 3], [1, 3, 0]]]
@@ -72,26 +72,26 @@ def cut_quadrilaterals(quads: AnyInts) -> AnyInts:
 
 
 def volumes_of(vertices: Floats, tetrahedra: AnyInts) -> Floats:
-    """Return the volumes of tetrahedra.
+    """Compute the signed volumes of tetrahedra.
 
     Parameters
     ----------
     vertices : (V, 3) float64
         In m.
     tetrahedra : (T, 4) int
-        Vertex numbers.
+        Vertex indices.
 
     Returns
     -------
     (T,) float64
-        In m³; negative of inverted ones.
+        Volumes in m³, negative for inverted tetrahedra.
     """
     a, b, c = (vertices[tetrahedra[:, i]] - vertices[tetrahedra[:, 0]] for i in (1, 2, 3))
     return np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
 
 
 def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
-    """Return tetrahedra that all have a positive volume.
+    """Reverse inverted tetrahedra and drop flat ones.
 
     Parameters
     ----------
@@ -103,9 +103,9 @@ def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
     Returns
     -------
     tetrahedra : (T', 4) int
-        Inverted ones turned, flat ones left out.
+        Tetrahedra of positive volume.
     inverted, flat : int
-        How many those were.
+        Number of reversed and of dropped tetrahedra.
     """
     corners = vertices[tetrahedra]
     a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
@@ -119,22 +119,22 @@ def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
 
 
 def parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
-    """Return how many tetrahedra each part of a mesh has, and how many parts hang together at all.
+    """Count the connected parts of a mesh, by faces and by any contact.
 
     Parameters
     ----------
     tetrahedra : (T, 4) int
-        Vertex numbers.
+        Vertex indices.
 
     Returns
     -------
     sizes : list of int
-        Tetrahedra of the parts that hang together by faces, the largest first.
+        Number of tetrahedra in each face-connected part, the largest first.
     loose : int
-        Parts where edges and vertices count too. If there are fewer than sizes, some of those
-        hang on hinges.
+        Number of parts that are connected by faces, edges or vertices. If it is less than
+        ``len(sizes)``, some parts are connected only by an edge or a vertex, like a hinge.
     """
-    from scipy import sparse  # with all it brings: a tenth of a second
+    from scipy import sparse  # imported here: it takes a tenth of a second
 
     faces = np.sort(tetrahedra[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]], axis=2)
     shared = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 4)
@@ -148,19 +148,19 @@ def parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
 
 
 def bodies(points: Floats, triangles: AnyInts) -> int:
-    """Return how many bodies a closed surface bounds from outside.
+    """Count the bodies that a closed surface encloses.
 
     Parameters
     ----------
     points : (N, 3) float64
         In m.
     triangles : (F, 3) int
-        All turned the same way. Those round cavities do not count.
+        Consistently oriented. Surfaces of inner cavities do not count.
 
     Returns
     -------
     int
-        Pieces of the surface that enclose something.
+        Number of bodies.
     """
     from scipy import sparse
 

@@ -1,10 +1,10 @@
-"""Quadratic cells, split into linear tetrahedra at the nodes in the middle of their edges.
+"""Split quadratic cells into linear tetrahedra at the nodes on their edges.
 
-Each corner is cut off at the middles of its edges; what is left, with the middles as its corners,
-is filled from the one with the lowest number. So each triangle of a face falls into four, and each
-quadrilateral into four and a middle one that is cut from its lowest number: both neighbours of a
-face cut it the same way, whatever they are. No point is added, and displacements in the middles of
-edges count.
+Each corner is cut off at the midpoints of its edges. The remaining body, whose corners are the
+midpoints, is filled from the midpoint with the lowest index. So each triangular face is cut into
+four triangles, and each quadrilateral into four and a middle quadrilateral that is cut from its
+lowest index: both cells that share a face cut it in the same way. No point is added, and
+displacements of midpoints are used.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from spacemap_vtk.ndarrays import AnyInts
 
 @dataclass(frozen=True)
 class CellKind:
-    """A quadratic cell, with VTK's numbers of its nodes."""
+    """A kind of quadratic cell, in VTK's order of nodes."""
 
-    #: Corners and middles of edges; further ones are not used.
+    #: Number of corners and edge midpoints; further nodes are not used.
     nodes: int
-    #: Corners of each edge; the middle of the first has the number after the last corner's.
+    #: Corners of each edge; the midpoint of the first edge follows the last corner.
     edges: tuple[tuple[int, int], ...]
     #: Corners of each face, in circular order.
     faces: tuple[tuple[int, ...], ...]
@@ -53,9 +53,10 @@ HEXAHEDRON = CellKind(
     ),
     ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 )
-# Eight hexahedra of the 27 nodes of a triquadratic one: x + 3y + 9z in VTK's order.
+# VTK's index of node x + 3y + 9z of a triquadratic hexahedron.
 _NODES = [0, 8, 1, 11, 24, 9, 3, 10, 2, 16, 22, 17, 20, 26, 21, 19, 23, 18]
 _NODES += [4, 12, 5, 15, 25, 13, 7, 14, 6]
+#: The eight linear hexahedra of a triquadratic one.
 EIGHT = np.array(
     [
         [_NODES[corner + x + 3 * y + 9 * z] for corner in (0, 1, 4, 3, 9, 10, 13, 12)]
@@ -67,14 +68,14 @@ EIGHT = np.array(
 
 
 def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
-    """Return linear tetrahedra of quadratic cells.
+    """Split quadratic cells into linear tetrahedra.
 
     Parameters
     ----------
     cells : (n, at least kind.nodes) int
         In VTK's order.
     kind : CellKind
-        What they are.
+        Their kind.
 
     Returns
     -------
@@ -83,7 +84,7 @@ def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
     """
     corners = kind.nodes - len(kind.edges)
     middle = {frozenset(edge): corners + i for i, edge in enumerate(kind.edges)}
-    # what is left when the corners are gone: a face for each face, and one for each corner
+    # Faces of the body without corners: one for each face and one for each corner of the cell.
     left = [
         [middle[frozenset(pair)] for pair in zip(face, (*face[1:], face[0]), strict=True)]
         for face in kind.faces
@@ -110,7 +111,7 @@ def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
 
 
 def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:
-    """Return the middles of the edges at a corner, in circular order."""
+    """Return the midpoints of the edges at a corner, in circular order."""
     ring: list[int] = []
     pairs = []
     for face in kind.faces:

@@ -1,12 +1,12 @@
-"""Tetrahedra inside a surface by fTetWild, kept from run to run.
+"""Tetrahedralise the inside of a surface by fTetWild, with a cache.
 
 Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in the Wild", ACM
-Trans. Graph. 39 (2020). It takes any triangles, open and self-intersecting ones too, and gives
-another mesh at each run: so a mesh once made is kept in the user's cache folder under a hash of
-surface and parameters, and found again there.
+Trans. Graph. 39 (2020). It accepts any triangles, also open and self-intersecting ones, and
+produces a different mesh at each run. So a finished mesh is kept in the user's cache folder, under a
+hash of surface and parameters.
 
-It runs in a process of its own: it writes a file into the working folder, which must not be the
-user's, and where a surface makes it crash, the crash is told in words.
+It runs in a process of its own, because it writes a file into the working folder, which must not be
+the user's, and because a crash on a difficult surface must become a message.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from spacemap_vtk.errors import GeometryError, MissingLibraryError
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.vanishing import vanishing_folder
 
-#: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
-#: makes ten times as many tetrahedra near flat faces as a cage needs.
+#: Largest distance of the mesh from the surface, as a share of the diagonal. fTetWild's default of
+#: 1e-3 makes ten times as many tetrahedra near flat faces as a cage needs.
 EPSILON = 4e-3
 
 #: Seconds between looks: in between them the waiting thread can be stopped.
 _LOOK = 0.05
 
-#: Of pytetwild the part that adds to PyVista's meshes is left out: to import PyVista takes as long
-#: as to fill a small surface.
+#: Program of the child process. It skips pytetwild's accessor, because importing PyVista takes as
+#: long as filling a small surface.
 _PROGRAM = """
 import sys, types
 sys.modules["pytetwild._accessor"] = types.ModuleType("_accessor")
@@ -59,16 +59,16 @@ Mesh = tuple[Floats, Ints]
 
 
 def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
-    """Return tetrahedra inside a surface.
+    """Fill a surface with tetrahedra.
 
     Parameters
     ----------
     points : (N, 3) float64
         In m.
     triangles : (F, 3) int64
-        Point numbers.
+        Point indices.
     edge_length : float
-        Length to aim for, in m.
+        Desired length of edges, in m.
 
     Returns
     -------
@@ -80,18 +80,17 @@ def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
     MissingLibraryError
         If pytetwild is not installed.
     GeometryError
-        If the surface has no inside.
+        If the surface encloses no volume, or fTetWild fails.
     """
     if importlib.util.find_spec("pytetwild") is None:
         raise MissingLibraryError(
             'method "tetwild" needs the package pytetwild',
             cure='Run "pip install pytetwild", or use method = "carved".',
         )
-    from importlib.metadata import version  # with the parts of email and socket that it brings
+    from importlib.metadata import version  # imported here: it brings email and socket
 
     def make() -> dict[str, NDArray[Any]]:
-        # Near the origin and of unit size: fTetWild's own tolerances are relative, its files
-        # float32.
+        # Scale to unit size at the origin: fTetWild has relative tolerances and float32 files.
         middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
         made = _run(
             points=(points - middle) / size,
@@ -111,19 +110,19 @@ def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
 
 
 def kept(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDArray[Any]]:
-    """Return a mesh from the cache, or make it and keep it there.
+    """Load a mesh from the cache, or make and store it.
 
     Parameters
     ----------
     make : callable
         Returns the arrays of a mesh, ``vertices`` and ``tetrahedra`` among them.
     *of : array_like or number or str
-        All that it depends on.
+        Everything that the mesh depends on.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        What it has returned, now or before.
+        The arrays of the mesh.
     """
     digest = hashlib.sha256()
     settings = tuple(part for part in of if not isinstance(part, np.ndarray))
@@ -150,7 +149,7 @@ _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or met
 
 
 def _run(**surface: Any) -> dict[str, NDArray[Any]]:
-    """Return the arrays of the mesh that another process makes, in a folder of its own."""
+    """Make a mesh in a child process, in a folder of its own."""
     with vanishing_folder() as folder:
         np.savez(folder / "surface.npz", **surface)
         done = run_child([sys.executable, "-c", _PROGRAM], folder)
