@@ -71,7 +71,8 @@ def commands() -> Iterator[str]:
 
 def formats() -> Iterator[str]:
     """Yield which files are read and written."""
-    yield "# Every file format\n\nWhat is in them, and what is not: [](../reference/files.md).\n\n## Read\n"
+    yield "# Every file format\n"
+    yield "What each of them contains: [](../reference/files.md).\n\n## Read\n"
     yield "| endings | format | holds |\n|---|---|---|"
     for kind in registry.READ:
         for reader in registry.readers(kind):

@@ -1,4 +1,4 @@
-"""The licence comes with the package; commands and scenes of the how-to guides run as they stand."""
+"""The licence comes with the package; commands and scenes of the how-to guides run."""
 
 from __future__ import annotations
 

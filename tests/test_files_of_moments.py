@@ -128,7 +128,9 @@ def test_the_documented_reader_of_patches_finds_what_vtk_finds(
     scene = Scene.read("plain_weave")
     scene.set(f"weave.exact={exact}")
     make_data_job(Path("cloth.vtu"), times=[TIME]).run(scene)
-    text = (Path(__file__).parents[1] / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "docs" / "reference" / "files.md").read_text(
+        encoding="utf-8"
+    )
     names: dict[str, Any] = {}
     exec(text.rpartition("```python\n")[2].partition("```")[0], names)
     cells, where = pv.read("cloth.vtu"), [names["u"], names["v"], 0.0]

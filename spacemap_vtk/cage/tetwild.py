@@ -2,8 +2,8 @@
 
 Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in the Wild", ACM
 Trans. Graph. 39 (2020). It accepts any triangles, also open and self-intersecting ones, and
-produces a different mesh at each run. So a finished mesh is kept in the user's cache folder, under a
-hash of surface and parameters.
+produces a different mesh at each run. So a finished mesh is kept in the user's cache folder, under
+a hash of surface and parameters.
 
 It runs in a process of its own, because it writes a file into the working folder, which must not be
 the user's, and because a crash on a difficult surface must become a message.
