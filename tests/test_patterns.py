@@ -15,9 +15,9 @@ from PIL import Image
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
-from spacemap_vtk.fabric import drawdown, pattern_names, patterns
+from spacemap_vtk.fabric import drawdown, patterns
 from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.pattern_names import canonical, named
+from spacemap_vtk.fabric.patterns import canonical, named
 from spacemap_vtk.io import draft_file
 from spacemap_vtk.io.draft_file import parse_rows, read_draft
 from spacemap_vtk.io.wif_writer import format_wif
@@ -25,7 +25,7 @@ from spacemap_vtk.io.wif_writer import format_wif
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 
 
-@pytest.mark.parametrize("module", [patterns, pattern_names, drawdown, draft_file])
+@pytest.mark.parametrize("module", [patterns, drawdown, draft_file])
 def test_examples(module: Any) -> None:
     assert doctest.testmod(module).failed == 0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import pattern_names
+from spacemap_vtk.fabric import patterns
 from spacemap_vtk.fabric.axes import axis_points
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
@@ -19,7 +19,7 @@ EA, B = 90.0, 2e-9
 
 
 def woven(pattern="plain", *, d=(0.25e-3, 0.25e-3), p=(0.5e-3, 0.5e-3), size=24, flat=1, **more):
-    repeat = pattern_names.named(pattern)
+    repeat = patterns.named(pattern)
     drawdown = np.tile(repeat, [-(-size // n) for n in repeat.shape])[:size, :size]
     section = {"section": "racetrack", "aspect": flat} if flat > 1 else {}
     warp, weft = (Threads(diameter=d, spacing=p, **section) for d, p in zip(d, p, strict=True))

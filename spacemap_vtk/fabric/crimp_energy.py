@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.gap import bend, jam_height
+from spacemap_vtk.fabric.peirce import bend, jam_height
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import CrimpEnergy
 from spacemap_vtk.fabric.drawdown import repeat
-from spacemap_vtk.fabric.gap import bend, taut_height
+from spacemap_vtk.fabric.peirce import bend, taut_height
 from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Least share of a yarn's length that is straight at rest, to bending: in a jam it bends, too.

@@ -39,8 +39,8 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
 from spacemap_vtk.fabric.crossings import Crossings, crossings
-from spacemap_vtk.fabric.gap import bend, both_taut
 from spacemap_vtk.fabric.joined import Joined, Said
+from spacemap_vtk.fabric.peirce import bend, both_taut
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Share of a section that fibres fill where they lie as close as they can, in hexagons.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.gap import Gap, bend
+from spacemap_vtk.fabric.peirce import Gap, bend
 from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Slack, or stretch past a jam, from which on a yarn is left as it is; between, in part.

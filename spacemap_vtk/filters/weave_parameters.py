@@ -7,7 +7,7 @@ from copy import copy
 from typing import Any, TypeVar
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import drawdown, pattern_names
+from spacemap_vtk.fabric import drawdown, patterns
 from spacemap_vtk.fabric.cloth import AXES
 from spacemap_vtk.fabric.naming import FAMILIES
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
@@ -70,14 +70,14 @@ class Pattern(Parameter[Any]):
     kind = "pattern"
     annotation = "str or sequence of rows"
     form = (
-        pattern_names.GRAMMAR
+        patterns.GRAMMAR
         + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
     )
 
     def convert(self, value: Any) -> Any:
         """Return a name in its usual spelling, or a tuple of strings of 0 and 1."""
         if isinstance(value, str):
-            return pattern_names.canonical(value)
+            return patterns.canonical(value)
         if not isinstance(value, Iterable):
             raise InputError("not a weave")
         return tuple(drawdown.rows(drawdown.from_matrix(list(value))))
@@ -131,7 +131,7 @@ class PerYarn(Series):
 
 def repeat_of(pattern: Any) -> Bools:
     """Return one repeat of a pattern."""
-    read = pattern_names.named if isinstance(pattern, str) else drawdown.from_matrix
+    read = patterns.named if isinstance(pattern, str) else drawdown.from_matrix
     return read(pattern)
 
 
