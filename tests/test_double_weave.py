@@ -21,7 +21,7 @@ from spacemap_vtk.fabric.interchange import Interchange
 from spacemap_vtk.fabric.partition import whole_bounds
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count, estimate_counts
-from spacemap_vtk.fabric.yarn_clearance import least_clearance
+from spacemap_vtk.fabric.yarn_clearance import least_clearance, touching
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
@@ -237,6 +237,13 @@ def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
     assert nearest_of_two_cloths(cloth) > 0.01 * thick
     # in each of them yarns touch, and nothing overlaps
     assert abs(least_clearance(cloth).distance) < 1e-12 * thick
+    found = touching(cloth)
+    end, pick = found.yarns[0], found.yarns[1] - cloth.size[0]
+    assert cloth.layers.own[pick, end]
+    low, high = sorted(
+        cloth.passing(n).height[place] for n, place in enumerate(((end, pick), (pick, end)))
+    )
+    assert low < found.place[2] < high
 
 
 def test_axes_are_smooth_where_cloths_change_places() -> None:

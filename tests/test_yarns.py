@@ -18,7 +18,7 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.weave import Weave, build, estimate_bytes
-from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
+from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance, touching
 
 UNEQUAL = loosened(
     0.3,
@@ -46,9 +46,23 @@ def test_examples() -> None:
     assert doctest.testmod(yarn_clearance).failed == 0
 
 
+def nearest_at(cloth: Cloth, found: Clearance, tolerance: float) -> None:
+    """Both yarns' axes pass the place at their radii."""
+    assert found.distance == 0.0
+    end, pick = found.yarns[0], found.yarns[1] - cloth.size[0]
+    points, yarn = axis_points(cloth, 64)
+    for number, radius in (
+        (found.yarns[0], 0.5 * cloth.yarns[0].diameter[end]),
+        (found.yarns[1], 0.5 * cloth.yarns[1].diameter[pick]),
+    ):
+        distance = np.linalg.norm(points[yarn == number] - found.place, axis=1)
+        assert distance.min() == pytest.approx(radius, abs=1e-3 * radius + tolerance)
+
+
 def touches_and_never_overlaps(cloth: Cloth) -> None:
     size = np.max(cloth.warp.diameter) + np.max(cloth.weft.diameter)
     assert least_clearance(cloth).distance == pytest.approx(0, abs=1e-9 * size)
+    nearest_at(cloth, touching(cloth), 1e-9 * size)
     made = build(cloth)
     assert np.isfinite(made.points).all()
     assert len(made.points) == made.patches.max() + 1

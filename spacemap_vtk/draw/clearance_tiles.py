@@ -139,7 +139,7 @@ class SampledClearances:
     def __init__(self, scene: Scene, sides: int) -> None:
         self._stages = PartStages(scene)
         self._stages.surface.choose(sides)
-        self._parts, self._weaves, _ = telling_parts(self._stages.cloth, _MOST)
+        self._parts, self._weaves = telling_parts(self._stages.cloth, _MOST)
         #: What was found last, and for which cage.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None
 

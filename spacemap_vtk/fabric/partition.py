@@ -166,10 +166,10 @@ def whole_bounds(cloth: Cloth) -> Floats:
     return np.stack([low, high], axis=1).ravel()
 
 
-def telling_parts(
-    cloth: Cloth, most: int, edges: bool = True, local: int = _LOCAL
-) -> tuple[list[tuple[slice, slice]], Ints, bool]:
+def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], Ints]:
     """Return some parts of a cloth in which each of its local weaves occurs.
+
+    A local weave is a crossing with those round it; at the cloth's edges some of these are missing.
 
     Parameters
     ----------
@@ -177,11 +177,6 @@ def telling_parts(
         The whole of it.
     most : int
         Crossings in all parts, at most.
-    edges : bool
-        Whether crossings at the cloth's edges are others than those within.
-    local : int, optional
-        Crossings along both sides of a local weave: 3, each crossing and those round it; or 2, each
-        and those after it.
 
     Returns
     -------
@@ -189,8 +184,6 @@ def telling_parts(
         Ends and picks of each.
     weaves : (picks, ends) int64
         Number of the local weave of each crossing, with the yarns' own measures.
-    complete : bool
-        Whether that many crossings hold all of them.
 
     Examples
     --------
@@ -198,14 +191,11 @@ def telling_parts(
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> over = np.indices((40, 40)).sum(axis=0) % 2
     >>> cloth = Cloth(drawdown=over, warp=threads, weft=threads)
-    >>> parts, weaves, complete = telling_parts(cloth, 2000)
-    >>> len(parts), int(weaves.max()) + 1, complete
-    (4, 14, True)
+    >>> parts, weaves = telling_parts(cloth, 2000)
+    >>> len(parts), int(weaves.max()) + 1
+    (4, 14)
     """
-    codes = _codes(cloth, local)
-    if not edges and min(cloth.size) >= _LOCAL:
-        codes = np.pad(codes[1:-1, 1:-1], 1, mode="edge")
-    first, weaves = _numbered(codes)
+    first, weaves = _numbered(_codes(cloth))
     left = first.copy()
     found: list[tuple[slice, slice]] = []
     while len(left):
@@ -223,12 +213,12 @@ def telling_parts(
         found.append((ends, picks))
         # At the border of a crop some of the crossings round one are missing.
         whole = (
-            slice(part.start + (local == 3 and part.start > 0), part.stop - (part.stop < size))
+            slice(part.start + (part.start > 0), part.stop - (part.stop < size))
             for part, size in zip((picks, ends), cloth.drawdown.shape, strict=True)
         )
         first[weaves[tuple(whole)]] = -1
         left = first[first >= 0]
-    return found, weaves, most >= 0
+    return found, weaves
 
 
 def _parts(cloth: Cloth, number: int) -> Floats:
@@ -273,7 +263,7 @@ def _numbered(codes: Ints) -> tuple[Ints, Ints]:
     return places[used], (np.cumsum(used) - 1)[codes]
 
 
-def _codes(cloth: Cloth, local: int) -> Ints:
+def _codes(cloth: Cloth) -> Ints:
     """Return a number for the yarns and the local weave of each crossing."""
     state, states = cloth.drawdown + 1, 3
     if cloth.layers is not None:
@@ -281,8 +271,8 @@ def _codes(cloth: Cloth, local: int) -> Ints:
     state = np.pad(state, 1)  # 0: past the edge
     rows, columns = cloth.drawdown.shape
     codes = np.zeros((rows, columns), np.int64)
-    for i in range(_LOCAL - local, _LOCAL):
-        for j in range(_LOCAL - local, _LOCAL):
+    for i in range(_LOCAL):
+        for j in range(_LOCAL):
             codes *= states
             codes += state[i : i + rows, j : j + columns]
     for number in (0, 1):

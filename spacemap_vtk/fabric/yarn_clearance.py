@@ -1,13 +1,15 @@
-"""The least clearance between yarns: a self-check that knows nothing of how the axes were laid.
+"""The least clearance between yarns.
+
+Yarns along arcs touch where they cross, and overlap nowhere (see `spacemap_vtk.fabric.arcs`): for
+them `touching` says where. Yarns along splines, and deformed ones, are measured; this knows nothing
+of how the axes were laid, so that tests measure cloth of arcs, too.
 
 A yarn is taken for all round tubes whose axes lie on its flat, between the two that hold its round
 sides; a circle is one such tube, and an ellipse is taken for the racetrack of its size, which holds
-it. Nearest places are found among samples of these axes, then refined on the axes themselves. In a
-single cloth of arcs these are the samples where yarns cross, and those of neighbours side by side.
-In any other cloth they are found with trees. Pairs of yarns are not gone through: two different
-numbers differ in some binary digit, so for each digit the samples of yarns with a 1 are looked up
-among those with a 0. The cost is n log(n) log(yarns) for n samples: some 0.3 ms and 20 kB a
-crossing.
+it. Nearest places are found among samples of these axes with trees, then refined on the axes
+themselves. Pairs of yarns are not gone through: two different numbers differ in some binary digit,
+so for each digit the samples of yarns with a 1 are looked up among those with a 0. The cost is
+n log(n) log(yarns) for n samples.
 """
 
 from __future__ import annotations
@@ -19,10 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric.axes import Share, axes
+from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.weave import Weave
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parallel import blocks
@@ -70,34 +71,67 @@ class _Tubes(NamedTuple):
     """Whether sections are round, but for their flat, and perpendicular to the axis."""
     at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
-    ends: int | None = None
-    """Number of ends of a single cloth of arcs; None of anything else."""
 
 
-def least_clearance(cloth: Cloth, most: int | None = None) -> Clearance | None:
+def touching(cloth: Cloth) -> Clearance:
+    """Return a place where yarns of a cloth of arcs touch: where the first two cross.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        Of arcs; of a double weave the place is in one of its cloths.
+
+    Returns
+    -------
+    Clearance
+        0, as nowhere yarns are nearer. Ellipses touch there, too.
+
+    Raises
+    ------
+    InputError
+        There is no room for the yarns, or a measure does not fit another.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> touching(cloth).yarns, touching(cloth).place.round(9).tolist()
+    ((0, 2), [-0.1, -0.1, 0.0])
+    """
+    cloth.check()
+    pick, end = 0, 0
+    if cloth.layers is not None:
+        pick, end = np.argwhere(cloth.layers.own)[0].tolist()
+    one = slice(end, end + 1)
+    height = float(cloth.passing(0, one).height[0, pick])
+    radius = 0.5 * float(cloth.yarns[0].diameter[end])
+    place = [
+        cloth.yarns[0].position[end],
+        cloth.yarns[1].position[pick],
+        height - radius if cloth.drawdown[pick, end] else height + radius,
+    ]
+    return Clearance(0.0, (end, cloth.size[0] + pick), np.array(place))
+
+
+def least_clearance(cloth: Cloth) -> Clearance:
     """Return what `clearance_in_steps` finds, without a stop."""
-    return _finished(clearance_in_steps(cloth, most))
+    return _finished(clearance_in_steps(cloth))
 
 
-def clearance_in_steps(
-    cloth: Cloth, most: int | None = None
-) -> Generator[None, None, Clearance | None]:
-    """Find the least clearance between the yarns of a cloth as woven, by its exact axes.
+def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
+    """Measure the least clearance between the yarns of a cloth as woven, by its exact axes.
 
     Parameters
     ----------
     cloth : Cloth
         As woven.
-    most : int, optional
-        Crossings that are looked at, at most: in crops in which each of its local weaves occurs. By
-        default all of them.
 
     Returns
     -------
-    Clearance or None
+    Clearance
         0 but for rounding for cloth of arcs with any section: yarns touch at their crossings. A
-        lower bound for ellipses, and reached by them at the crossings. None where `most` is not
-        enough, or, with it, where yarns bend as splines do.
+        lower bound for ellipses, and reached by them at the crossings.
 
     Yields
     ------
@@ -116,30 +150,8 @@ def clearance_in_steps(
     >>> found = least_clearance(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
     >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
     (True, True)
-    >>> over = np.indices((2000, 2000)).sum(axis=0) % 2
-    >>> found = least_clearance(Cloth(drawdown=over, warp=threads, weft=threads), 1000)
-    >>> abs(found.distance) < 1e-12
-    True
     """
-    if most is None:
-        return (yield from _of_axes(cloth))
-    if cloth.axis == "spline":
-        return None
-    # Between two ends and two picks yarns run by arcs as these four crossings say, and no others;
-    # of two cloths, also by the crossings of the other one, in between.
-    local = 2 if cloth.layers is None else 3
-    parts, _, complete = telling_parts(cloth, most, edges=False, local=local)
-    least: Clearance | None = None
-    for ends, picks in parts if complete else ():
-        found = yield from _of_axes(cropped(cloth, Share(ends, picks)))
-        if least is None or found.distance < least.distance:
-            few = ends.stop - ends.start
-            a, b = (
-                ends.start + k if k < few else cloth.size[0] + picks.start + k - few
-                for k in found.yarns
-            )
-            least = Clearance(found.distance, (a, b), found.place)
-    return least
+    return _least(_tubes_of(cloth))
 
 
 def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
@@ -226,7 +238,7 @@ def _finished(steps: Generator[None, None, _Found]) -> _Found:
             return end.value
 
 
-def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
+def _tubes_of(cloth: Cloth) -> _Tubes:
     families = axes(cloth)
     aspects = cloth.warp.aspect, cloth.weft.aspect
     first = len(families[0].length)
@@ -248,15 +260,12 @@ def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
             half[mine, number] = (aspect - 1.0) * radius
         return point, normal, lateral, half
 
-    return _least(
-        _Tubes(
-            np.concatenate([family.parts for family in families]),
-            np.concatenate([family.radius for family in families]),
-            np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
-            True,
-            at,
-            len(families[0].parts) if cloth.axis == "arcs" and cloth.layers is None else None,
-        )
+    return _Tubes(
+        np.concatenate([family.parts for family in families]),
+        np.concatenate([family.radius for family in families]),
+        np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
+        True,
+        at,
     )
 
 
@@ -317,11 +326,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     most = _MOST if tubes.perpendicular else _MOST // 4
     # block by block, and only the worst kept: all pairs at once would take most of the memory
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
-    if tubes.ends is None:
-        candidates = _nearest(located[0], tubes.radius[yarn], yarn)
-    else:
-        candidates = _neighbours(located[0], yarn, side, tubes.ends)
-    for pairs in candidates:
+    for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
         yield
         one, other = (tuple(x[mine] for x in located) for mine in pairs)
         gap, _, facing = _section_gap(one, other, None, turns)
@@ -404,63 +409,6 @@ def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
         for block in blocks(len(ones), _BLOCK):
             few = ones[block]
             yield np.stack([few, zeros[tree.query(level[few])[1]]])
-
-
-def _neighbours(points: Floats, yarn: Ints, side: Floats, ends: int) -> Iterator[Ints]:
-    """Yield pairs of samples, (2, n), where yarns cross and between those that lie side by side."""
-    warp, weft = (
-        _Lines(np.flatnonzero(of_family), points, yarn, side, number)
-        for number, of_family in enumerate((yarn < ends, yarn >= ends))
-    )
-    # The middle lines of each end and each pick, before and after the place where they cross.
-    end = np.repeat(warp.middle, len(weft.middle))
-    pick = np.tile(weft.middle, len(warp.middle))
-    for own in warp.bracketing(end, weft.lateral[pick]):
-        for other in weft.bracketing(pick, warp.lateral[end]):
-            yield np.stack([own, other])
-    # The side of each yarn that faces the next one, all along.
-    for lines in (warp, weft):
-        following = np.minimum(lines.number + 1, len(lines.owner) - 1)
-        last = lines.owner[lines.number] != lines.owner[following]
-        for other in lines.bracketing(following[last], lines.along[last]):
-            yield np.stack([lines.samples[last], other])
-
-
-class _Lines:
-    """The samples of one family as lines: of a flattened yarn three, else one."""
-
-    # Lines are numbered from left to right, or from below.
-
-    def __init__(
-        self, samples: Ints, points: Floats, yarn: Ints, side: Floats, family: int
-    ) -> None:
-        self.samples = samples
-        sides = side[samples].astype(np.int64)
-        _, first, number = np.unique(
-            3 * yarn[samples] + sides, return_index=True, return_inverse=True
-        )
-        #: (samples,) Line of each sample, and its place along it.
-        self.number: Ints = number.ravel()
-        self.along = points[samples, 1 - family]
-        #: (lines,) Place across, and yarn, of each line.
-        self.lateral, self.owner = points[samples[first], family], yarn[samples[first]]
-        #: Lines along the middles of yarns.
-        self.middle = np.flatnonzero(sides[first] == 0)
-        self._order = np.lexsort((self.along, self.number))
-        self._low = float(self.along.min())
-        self._span = max(2.0 * float(np.ptp(self.along)), 1e-300)
-        self._keys = self._key(self.number, self.along)[self._order]
-        self._ends = np.searchsorted(self.number[self._order], np.arange(len(first) + 1))
-
-    def _key(self, line: Ints, along: Floats) -> Floats:
-        return np.asarray(line + np.clip((along - self._low) / self._span, 0.0, 0.5))
-
-    def bracketing(self, line: Ints, along: Floats) -> Iterator[Ints]:
-        """Yield the samples before and after a place on each of some lines."""
-        found = np.searchsorted(self._keys, self._key(line, along))
-        for place in (found - 1, found):
-            inside = np.clip(place, self._ends[line], self._ends[line + 1] - 1)
-            yield self.samples[self._order[inside]]
 
 
 def _local_minima(

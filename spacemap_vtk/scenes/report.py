@@ -17,7 +17,12 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
-from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_in_steps, clearance_of
+from spacemap_vtk.fabric.yarn_clearance import (
+    Clearance,
+    clearance_in_steps,
+    clearance_of,
+    touching,
+)
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver, hung
 from spacemap_vtk.mechanics.coarser import coarser
@@ -33,11 +38,9 @@ from spacemap_vtk.mechanics.resolution import mode_errors, unresolved_modes
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 
-#: The clearance of larger cloth is looked for where its local weaves are few, among half as many
-#: crossings: 10,000 take 3 s.
+#: Of larger cloth the clearance of splines, a deformed cloth's clearance, and its motion are not
+#: measured.
 MOST_CROSSINGS = 20_000
-#: The clearance of cloth up to this size is looked for at all crossings.
-FEW_CROSSINGS = 500
 #: Times of a motion that are looked at: at most, at least, and cells times times in between, which
 #: take 0.2 s; the motion of a cage of more cells is not told.
 SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
@@ -337,12 +340,10 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
         return
     assert scene.woven is not None
     woven = scene.woven.cloth
-    found = None
-    if woven.drawdown.size > FEW_CROSSINGS:
-        found = yield from clearance_in_steps(woven, min(woven.drawdown.size, MOST_CROSSINGS) // 2)
-    if found is None and woven.drawdown.size <= MOST_CROSSINGS:
-        found = yield from clearance_in_steps(woven)
-    figures["least_clearance"] = found and _clearance(found)
+    if woven.axis == "arcs":
+        figures["least_clearance"] = _clearance(touching(woven))
+    elif woven.drawdown.size <= MOST_CROSSINGS:
+        figures["least_clearance"] = _clearance((yield from clearance_in_steps(woven)))
 
 
 def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
