@@ -87,11 +87,13 @@ def test_each_local_weave_is_in_a_part(monkeypatch):
     assert set(told) == set(found.values())
     assert len(telling_parts(cloth, 300)[0]) == 1 < len(parts)
     plain = Cloth(drawdown=np.indices((200, 300)).sum(axis=0) % 2, warp=THREADS, weft=THREADS)
-    assert telling_parts(plain, 3000)[1].max() + 1 == 2 * 3 * 3 - 4
-    # A yarn that is thicker is another one, and so are those beside it.
+    # Two within and two at each edge, one at each corner.
+    assert telling_parts(plain, 3000)[1].max() + 1 == 2 + 4 * 2 + 4
+    # An end that is thicker is another one, and so are those beside it: each has two crossings
+    # within, and one at each edge.
     thick = np.where(np.arange(300) == 150, 0.25e-3, 0.2e-3)
     varied = replace(plain, warp=replace(THREADS, diameter=thick))
-    assert telling_parts(varied, 3000)[1].max() + 1 == 2 * 3 * (3 + 3) - 4
+    assert telling_parts(varied, 3000)[1].max() + 1 == 14 + 3 * (2 + 2)
 
 
 @pytest.mark.parametrize("section", ["circular", "racetrack"])
