@@ -350,13 +350,15 @@ def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
     """Return what the yarns of a family measure, whether or not they can be woven."""
     height, aspect, section = np.asarray(threads.diameter), threads.aspect, threads.shape
     diameter = float(height.mean())
-    area = section_factor(aspect, section) * float((height**2).mean())
+    tex = None
+    if density is not None:
+        tex = 1e6 * density * section_factor(aspect, section) * float((height**2).mean())
     return {
         "diameter": diameter,
         "width": aspect * diameter,
         "spacing": threads.mean_spacing(aspect * diameter),
         "section": section,
-        "tex": None if density is None else 1e6 * density * area,
+        "tex": tex,
     }
 
 
