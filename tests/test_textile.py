@@ -17,10 +17,15 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import set_patches
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.sweep import CentreLines, sweep
+from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.fabric.weave import Counts, build, estimate_counts
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.textile import Measure, Textile
+from spacemap_vtk.filters.textile import Measure, Textile, Woven
+from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.jobs.sweep import carry_out_run
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
@@ -154,10 +159,50 @@ class Loops(Yarns):
         return lines, slopes, bends
 
 
+class Tabby(Stage, Woven):
+    """Plain weave of warp and weft, by other parameters than those of [weave]."""
+
+    section = "tabby"
+    role = "source"
+    provides: ClassVar = {"yarn": Provided("cell"), "color": Provided("cell")}
+
+    threads = Integer(4, "Number of ends, and of picks.", minimum=2)
+    _made: Cloth | None = None
+
+    @property
+    def cloth(self) -> Cloth:
+        if self._made is None or self._made.size[0] != self.threads:
+            alike = Threads(diameter=2.5e-4, spacing=5e-4)
+            over = np.indices((self.threads, self.threads)).sum(axis=0) % 2 == 0
+            self._made = Cloth(drawdown=over, warp=alike, weft=alike, density=900.0)
+        return self._made
+
+    @property
+    def counts(self) -> Counts:
+        return estimate_counts(self.cloth)
+
+    @property
+    def source(self) -> Draft:
+        return Draft(self.cloth.drawdown)
+
+    @property
+    def fibre_share(self) -> float:
+        return 0.6
+
+    def make_draft(self) -> Draft:
+        return Draft(self.cloth.drawdown, self.source.loom_for(self.cloth.drawdown))
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        made = build(self.cloth)
+        set_patches(output, made)
+        add_array(output.GetCellData(), "yarn", made.yarn)
+        add_array(output.GetCellData(), "color", np.full((len(made.yarn), 3), 180, np.uint8))
+
+
 @pytest.fixture(autouse=True)
 def sources(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line of the program's table for each source."""
-    for source in (Rods, Loops):
+    for source in (Rods, Loops, Tabby):
         monkeypatch.setitem(spacemap_vtk.FILTERS, source.__name__, __name__)
 
 
@@ -263,6 +308,23 @@ def test_a_sweep_has_its_figures_and_its_pictures(scene: Path) -> None:
     assert [float(one.figures["diameter [mm]"]) for one in found] == [0.2, 0.3]
     assert {one.figures["yarns"] for one in found} == {"5"}
     assert all(len(one.pictures[0]) > 10_000 for one in found)
+
+
+def test_another_source_of_cloth_has_what_a_weave_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "tabby.toml"
+    file.write_text(f"[tabby]\nthreads = 5\n{MOVING}", "utf-8")
+    assert called("info", file, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ends"], found["picks"], found["shafts"]) == (5, 5, 2)
+    assert found["warp"]["crimp"] == pytest.approx(0.1435, abs=1e-4)
+    assert called("render", file, "-o", tmp_path / "a.png", "--size=320x240", "-q") == 0
+    assert called("export", file, "-o", tmp_path / "a.wif", "-q") == 0
+    np.testing.assert_array_equal(
+        read_draft(tmp_path / "a.wif").drawdown, Scene.read(file).woven.cloth.drawdown
+    )
+    assert called("figure", file, "-o", tmp_path / "b.png", "--panels=draft,section", "-q") == 0
 
 
 def test_what_needs_a_weave_is_absent_or_refused(scene: Path) -> None:
