@@ -127,8 +127,9 @@ class Pipeline:
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
             self._coarse.choose(AUTOMATIC_SIDES, fibres)
-            follows = not coarse and swing is None and self._can_follow(scene)
-            detail = self._detail_of(scene, source, job) if follows else None
+            numbers = None if coarse or swing is not None else DrawnCloth.of(scene)
+            follows = numbers is not None and numbers.follows_camera
+            detail = self._detail_of(numbers, source, job) if numbers and follows else None
             scene.surface.choose(AUTOMATIC_SIDES, fibres, detail)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
@@ -156,17 +157,10 @@ class Pipeline:
             return self._lighter(scene, source, frame)
         return frame
 
-    def _can_follow(self, scene: Scene) -> bool:
-        """Return whether facets follow what is in view."""
-        # Clearances belong to the facets that they are measured on.
-        automatic = scene.woven is not None and scene.surface.subdivisions is None
-        return automatic and scene.view.color != "clearance"
-
-    def _detail_of(self, scene: Scene, source: Stage, job: Job) -> Facets | None:
+    def _detail_of(self, cloth: DrawnCloth, source: Stage, job: Job) -> Facets | None:
         """Return what gives yarns near the camera more facets; None where nobody would see them."""
-        grid, cloth = source.GetOutputDataObject(0), DrawnCloth.of(scene)
+        grid = source.GetOutputDataObject(0)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
-        assert cloth is not None
         self._enough = pixels_enough(cloth.plies, points, patches)
         if job.seen is None:
             self._detail = None

@@ -123,6 +123,11 @@ class DrawnCloth:
     #: Whether the sheet's shader can draw each yarn.
     shadable: bool = False
 
+    @property
+    def follows_camera(self) -> bool:
+        """Whether patches near the camera may have more quadrilaterals than others."""
+        return self.subdivisions is None and not self.clearance
+
     @classmethod
     def of(cls, scene: Scene) -> DrawnCloth | None:
         """Return the numbers of a scene; None if it has no cloth, or one that cannot be woven."""
@@ -298,7 +303,7 @@ def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> Level
         fibres=cloth.width * scale > _FIBRES,
         pixels=cloth.spacing * scale,
     )
-    if sides < MOST_SIDES or cloth.clearance or cloth.subdivisions is not None:
+    if sides < MOST_SIDES or not cloth.follows_camera:
         return level
     return replace(level, sides=LEAST_SIDES, near_quads=quads_in_view(size))
 
