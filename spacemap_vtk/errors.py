@@ -190,6 +190,25 @@ def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
+def one_line(error: BaseException) -> str:
+    """Return the message of any error in one line.
+
+    Parameters
+    ----------
+    error : BaseException
+        Also Python's own MemoryError, which says no more than a size, or nothing.
+
+    Returns
+    -------
+    str
+        Its message, or the name of its type.
+    """
+    text = " ".join(str(error).split())
+    if isinstance(error, MemoryError) and not isinstance(error, SpacemapError):
+        return f"memory has run out: {text or 'there is no more'}"
+    return text or type(error).__name__
+
+
 def printable(text: str, keep: str = "") -> str:
     """Return a text with codes in place of what is no letter, as a stranger's file may have.
 

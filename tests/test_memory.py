@@ -13,8 +13,10 @@ from typing import Any
 import psutil
 import pytest
 
+from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.memory import available, left_in_group, require
+from spacemap_vtk.scenes.scene import Scene
 
 GIB = 2**30
 
@@ -84,6 +86,29 @@ def test_a_cure_may_tell_what_would_fit() -> None:
     require(free // 2, "half of it")
     with pytest.raises(SizeError, match=r"all of it would need .* GiB .* now free\. Take [1-9]"):
         require(4 * free, "all of it", cure=lambda left: f"Take {left}")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "there is no more"),
+        (("Unable to\nallocate 7 GiB",), "Unable to allocate 7 GiB"),
+    ],
+)
+def test_memory_that_runs_out_is_told_in_one_line(
+    words: tuple[str, ...],
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def check(_: Scene) -> None:
+        raise MemoryError(*words)
+
+    monkeypatch.setattr(Scene, "check", check)
+    with pytest.raises(SystemExit) as done:
+        main(["validate", "plain_weave"])
+    assert done.value.code == 1
+    assert capsys.readouterr().err == f"spacemap: memory has run out: {said}\n"
 
 
 @pytest.fixture

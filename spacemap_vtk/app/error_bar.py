@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QLabel, QPushButton, QSizePolicy, QWidget
 
 from spacemap_vtk.app.widgets import row, tool_button
-from spacemap_vtk.errors import SpacemapError, shown
+from spacemap_vtk.errors import SpacemapError, one_line, shown
 
 #: Letters of what is allowed.
 _MOST = 200
@@ -86,7 +86,7 @@ class _Matter(QObject):
 
 def _words(error: BaseException) -> str:
     if not isinstance(error, SpacemapError):
-        return " ".join(str(error).split()) or type(error).__name__
+        return one_line(error)
     # The window knows which file is open: its name would only push the cure out of sight.
     where = f"{error.section}.{error.key}" if error.section and error.key else error.key or ""
     if where and error.value is not None:

@@ -25,7 +25,7 @@ from cyclopts import (
 )
 
 from spacemap_vtk import __version__, extensions
-from spacemap_vtk.errors import InputError, SpacemapWarning
+from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
 from spacemap_vtk.io.registry import opened_words
 
 app = App(
@@ -127,8 +127,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _print_no_more()
         elif isinstance(error, OSError) and error.filename is not None and error.strerror:
             _say(f"{os.fsdecode(error.filename)}: {error.strerror.lower()}")
-        elif isinstance(error, MemoryError):
-            _say(f"memory has run out: {str(error) or 'there is no more'}")
         else:
             _say(error)
         sys.exit(1)
@@ -234,4 +232,5 @@ def _print_no_more() -> None:
 
 def _say(error: BaseException | str) -> None:
     with suppress(OSError):  # the exit status tells, too
-        print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
+        text = one_line(error) if isinstance(error, BaseException) else " ".join(error.split())
+        print(f"spacemap: {text}", file=sys.stderr)

@@ -21,7 +21,7 @@ import numpy as np
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.draw.contact_sheet import contact_sheet
-from spacemap_vtk.errors import InputError, SpacemapWarning
+from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
@@ -85,7 +85,7 @@ def carry_out_run(run: Run) -> Result:
             result.pictures = [_picture(scene, t) for t in run.times or [scene.view.time]]
             result.warnings = scene.warnings
         except Exception as error:  # of one run, told in its row
-            result.error = " ".join(str(error).split()) or type(error).__name__
+            result.error = one_line(error)
     result.seconds = perf_counter() - begin
     return result
 

@@ -15,7 +15,7 @@ from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.app.web.rows import ParameterRows
 from spacemap_vtk.app.web.screen import Screen
 from spacemap_vtk.datasets.modal_model import measures_in
-from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError, one_line
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, value_of
@@ -261,7 +261,7 @@ class Session:
         self._tell(coarse)
 
     def _refuse(self, error: Exception) -> None:
-        told = str(error) or type(error).__name__
+        told = one_line(error)
         if isinstance(error, SpacemapError):
             error.file = None
             self.rows.refuse(error)
