@@ -168,6 +168,25 @@ def test_back_at_the_default_is_as_if_never_set() -> None:
     assert response.damping.ratio == 0.05
 
 
+def test_a_class_has_the_parameters_of_its_groups_in_their_order() -> None:
+    class Place(Parameterised):
+        """Where."""
+
+        x = Real(1.0, "Across.", unit="m")
+        near = Flag(False, "Whether x counts.")
+
+    class Both(Thing, Place):
+        """Two groups and a parameter of its own."""
+
+        last = Text("", "Of its own.")
+
+    assert list(Both.parameters) == [*Thing.parameters, "x", "near", "last"]
+    assert list(inspect.signature(Both).parameters) == list(Both.parameters)
+    both = Both(x="2 mm", count=4)
+    assert (both.x, both.count, both.given) == (0.002, 4, {"count": 4, "x": 0.002})
+    assert list(Thing.parameters) == [n for n in Both.parameters if n not in ("x", "near", "last")]
+
+
 def test_configure_sets_all_or_nothing() -> None:
     thing = Thing()
     with pytest.raises(InputError):

@@ -49,8 +49,12 @@ class Provided(NamedTuple):
 class Stage(Algorithm):
     """A VTK algorithm with declared parameters; base of all filters.
 
-    A subclass names its input and output types, says what it is in a scene's pipeline, and
-    implements `run`. A scene finds it in the table `spacemap_vtk.FILTERS`.
+    A subclass declares the section of scene files that configures it, its place in a scene's
+    pipeline (`role`, `after`), what it takes and makes (`takes`, `makes`, and VTK's types `inputs`,
+    `output_type`), the arrays that it `provides`, and its parameters. It implements `run`, and
+    where these apply `time_range` and `check`. Parameters that several stages share are in groups,
+    classes without VTK that a stage inherits from beside this one. A scene finds the stage in the
+    table `spacemap_vtk.FILTERS`.
     """
 
     #: The roles of stages that it cannot stand beside in a scene.

@@ -25,23 +25,7 @@ def sections() -> dict[str, type[Parameterised]]:
 
 
 def roles_of(stages: Collection[type[Stage]]) -> list[str]:
-    """Return all roles, in the order of the pipeline.
-
-    Parameters
-    ----------
-    stages : collection of type
-        Their roles are `ROLES`, or follow one another by `Stage.after`.
-
-    Returns
-    -------
-    list of str
-        Each once.
-
-    Raises
-    ------
-    InputError
-        If a role follows none that there is.
-    """
+    """Return all roles in the order of the pipeline: `ROLES`, and each other one after its own."""
     roles = list(ROLES)
     own = {stage.role: stage.after for stage in stages if stage.after and stage.role not in ROLES}
     while found := [role for role in own if own[role] in roles]:
