@@ -25,7 +25,7 @@ def sections() -> dict[str, type[Parameterised]]:
 
 
 def roles_of(stages: Collection[type[Stage]]) -> list[str]:
-    """Return all roles in the order of the pipeline: `ROLES`, and each other one after its own."""
+    """Return all roles in the order of the pipeline; a role of a stage follows its `after`."""
     roles = list(ROLES)
     own = {stage.role: stage.after for stage in stages if stage.after and stage.role not in ROLES}
     while found := [role for role in own if own[role] in roles]:
