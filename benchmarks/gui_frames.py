@@ -18,7 +18,6 @@ from PySide6.QtCore import QEvent, QEventLoop, QPointF, Qt, QTimer
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication
 
-import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.main_window import MainWindow
 
 SECONDS = 4.0

@@ -24,7 +24,9 @@ def one(begun: float, scene: list[str]) -> None:
 
     seen: dict[str, float] = {"command": time.time() - begun}
     # Only now, as the command does: what it imports is part of what is measured.
-    import spacemap_vtk.app.qt  # noqa: F401
+    from spacemap_vtk.app.requirements import require_window
+
+    require_window()
     from spacemap_vtk.app import splash
 
     class Watched(splash.Splash):

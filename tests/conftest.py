@@ -218,7 +218,6 @@ def freed_windows(app: Any) -> Iterator[Callable[[], Any]]:
     from PySide6.QtCore import QCoreApplication, QEvent
     from shiboken6 import isValid
 
-    import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
     from spacemap_vtk.app.main_window import MainWindow
 
     opened: list[Any] = []

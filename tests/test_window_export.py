@@ -415,7 +415,8 @@ def test_a_folder_that_comes_in_the_way_is_told(open_scene: Any, tmp_path: Path)
 _ENDED = """
 import sys
 from pathlib import Path
-import spacemap_vtk.app.qt
+from spacemap_vtk.app.requirements import require_window
+require_window()
 from PySide6.QtCore import QTimer
 from spacemap_vtk.app.launch import launch
 def begin(window):

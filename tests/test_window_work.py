@@ -15,7 +15,6 @@ from PySide6.QtGui import QDropEvent  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 
-import spacemap_vtk.app.launch  # noqa: E402, F401  chooses the Qt binding
 from spacemap_vtk.app.main_window import MainWindow  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402

@@ -17,7 +17,6 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from window import settled, wait_until
 
-import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.draft.layout import Place
 from spacemap_vtk.app.main_window import MainWindow
 

@@ -20,7 +20,6 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, QSettings
 from PySide6.QtWidgets import QApplication
 from window import settled, wait_until
 
-import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.main_window import MainWindow
 
 SCENE = """[weave]

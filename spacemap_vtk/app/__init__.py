@@ -1,4 +1,4 @@
-"""The window: ``spacemap gui``. Every module here but `requirements` needs Qt.
+"""The window: ``spacemap gui``. Every module here but `requirements` imports Qt.
 
 Invariants that the parts rely on:
 

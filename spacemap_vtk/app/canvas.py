@@ -3,64 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import re
-import sys
-from importlib import import_module, util
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import Signal
-from PySide6.QtGui import QImage, QKeyEvent
+from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QWidget
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
-from vtkmodules.vtkRenderingCore import (
-    vtkCamera,
-    vtkRenderWindow,
-    vtkRenderWindowInteractor,
-)
+from vtkmodules.vtkRenderingCore import vtkCamera
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFXAAFilter
 
+from spacemap_vtk.app.render_widget import RenderWidget
 from spacemap_vtk.draw.camera import front_of, lit_renderer
 from spacemap_vtk.draw.shade_layer import ShadeLayer
-
-# pyvistaqt would take any Qt binding that it finds; this program is written for one.
-os.environ["QT_API"] = "pyside6"
-
-
-def _pyvistaqt_widget() -> Any:
-    """Return pyvistaqt's widget, without the rest of pyvistaqt."""
-    # The package's ``__init__`` brings pyvista's plotter, and that brings matplotlib: more time
-    # than all else that the window needs. The widget's own module is free of both. Its packages
-    # stand in ``sys.modules`` without having been run while it is imported, and PySide6 itself for
-    # qtpy, which would make Python classes of everything in Qt. Nothing of this stays: whoever
-    # imports one of these packages later gets all of it.
-    name = "pyvistaqt.rwi"
-    packages = [p for p in ("pyvista", "pyvistaqt", "qtpy") if p not in sys.modules]
-    before = set(sys.modules)
-    try:
-        for package in packages:
-            spec = util.find_spec(package)
-            if spec is not None:
-                sys.modules[package] = util.module_from_spec(spec)
-        if "qtpy" in packages:
-            for part in ("QtCore", "QtGui", "QtOpenGLWidgets", "QtWidgets"):
-                sys.modules[f"qtpy.{part}"] = import_module(f"PySide6.{part}")
-        widget = import_module(name).QVTKRenderWindowInteractor
-    except (ImportError, AttributeError):
-        # Another pyvistaqt, whose widget needs more: below, as a whole.
-        widget = None
-    finally:
-        for module in set(sys.modules) - before:
-            if module.split(".")[0] in packages:
-                del sys.modules[module]
-    return widget or import_module(name).QVTKRenderWindowInteractor
-
-
-_Widget: Any = _pyvistaqt_widget()
 
 # Of OpenGL.
 _READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
@@ -75,19 +33,18 @@ vec4 texel(vec2 at)
 """
 
 
-class Canvas(_Widget):
+class Canvas(RenderWidget):
     """Shows one renderer, lit, that the mouse turns as in every VTK program."""
 
     #: It is about to draw.
     painting = Signal()
 
-    def __init__(self, parent: QWidget) -> None:
+    def __init__(self, parent: QWidget | None) -> None:
         super().__init__(parent)
         self._painting = False
         #: Seconds that the last picture took.
         self.took = 0.0
         self.renderer = lit_renderer()
-        self.render_window: vtkRenderWindow = self.GetRenderWindow()
         self.render_window.SetMultiSamples(0)
         # VTK would copy what it has drawn into a second buffer; Qt gets it from the first.
         self.render_window.SwapBuffersOff()
@@ -99,7 +56,6 @@ class Canvas(_Widget):
         #: Draws shadows between, if it is to.
         self.shade = ShadeLayer(self.render_window, self.renderer, 1)
         self.render_window.SetNumberOfLayers(3)
-        self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # What the mouse turns is drawn when Qt comes to it, once, however many moves came before.
         self.interactor.EnableRenderOff()
@@ -206,19 +162,11 @@ class Canvas(_Widget):
     def close(self) -> bool:
         """Let go of the interactor, which would keep this widget, and free what VTK holds."""
         self.interactor.RemoveObserver(self._asking)
-        return bool(super().close())
+        return super().close()
 
     def _ask_for_paint(self, _interactor: object, _event: str) -> None:
         if not self._painting:
             self.update()
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Keep keys from VTK: the window's own mean something else, see `ViewKeys`."""
-        event.ignore()
-
-    def keyReleaseEvent(self, event: QKeyEvent) -> None:
-        """As `keyPressEvent`."""
-        event.ignore()
 
     @property
     def camera(self) -> vtkCamera:

@@ -10,10 +10,10 @@ from importlib import import_module
 
 from PySide6.QtCore import Qt, QTimer, qInstallMessageHandler
 from PySide6.QtGui import QOpenGLContext
-from PySide6.QtWidgets import QApplication
 
 from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
+from spacemap_vtk.app.requirements import application
 from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.vanishing import ENDING
@@ -21,7 +21,7 @@ from spacemap_vtk.vanishing import ENDING
 
 def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
     """Open the window and return when it is closed."""
-    app = QApplication.instance() or QApplication(sys.argv[:1])
+    app = application()
     if app.platformName() == "xcb":
         _require_drawing()
     app.setApplicationName("spacemap")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPixmap
-from PySide6.QtWidgets import QApplication, QLabel
+from PySide6.QtWidgets import QLabel
 
+from spacemap_vtk.app.requirements import application
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
@@ -18,7 +18,7 @@ class Splash:
     """Shows the scene's small picture at once; goes when the window has drawn its first one."""
 
     def __init__(self, scene: str | None) -> None:
-        self.app = QApplication.instance() or QApplication(sys.argv[:1])
+        self.app = application()
         name = Path(scene or "plain_weave").stem
         named = name if name in library.names() else "plain_weave"
         # Not a QSplashScreen: where there is no window manager, that waits a second for one.

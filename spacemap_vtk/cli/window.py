@@ -30,7 +30,6 @@ def gui(
     gc.disable()
     # Qt and VTK's window take a second to import: only this command pays for it, and what will
     # come is on the screen meanwhile.
-    import spacemap_vtk.app.qt  # noqa: F401  before all else that imports Qt
     from spacemap_vtk.app.splash import Splash
 
     splash = Splash(scene)

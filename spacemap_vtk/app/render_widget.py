@@ -1,0 +1,186 @@
+"""A Qt widget that VTK draws into.
+
+VTK draws into framebuffers of its own, in the OpenGL context that Qt has made for the widget; VTK
+never gets the window itself. So the widget works on X11, Wayland, Windows and macOS alike, and can
+stand among others that Qt draws.
+
+- VTK asks for its context by an event. It is answered by the context's own ``makeCurrent``:
+  the widget's binds a framebuffer, too, which VTK would not know of.
+- A context belongs to the thread that made it. Elsewhere the event is not answered: Qt would abort.
+- What VTK holds in the context is freed while the context is there and current. Otherwise the
+  driver would free it in another context, which crashes much later.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QEnterEvent, QMouseEvent, QOpenGLContext, QSurfaceFormat, QWheelEvent
+from PySide6.QtOpenGLWidgets import QOpenGLWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
+from vtkmodules.util.misc import calldata_type
+from vtkmodules.vtkCommonCore import VTK_INT
+from vtkmodules.vtkRenderingOpenGL2 import vtkGenericOpenGLRenderWindow
+from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
+
+#: VTK's name of each mouse button.
+_BUTTONS = {
+    Qt.MouseButton.LeftButton: "LeftButton",
+    Qt.MouseButton.MiddleButton: "MiddleButton",
+    Qt.MouseButton.RightButton: "RightButton",
+}
+#: VTK's number of the hand; its Python modules have no name for it.
+_CURSOR_HAND = 9
+#: What Qt reports for one step of a mouse wheel, in eighths of a degree.
+_WHEEL_STEP = 120
+
+
+def _format() -> QSurfaceFormat:
+    """Return the OpenGL that VTK needs; multisampling is done in VTK's own framebuffers."""
+    wanted = QSurfaceFormat()
+    # On Wayland Qt may otherwise take OpenGL ES, which cannot compile VTK's shaders.
+    wanted.setRenderableType(QSurfaceFormat.RenderableType.OpenGL)
+    wanted.setProfile(QSurfaceFormat.OpenGLContextProfile.CoreProfile)
+    wanted.setVersion(3, 2)
+    wanted.setAlphaBufferSize(8)
+    wanted.setDepthBufferSize(8)
+    return wanted
+
+
+class RenderWidget(QOpenGLWidget):
+    """Connects a VTK render window, and the interactor that the mouse drives, to Qt."""
+
+    def __init__(self, parent: QWidget | None) -> None:
+        # The default format, not the widget's own: on Wayland a widget whose format differs from
+        # that of the window around it stays black.
+        QSurfaceFormat.setDefaultFormat(_format())
+        super().__init__(parent)
+        self.setUpdateBehavior(QOpenGLWidget.UpdateBehavior.NoPartialUpdate)
+        self.setMouseTracking(True)
+        self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.render_window = vtkGenericOpenGLRenderWindow()
+        self.render_window.SetReadyForRendering(False)
+        self.render_window.SetFrameBlitModeToNoBlit()
+        self.interactor = vtkGenericRenderWindowInteractor()
+        self.interactor.SetRenderWindow(self.render_window)
+        self._context: QOpenGLContext | None = None
+        self._wheel_angle = 0
+        # VTK holds these methods, and by them the widget, until the observers are removed.
+        self._observers = [
+            self.render_window.AddObserver(event, answer)
+            for event, answer in (
+                ("WindowMakeCurrentEvent", self._make_current),
+                ("WindowIsCurrentEvent", self._set_is_current),
+                ("CursorChangedEvent", self._change_cursor),
+            )
+        ]
+
+    def initializeGL(self) -> None:
+        """Let VTK use the context that there is now."""
+        context = self._context = self.context()
+        context.aboutToBeDestroyed.connect(self._leave_context)
+        window = self.render_window
+        # VTK finds the functions of OpenGL where Qt has found them; kept, as VTK may ask again.
+        self._loader = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_char_p)(
+            lambda name: int(context.getProcAddress(name) or 0)
+        )
+        window.SetOpenGLSymbolLoader2(ctypes.cast(self._loader, ctypes.c_void_p).value, 0)
+        window.OpenGLInitContext()
+        window.OpenGLInit()
+        window.GetState().Reset()
+        window.SetForceMaximumHardwareLineWidth(1)
+        window.SetReadyForRendering(True)
+        window.SetOwnContext(0)
+
+    def resizeGL(self, width: int, height: int) -> None:
+        """Give VTK the widget's size in pixels of the screen."""
+        scale = self.devicePixelRatioF()
+        self.interactor.UpdateSize(max(1, round(width * scale)), max(1, round(height * scale)))
+        self.interactor.ConfigureEvent()
+        self.render_window.SetDPI(round(72 * scale))
+
+    def close(self) -> bool:
+        """Free what VTK holds in the context; nothing can be drawn afterwards."""
+        closed = super().close()
+        self.render_window.Finalize()
+        for observer in self._observers:
+            self.render_window.RemoveObserver(observer)
+        return closed
+
+    def _leave_context(self) -> None:
+        """Free what VTK holds in a context that is about to go; another may follow."""
+        self._make_current()
+        self.render_window.Finalize()
+        self.render_window.SetReadyForRendering(False)
+        self._context = None
+
+    def _make_current(self, *_: object) -> None:
+        context = self._context
+        if context is not None and threading.current_thread() is threading.main_thread():
+            context.makeCurrent(context.surface())
+
+    def _set_is_current(self, *_: object) -> None:
+        context = self._context
+        self.render_window.SetIsCurrent(
+            context is not None and QOpenGLContext.currentContext() is context
+        )
+
+    @calldata_type(VTK_INT)
+    def _change_cursor(self, _window: object, _event: str, cursor: int) -> None:
+        hand = cursor == _CURSOR_HAND
+        self.setCursor(Qt.CursorShape.PointingHandCursor if hand else Qt.CursorShape.ArrowCursor)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Hand it to VTK."""
+        self._press_or_release(event, "Press")
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Hand it to VTK."""
+        self._press_or_release(event, "Release")
+
+    def _press_or_release(self, event: QMouseEvent, what: str) -> None:
+        button = _BUTTONS.get(event.button())
+        if button is not None:
+            self._locate(event)
+            self.interactor.InvokeEvent(f"{button}{what}Event")
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Hand it to VTK."""
+        self._locate(event)
+        self.interactor.MouseMoveEvent()
+
+    def enterEvent(self, event: QEnterEvent) -> None:
+        """Hand it to VTK."""
+        self._locate(event)
+        self.interactor.EnterEvent()
+
+    def leaveEvent(self, _event: QEvent) -> None:
+        """Hand it to VTK."""
+        self.interactor.LeaveEvent()
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Hand whole steps to VTK; a touchpad sends parts of one."""
+        self._locate(event)
+        self._wheel_angle += event.angleDelta().y()
+        if abs(self._wheel_angle) >= _WHEEL_STEP:
+            if self._wheel_angle > 0:
+                self.interactor.MouseWheelForwardEvent()
+            else:
+                self.interactor.MouseWheelBackwardEvent()
+            self._wheel_angle = 0
+
+    def _locate(self, event: QMouseEvent | QEnterEvent | QWheelEvent) -> None:
+        """Tell VTK where the mouse is, in pixels from below, and which keys are held."""
+        scale, at, held = self.devicePixelRatioF(), event.position(), event.modifiers()
+        self.interactor.SetEventInformation(
+            round(at.x() * scale),
+            round((self.height() - at.y() - 1) * scale),
+            bool(held & Qt.KeyboardModifier.ControlModifier),
+            bool(held & Qt.KeyboardModifier.ShiftModifier),
+            chr(0),
+            int(event.type() == QEvent.Type.MouseButtonDblClick),
+            None,
+        )
