@@ -23,6 +23,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
+from spacemap_vtk.cancel import active_token
+
 Task = TypeVar("Task")
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -63,17 +65,19 @@ def blocks(count: int, size: int) -> list[slice]:
 def for_each(
     jobs: Sequence[Task], worker: Callable[[], Callable[[Task], None]], threads: int | None = None
 ) -> None:
-    """Do every job, in any order, in a few threads."""
+    """Do every job, in any order, in a few threads; stop where the work is cancelled."""
     # The threads live for one call: kept ones would be lost by a fork and hang the child.
     if not jobs:
         return
     count = min(threads or thread_count(), len(jobs))
+    token = active_token()  # of this thread; the others have none
     waiting = iter(jobs)  # next() of a list iterator is atomic: each job is taken once
 
     def run() -> None:
         do = worker()
         try:
             for job in waiting:
+                token.check()
                 do(job)
         except BaseException:
             for _ in waiting:  # so that the other threads stop as well

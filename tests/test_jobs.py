@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, record_in
 from spacemap_vtk.io.registry import DATA

@@ -15,9 +15,9 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from spacemap_vtk import MotionReader
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 

@@ -18,9 +18,9 @@ import pytest
 from browser import Page, browser
 
 from spacemap_vtk.app.web.session import Session
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.filters.algorithm import Cancelled
 
 aiohttp = pytest.importorskip("aiohttp")
 msgpack = pytest.importorskip("msgpack")
@@ -171,7 +171,7 @@ def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
             ran.append(job.values["weave"].get("ends"))
             while ran[-1] != 5:
                 time.sleep(0.002)
-                if session.pipeline.stopped:
+                if session.pipeline.token.cancelled:
                     raise Cancelled("the run was stopped")
             return run(job)
 

@@ -18,8 +18,8 @@ from spacemap_vtk import (
     TransientResponse,
     WeaveSource,
 )
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.base import connect
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.load_parameters import LoadParameters

@@ -1,4 +1,4 @@
-"""Long work is ended within a second or so, wherever it stands, and the next result is whole."""
+"""Long work is ended within a second or so, and the next result is whole."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +21,11 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app import interrupt as module  # noqa: E402
 from spacemap_vtk.app.engine import Engine  # noqa: E402
-from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E402
 from spacemap_vtk.app.job import Job  # noqa: E402
 from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
+from spacemap_vtk.cancel import Cancelled, CancelToken, check  # noqa: E402
+from spacemap_vtk.parallel import for_each  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -36,142 +35,27 @@ def slack() -> float:
     return 10.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
-def busy(seconds: float) -> str:
-    """Work in Python alone, and tell nothing."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        sum(range(1000))
-    return "done"
+def test_work_stops_at_its_next_check_and_other_work_goes_on() -> None:
+    token, blocks = CancelToken(), []
+    with token.active():
+        check()
+        token.cancel()
+        with pytest.raises(Cancelled):
+            check()
+        with CancelToken().active():
+            check()  # the token of the work around it does not count here
+    check()  # nor here, where the work has ended
 
+    def work(job: int) -> None:
+        blocks.append(job)
+        if job == 3:
+            token.cancel()
 
-def test_who_waits_for_the_compiler_is_not_ended_there() -> None:
-    """The lock would stay with a thread that is gone, and all that compile wait for ever."""
-    lock = pytest.importorskip("numba.core.compiler_lock").global_compiler_lock
-    interrupt, said = Interrupt(), []
-
-    def work() -> None:
-        try:
-            interrupt.guard(lambda: (lock(lambda: said.append("compiled"))(), busy(30.0)))
-        except Interrupted:
-            said.append("ended")
-
-    thread = threading.Thread(target=work)
-    with lock:
-        thread.start()
-        time.sleep(0.1)
-        interrupt.end()
-        time.sleep(2.5 * GRACE)
-    thread.join(20)
-    assert said == ["compiled", "ended"]
-    free: list[bool] = []
-    threading.Thread(target=lock(lambda: free.append(True)), daemon=True).start()
-    wait_until(lambda: free, seconds=5.0)
-    assert free == [True]
-
-
-def test_who_starts_a_thread_is_not_ended_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, start = [], threading._start_new_thread
-
-    def noted(*given: Any) -> int:
-        found.append(module._spared(threading.get_ident()))
-        return start(*given)
-
-    monkeypatch.setattr(threading, "_start_new_thread", noted)
-    threading.Thread(target=int).start()
-    assert found == [True]
-    assert not module._spared(threading.get_ident())
-
-
-def test_a_thread_is_ended_where_it_stands() -> None:
-    interrupt, ends = Interrupt(), []
-
-    def work() -> None:
-        try:
-            interrupt.guard(lambda: busy(30.0))
-        except Interrupted:
-            ends.append(time.monotonic())
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    time.sleep(0.2)
-    begun = time.monotonic()
-    interrupt.end()
-    thread.join(10.0)
-    assert ends
-    assert ends[0] - begun < GRACE + slack()
-
-
-def test_an_import_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a package would stay behind, and be found by all who import it later."""
-    package = tmp_path / "slow_to_import"
-    package.mkdir()
-    (package / "part.py").write_text("here = True\n")
-    (package / "__init__.py").write_text(
-        "import time\nfrom . import part\nend = time.monotonic() + 1.0\n"
-        "while time.monotonic() < end: pass\nwhole = True\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    interrupt, ends = Interrupt(), []
-
-    def work() -> None:
-        try:
-            interrupt.guard(lambda: (import_module("slow_to_import"), busy(30.0)))
-        except Interrupted:
-            ends.append(getattr(sys.modules.get("slow_to_import"), "whole", False))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    time.sleep(0.2)
-    interrupt.end()
-    thread.join(20.0)
-    assert ends == [True]
-
-
-def test_work_that_has_ended_is_left_in_peace() -> None:
-    interrupt = Interrupt()
-    results: list[str] = []
-
-    def work() -> None:
-        for _ in range(20):
-            results.append(interrupt.guard(lambda: busy(0.01)))
-            interrupt.end()
-        time.sleep(2.5 * GRACE)
-        busy(0.2)
-        results.append("alive")
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join(20.0)
-    assert results == ["done"] * 20 + ["alive"]
-
-
-def test_blows_at_the_very_end_do_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interrupt that falls while the guard closes must neither be lost nor stay behind."""
-    grace = GRACE / 10
-    monkeypatch.setattr(module, "GRACE", grace)
-    for round_ in range(60):
-        interrupt = Interrupt()
-        # Blows from the start on, whatever stands then: the guard's own lines among it.
-        with_end = grace - 0.003 + round_ * 0.0001
-        outcome: list[str] = []
-
-        def work(
-            interrupt: Interrupt = interrupt,
-            seconds: float = with_end,
-            outcome: list[str] = outcome,
-        ) -> None:
-            try:
-                outcome.append(interrupt.guard(lambda: busy(seconds)))
-            except Interrupted:
-                outcome.append("ended")
-            busy(0.002)
-            outcome.append("alive")
-
-        thread = threading.Thread(target=work)
-        thread.start()
-        interrupt.end()
-        thread.join(10.0)
-        assert outcome in (["done", "alive"], ["ended", "alive"])
+    token = CancelToken()
+    with token.active(), pytest.raises(Cancelled):
+        for_each(range(100), lambda: work, threads=2)
+    # Each of the two threads ends the block that it is at.
+    assert len(blocks) < 10
 
 
 HEAVY = {
@@ -189,6 +73,7 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     QTest.qWait(200)
     begun = time.monotonic()
     QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    assert window.running.text().endswith("stopping…")
     wait_until(lambda: not window.engine.busy)
     assert time.monotonic() - begun < slack()
     wait_until(lambda: window.stages.states[stage] == "stale" and not window.cancel.isVisible())
@@ -265,20 +150,19 @@ def test_closing_ends_a_run_too(open_window: Any) -> None:
 
 
 def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> None:
-    interrupt, ends = Interrupt(), []
+    token, ends = CancelToken(), []
     code = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
 
     def work() -> None:
-        try:
-            interrupt.guard(lambda: run_child([sys.executable, "-c", code], tmp_path))
-        except Interrupted:
-            ends.append(time.monotonic())
+        with token.active(), pytest.raises(Cancelled):
+            run_child([sys.executable, "-c", code], tmp_path)
+        ends.append(time.monotonic())
 
     thread = threading.Thread(target=work)
     thread.start()
     wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
     begun = time.monotonic()
-    interrupt.end()
+    token.cancel()
     thread.join(10.0)
     assert ends[0] - begun < slack()
     assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
@@ -376,7 +260,7 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
     """A newer wish ends a run of some time; the run may end by itself in that very moment."""
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
-        do, stop = engine.perform, engine.pipeline.stop
+        do = engine.perform
         begun, asked, taken = threading.Event(), threading.Event(), []
 
         def slow(job: Job) -> None:
@@ -386,16 +270,18 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
                 assert asked.wait(30.0)
             do(job)
 
-        def late() -> None:
-            # The first run ends now; the second job is taken as soon as it can be.
-            asked.set()
-            end = time.monotonic() + 2.0
-            while len(taken) < 2 and time.monotonic() < end:
-                time.sleep(0.01)
-            stop()
+        class Late(CancelToken):
+            def cancel(self) -> None:
+                # The first run ends now; the second job is taken as soon as it can be.
+                asked.set()
+                end = time.monotonic() + 2.0
+                while len(taken) < 2 and time.monotonic() < end:
+                    time.sleep(0.01)
+                super().cancel()
 
+        monkeypatch.setattr("spacemap_vtk.app.engine.CancelToken", Late)
         monkeypatch.setattr("spacemap_vtk.app.engine.PATIENCE", 0.0)
-        engine.perform, engine.pipeline.stop = slow, late
+        engine.perform = slow
         engine.ask(first)
         assert begun.wait(30.0)
         engine.ask(second)

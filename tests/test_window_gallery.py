@@ -19,8 +19,8 @@ from PySide6.QtWidgets import QMessageBox  # noqa: E402
 
 from spacemap_vtk.app.pipeline import Pipeline  # noqa: E402
 from spacemap_vtk.app.splash import Splash  # noqa: E402
+from spacemap_vtk.cancel import Cancelled  # noqa: E402
 from spacemap_vtk.draw import thumbnails  # noqa: E402
-from spacemap_vtk.filters.algorithm import Cancelled  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
 
@@ -196,7 +196,7 @@ def test_a_scene_that_takes_long_shows_its_picture_meanwhile(
 
     def slow(pipeline: Pipeline, job: Any) -> Any:
         while not go.wait(0.05):
-            if pipeline.stopped:
+            if pipeline.token.cancelled:
                 raise Cancelled("the run was stopped")
         return run(pipeline, job)
 

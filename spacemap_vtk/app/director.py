@@ -19,6 +19,8 @@ from spacemap_vtk.scenes.scene import Scene
 _REST = 100
 #: Milliseconds after which a run is shown as one.
 _NOTICE = 150
+#: Shown as the step of a run that has been cancelled, until it has come to its end.
+_STOPPING = "stopping…"
 
 
 class Director(QObject):
@@ -120,6 +122,10 @@ class Director(QObject):
         self.rest.stop()
         self._giving_up, self._dropped = True, False
         self._engine.cancel()
+        if self._running:
+            # A block of the work, or a single call into a library, is waited for.
+            self._step = _STOPPING
+            self.progress.emit(self._running, self._share, self._step)
 
     def stop(self) -> None:
         """End for good."""
@@ -202,7 +208,8 @@ class Director(QObject):
         self._stages.set_state(section, "fresh")
 
     def _progressed(self, section: str, share: float, step: str) -> None:
-        self._running, self._share, self._step = section, share, step
+        self._running, self._share = section, share
+        self._step = _STOPPING if self._giving_up else step
 
     def _show_running(self) -> None:
         if self._engine.busy and self._running:

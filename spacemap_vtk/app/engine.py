@@ -12,8 +12,8 @@ from PySide6.QtCore import QObject, QThread, Signal
 
 from spacemap_vtk.app.job import PATIENCE, Job
 from spacemap_vtk.app.pipeline import Pipeline
+from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes.scene import Scene
 
 #: A run that has taken no longer is one of a drag's.
@@ -70,7 +70,7 @@ class Engine(QThread):
             )
             self._condition.notify()
             if late:
-                self.pipeline.stop()
+                self.pipeline.token.cancel()
 
     def ask_beside(
         self, work: Callable[[Scene], Generator[float | None, None, Any]] | None
@@ -106,7 +106,7 @@ class Engine(QThread):
         """Give up what is asked for and what runs."""
         with self._condition:
             self._job = None
-            self.pipeline.stop()
+            self.pipeline.token.cancel()
 
     def finish(self) -> None:
         """Stop, and wait until the thread has ended."""
@@ -114,7 +114,7 @@ class Engine(QThread):
             self.ending = True
             self._job = self.beside = None
             self._condition.notify()
-            self.pipeline.stop()
+            self.pipeline.token.cancel()
         self.wait()
         self.waiting_frame = None
 
@@ -131,9 +131,9 @@ class Engine(QThread):
                 if job is not None:
                     self._begun = time.perf_counter()
                     self._running_values = job.values
-                    # Here, not where the run begins: a stop holds for the job that is taken, from
-                    # this moment until the next one is. Whoever stops holds the condition, too.
-                    self.pipeline.stopped = False
+                    # Here, not where the run begins: a cancel holds for the job that is taken, from
+                    # this moment until the next one is. Whoever cancels holds the condition, too.
+                    self.pipeline.token = CancelToken()
             if job is None:
                 self._go_on(beside)
                 continue

@@ -13,8 +13,8 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, QTimer, Signal
 
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.jobs.worker import error_from_json, request

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +16,9 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
-from spacemap_vtk.app.interrupt import Interrupt, Interrupted
+from spacemap_vtk import cancel
 from spacemap_vtk.app.job import Job, Pull, Swing
+from spacemap_vtk.cancel import CancelToken
 from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.cloth_sheet import Sheet
@@ -28,7 +28,6 @@ from spacemap_vtk.draw.frame import Frame, add_shape, frame_of
 from spacemap_vtk.draw.sheet_actor import thinned
 from spacemap_vtk.draw.yarn_parts import NearYarns
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
@@ -87,13 +86,15 @@ class Pipeline:
         self._near: NearYarns | None = None
         #: What they were drawn as last, by what made it: they, and fewer facets of them.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
-        self._running: Stage | None = None
-        #: Whether the present job is given up; whoever takes the next one sets it back.
-        self.stopped = False
-        self._interrupt = Interrupt()
+        #: Stops the present run; whoever takes the next job gives it a new one.
+        self.token = CancelToken()
 
     def run(self, job: Job) -> Frame:
         """Return what a job asks for."""
+        with self.token.active():
+            return self._run(job)
+
+    def _run(self, job: Job) -> Frame:
         scene = self.prepared(job)
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
@@ -252,14 +253,6 @@ class Pipeline:
         self._settings = job.settings
         return here
 
-    def stop(self) -> None:
-        """End the run, within a second if no library keeps it; called from another thread."""
-        self.stopped = True
-        stage = self._running
-        if stage is not None:
-            stage.SetAbortExecute(1)
-            self._interrupt.end()
-
     def _sheet_of(self, scene: Scene) -> Sheet | None:
         """Return the sheet that a cloth of many yarns is drawn as."""
         found = self._sheet
@@ -270,41 +263,25 @@ class Pipeline:
         return found
 
     def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
-        if self.stopped:
-            raise Cancelled("the run was stopped")
+        cancel.check()
         # What is made of the part in view beside the scene's stages is its surface.
         listed = stage in scene.stages
         section, before = stage.section if listed else scene.surface.section, stage.executions
         progressed = self._progressed
 
         def tell(caller: Stage, event: str) -> None:
-            # A blow that falls here VTK would print, and lose: the next one falls elsewhere.
-            with suppress(Interrupted):
-                progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
+            progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
         progressed(section, 0.0, "")
-        stage.SetAbortExecute(0)
-        self._running = stage
         # Only while it runs: an observer that stays would keep the window alive with the stage.
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
-            self._interrupt.guard(lambda: self._unless_stopped(scene, stage, at, piece))
-        except Cancelled:
-            # Wherever it was ended: what it had begun is not taken for a result.
-            stage.Modified()
-            raise
+            scene.update_stage(stage, at, piece)
         finally:
-            self._running = None
             stage.RemoveObserver(observer)
         if listed and stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
-
-    def _unless_stopped(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
-        # Once more: whoever stopped it may have looked before it was known what runs.
-        if self.stopped:
-            raise Cancelled("the run was stopped")
-        scene.update_stage(stage, at, piece)
 
     def _motion(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
         """Return how far the motion turns; a drag's, which has another at each frame, waits."""

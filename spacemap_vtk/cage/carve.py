@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from spacemap_vtk import cancel
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Pairs of a triangle and a hexahedron that are tested in one block.
@@ -56,6 +57,7 @@ def touched(
     ends = np.cumsum(sizes[large])
     begin = 0
     while begin < len(large):
+        cancel.check()
         done = ends[begin - 1] if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, done + _PAIRS, side="right")))
         which = large[begin:end]

@@ -16,17 +16,15 @@ import importlib.util
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk import cache
+from spacemap_vtk import cache, cancel
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.vanishing import vanishing_folder
@@ -35,7 +33,7 @@ from spacemap_vtk.vanishing import vanishing_folder
 #: 1e-3 makes ten times as many tetrahedra near flat faces as a cage needs.
 EPSILON = 4e-3
 
-#: Seconds between looks: in between them the waiting thread can be stopped.
+#: Seconds between two looks at the process, and at whether the work is cancelled.
 _LOOK = 0.05
 
 #: Program of the child process. It skips pytetwild's accessor, because importing PyVista takes as
@@ -162,33 +160,19 @@ def _run(**surface: Any) -> dict[str, NDArray[Any]]:
 
 
 def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end; it goes when whoever waits for it is stopped."""
-    # An exception that another thread raises in this one does not arrive while a call of the
-    # system's waits, and may arrive just when a program has been started that nobody knows yet.
-    # So a thread of its own starts the program, and ends it.
-    stopped = threading.Event()
-    with ThreadPoolExecutor(1) as pool:
+    """Run a program to its end, or end it where the work that waits for it is cancelled."""
+    # Files, not pipes: a pipe that nobody reads stops the program when it is full.
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(command, cwd=folder, stdout=output, stderr=errors)
         try:
-            done = pool.submit(_run_unless, command, folder, stopped)
-            while not done.done():
+            while process.poll() is None:
+                cancel.check()
                 time.sleep(_LOOK)
         finally:
-            stopped.set()
-        return done.result()
-
-
-def _run_unless(
-    command: Sequence[str], folder: Path, stopped: threading.Event
-) -> subprocess.CompletedProcess[str]:
-    # Files, not pipes: a pipe that nobody reads stops the program when it is full.
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as told:
-        process = subprocess.Popen(command, cwd=folder, stdout=out, stderr=told)
-        while process.poll() is None and not stopped.wait(_LOOK):
-            pass
-        process.kill()
-        process.wait()
+            process.kill()
+            process.wait()
         texts = []
-        for file in (out, told):
+        for file in (output, errors):
             file.seek(0)
             texts.append(file.read().decode(errors="replace"))
         return subprocess.CompletedProcess(command, process.returncode, *texts)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import for_each
@@ -46,6 +47,7 @@ class Grid:
         # Each round tries every open point with its next candidate. Candidates are in ascending
         # order: the first that fits is the lowest.
         while True:
+            cancel.check()
             left = here < end
             if not left.all():
                 open_, here, end = open_[left], here[left], end[left]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location
 from spacemap_vtk.mechanics.elements import shape_slopes
@@ -186,6 +187,7 @@ def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
     for size in np.unique(sizes[sizes > 1]):
         of_size = np.flatnonzero(sizes == size)
         for some in blocks(len(of_size), _FITS):
+            cancel.check()
             which = of_size[some]
             others = around.indices[around.indptr[which][:, None] + np.arange(size)]
             others = others[others != which[:, None]].reshape(len(which), -1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
 from spacemap_vtk.ndarrays import AnyInts, Floats
@@ -44,6 +45,7 @@ class NearestTetrahedron:
         """Return the nearest tetrahedron, the nearest point on it, and how far that is."""
         triangle = np.empty(len(points), dtype=np.intp)
         for block in blocks(len(points), _BLOCK):
+            cancel.check()
             triangle[block] = self._search(np.ascontiguousarray(points[block].T))
         squared, on_face = nearest_on_triangles(points.T, *self._corners[:, :, triangle])
         weights = np.zeros((len(points), 4))

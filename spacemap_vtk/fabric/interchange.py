@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
@@ -179,6 +180,7 @@ class Interchange:
         cells, asked, back = self._alike(stretch)
         found = []
         for begin in range(0, asked.shape[1], _BLOCK):
+            cancel.check()
             here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
             found.append(self._solved(some(cells, here), asked[:, here]))
         *fields, grown, slack = (

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spacemap_vtk import cancel
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.peirce import Gap, bend
 from spacemap_vtk.ndarrays import Bools, Floats
@@ -80,6 +81,7 @@ class Joined:
             rooms.append(family.spacing * _mean(_rows(said.stretch, number)) - family.flat)
         moved = [np.zeros_like(goal) for goal in goals]
         for _ in range(_STEPS):
+            cancel.check()
             found = True
             for number, family in enumerate(self._families):
                 gap, part = self._drawn(number, height, rooms[number]), _rows(taut, number)[:, 0]

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.fabric.arcs import FLAT, LONGEST_ARC
 from spacemap_vtk.fabric.axes import ALL, Share, axes, axes_of
 from spacemap_vtk.fabric.axis import Axes
@@ -103,6 +104,7 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
     numbers = np.arange(ends)[share.ends], ends + np.arange(picks)[share.picks]
     lines = [_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
     warp, weft = cloth.families
+    cancel.check()
     return Weave(
         *sweep(list(zip(lines, sections, strict=True)), cloth.caps, cloth.exact, kind),
         warp=warp.crimp,

@@ -20,6 +20,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from spacemap_vtk import cancel
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import bernstein
@@ -232,6 +233,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
 
 def _finished(steps: Generator[None, None, _Found]) -> _Found:
     while True:
+        cancel.check()
         try:
             next(steps)
         except StopIteration as end:

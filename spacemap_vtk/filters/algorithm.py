@@ -33,6 +33,8 @@ from vtkmodules.vtkCommonExecutionModel import (
     vtkStreamingDemandDrivenPipeline,
 )
 
+from spacemap_vtk import cancel
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.extent import mark_owner
 from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world
 from spacemap_vtk.errors import SpacemapError, warn_user
@@ -64,10 +66,6 @@ _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVe
 
 #: For `Stage.output_type`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkDataObject"
-
-
-class Cancelled(SpacemapError, RuntimeError):
-    """The user stopped a run (VTK's AbortExecute)."""
 
 
 class Algorithm(Parameterised, VTKPythonAlgorithmBase):
@@ -217,8 +215,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         Raises
         ------
         Cancelled
-            If AbortExecute was set.
+            If AbortExecute was set, or the token of this thread's work was cancelled.
         """
+        cancel.check()
         self.SetProgressText(step)
         self.UpdateProgress(fraction)
         if self.GetAbortExecute():

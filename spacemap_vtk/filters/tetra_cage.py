@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk import cancel
 from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
 from spacemap_vtk.cage.split import bodies, mended, parts, volumes_of
@@ -379,6 +380,7 @@ def _touched_by_yarns(
                     waiting.pop(0)
                 if not some:
                     break
+                cancel.check()
                 chosen = np.array(some)
                 share = Share(nothing, chosen) if number else Share(chosen, nothing)
                 patches = vtkUnstructuredGrid()

@@ -26,12 +26,12 @@ import numpy as np
 import PIL.Image
 
 from spacemap_vtk import __version__, cache
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.cloth_sheet import Sheet
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_scale, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from spacemap_vtk import cancel
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements import EDGES, shape_slopes
 from spacemap_vtk.ndarrays import Floats, Ints
@@ -91,6 +92,7 @@ def strain_products(
     slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
     total = np.zeros((len(fields), len(fields)))
     for part in blocks(len(cells), _CHUNK):
+        cancel.check()
         moved = fields[:, cells[part]]
         moved = (moved - moved[:, :, :1]).swapaxes(2, 3)
         for slope in slopes:

@@ -23,10 +23,11 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
 from spacemap_vtk import extensions
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, copied
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.algorithm import Cancelled, Inputs
+from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.reading import leaves
 from spacemap_vtk.parameters import Parameter

@@ -14,9 +14,9 @@ from spacemap_vtk.app.job import PATIENCE, Job
 from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.app.web.rows import ParameterRows
 from spacemap_vtk.app.web.screen import Screen
+from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.errors import InputError, SpacemapError, one_line
-from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, value_of
 from spacemap_vtk.scenes.chain import sections, words_of
@@ -119,7 +119,7 @@ class Session:
         """Give up what runs; the last picture stays."""
         self._job, self.state.playing = None, False
         self._given_up = self._begun is not None
-        self.pipeline.stop()
+        self.pipeline.token.cancel()
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Draw in the size that a page has for the picture."""
@@ -157,7 +157,7 @@ class Session:
             # For another time of the same scene the run goes on: all it prepares is needed.
             late = time.perf_counter() - begun > PATIENCE and job.values != values
             if late or self._looking:
-                self.pipeline.stop()
+                self.pipeline.token.cancel()
         self._looking = False
         self._wished.set()
 
@@ -176,13 +176,13 @@ class Session:
     def close(self) -> None:
         """End what runs, and free what was taken."""
         self._job = None
-        self.pipeline.stop()
+        self.pipeline.token.cancel()
         self._thread.shutdown()
         self.screen.close()
 
     async def _perform(self, job: Job) -> None:
-        # Stops are called in this thread, too: one holds for the job that is taken, from here on.
-        self.pipeline.stopped = False
+        # Cancelled in this thread, too: a cancel holds for the job that is taken, from here on.
+        self.pipeline.token = CancelToken()
         self._begun, self._running = (time.perf_counter(), job), ("", 0.0, "")
         self._given_up = False
         loop = asyncio.get_running_loop()
@@ -273,7 +273,7 @@ class Session:
         self._push()
         if self._looking:  # at what is in view no more
             self._looking = False
-            self.pipeline.stop()
+            self.pipeline.token.cancel()
         if self._rest is not None:
             self._rest.cancel()
         self._rest = asyncio.get_running_loop().call_later(_REST, self._come_to_rest)
