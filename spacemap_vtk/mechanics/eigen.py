@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy import linalg as la
 
+from spacemap_vtk import cancel
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import lowest_modes
@@ -244,6 +245,7 @@ def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats
 
 def _energies(component: Pencil, modes: Floats) -> tuple[Floats, Floats]:
     """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
+    cancel.check()
     size = abs(modes)
     energy = np.einsum("nk,nk->k", modes, component.stiffness @ modes)
     return energy, np.einsum("nk,nk->k", size, abs(component.stiffness) @ size)
@@ -334,6 +336,7 @@ def _verify(
             f"the stiffness matrix is not positive semidefinite: λ = {eigenvalues.min():.3g}",
             cure="Check the material, and look for badly shaped tetrahedra in the cage",
         )
+    cancel.check()
     force, inertia = stiffness @ modes, mass @ modes
     noise = abs(stiffness) @ abs(modes)
     residual = np.linalg.norm(force - inertia * eigenvalues, axis=0)

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
+from spacemap_vtk import cancel
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.fronts import dissection, fronts
@@ -152,6 +153,7 @@ class Cholesky:
 
     def solve(self, right: Floats) -> Floats:
         """Solve for many right-hand sides at once."""
+        cancel.check()
         analysis = self._analysis
         x = np.ascontiguousarray(right[analysis.order])
         for (first, last), border, (triangle, side) in zip(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spacemap_vtk import cancel
 from spacemap_vtk.mechanics.elements import EDGES
 from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.response import Motion
@@ -82,6 +83,7 @@ def realm(
     before = lengths(rest)
     most = Realm(0.0, 0.0, 0.0)
     for time in times:
+        cancel.check()
         moved = motion.points + motion.at(time)[0]
         tensor = gradient.of(moved - rest)
         swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))

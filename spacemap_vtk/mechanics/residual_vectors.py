@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spacemap_vtk import cancel
 from spacemap_vtk.ndarrays import Bools, Floats
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def residual_modes(
     found: list[Floats] = []
     forces: list[Floats] = []
     for load, static in zip(loads.T, statics.T, strict=True):
+        cancel.check()
         size = float(np.sqrt(max(static @ load, 0.0)))
         rest = static - ((kept @ load) / values) @ kept
         # Twice, because once leaves rounding where little of the response is new. With exact modes
@@ -97,6 +99,7 @@ def moved_by(inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Float
     """Return bᵀ M⁻¹ b for each column b of (N, m) loads, with M times a vector and its diagonal."""
     result = np.zeros(loads.shape[1])
     for column, right in enumerate(loads.T):
+        cancel.check()
         # Conjugate gradients with M's own diagonal: a few dozen steps on any mesh, since the
         # condition of a consistent mass matrix scaled by its diagonal does not grow with its size.
         x, r = np.zeros_like(right), right.copy()
