@@ -5,6 +5,8 @@ What hangs, vibrates and moves obeys them, and the cache of modes tells them apa
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics import energy_terms
 from spacemap_vtk.mechanics.energy_terms import EnergyTerm, digest_of, energy_term, tangent
 from spacemap_vtk.mechanics.loads import traction, wall
 from spacemap_vtk.mechanics.shell import mid_surface
@@ -95,6 +98,9 @@ class Barrier(HalfSpace):
         falling = down > 0.0
         return float((0.9 * above[falling] / down[falling]).min(initial=np.inf))
 
+    def admits(self, start: FloatArray, positions: FloatArray) -> bool:
+        return bool((self._above(positions) > 0.0).all())
+
 
 def _of_underside(
     made: type[HalfSpace],
@@ -150,6 +156,18 @@ def underside(stage: Any) -> FloatArray:
     points = np.array(stage.output.GetPoints().GetData())
     moved = array_of(stage.output.GetPointData(), "equilibrium", "the test")
     return np.asarray((points + moved)[points[:, 2] < 1e-12, 2])
+
+
+def test_the_page_on_adding_an_energy_can_be_followed_word_by_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(energy_terms, "_MAKERS", dict(energy_terms._MAKERS))
+    page = Path(__file__).parents[1] / "docs" / "contributing" / "add_an_energy.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 3
+    names: dict[str, Any] = {}
+    exec("\n".join(blocks), names)
+    names.clear()
 
 
 @pytest.mark.parametrize("maker", [half_space, barrier])
@@ -247,6 +265,31 @@ def test_a_block_that_bounces_keeps_its_energy() -> None:
     assert after.max() == pytest.approx(0.0, abs=0.05 * drop)
     fall = times < 0.9 * np.sqrt(2 * drop / GRAVITY)
     np.testing.assert_allclose(height[fall], -GRAVITY * times[fall] ** 2 / 2, atol=1e-9)
+
+
+def test_what_falls_onto_a_barrier_turns_before_it() -> None:
+    """The block floats on k A log(gap), about the gap k A/W, and keeps its energy."""
+    stage = solver(
+        divisions=(1, 1, 1),
+        kind="barrier",
+        height=-5e-3,
+        stiffness=2.0,
+        youngs_modulus=2e7,
+        hang=False,
+    )
+    moving = TransientResponse(alpha=0.0, gravity=(0, 0, -GRAVITY), max_step="1 ms")
+    moving.SetInputConnection(stage.GetOutputPort())
+    moving.update(time=0.15)
+    motion = moving.motion
+    assert motion is not None
+    times = np.linspace(0.0, 0.15, 601)
+    kinetic, held, lost, work = motion.energies(times).T
+    total = kinetic + held + lost - work
+    assert abs(total - total[0]).max() < 1e-8 * kinetic.max()
+    gap = 5e-3 + motion.history(np.full(8, 1 / 8), times)[0, :, 2]
+    # W gap - k A log(gap) is there again what it was at the start.
+    nearest = brentq(lambda x: WEIGHT * (x - 5e-3) - 2.0 * AREA * np.log(x / 5e-3), 1e-5, 1.9e-3)
+    assert gap.min() == pytest.approx(nearest, rel=2e-2)
 
 
 def test_terms_that_differ_never_share_an_entry_of_the_cache() -> None:

@@ -112,9 +112,9 @@ class Body:
         """Return which multiple of a move (V, 3) may be made at once."""
         return min(term.largest_step(z, move) for term in self.terms)
 
-    def inverted(self, z: Floats) -> bool:
-        """Return whether a term refuses positions that it has come to."""
-        return any(term.inverted(self.start, z) for term in self.terms)
+    def admits(self, z: Floats) -> bool:
+        """Return whether all terms admit some positions."""
+        return all(term.admits(self.start, z) for term in self.terms)
 
     def solution(self, matrix: sp.csr_matrix) -> Solve:
         """Return the solution with a matrix, which has to be definite."""

@@ -61,9 +61,9 @@ class EnergyTerm(ABC):
         """Return the term at some positions, to be asked for energy, forces and tangent."""
         return TermState(self, positions)
 
-    def inverted(self, start: Floats, positions: Floats) -> bool:
-        """Return whether these positions cannot be reached from the start, whatever the energy."""
-        return False
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Return whether positions can be reached from the start, whatever their energy."""
+        return True
 
     def resisted(self) -> Floats:
         """Return matrices (E, 3 n, 3 n) that are zero for motions that the term never resists.

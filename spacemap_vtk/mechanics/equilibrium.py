@@ -181,7 +181,7 @@ class _Search:
                 found = settled or self._won <= EARLY * size
                 if not (found and not self._left(states, matrix) and settled):
                     continue
-            if settled and not body.inverted(self._z):
+            if settled and body.admits(self._z):
                 return self._z, left / full
             if settled and self._careful:
                 return None
@@ -254,7 +254,8 @@ class _Search:
             self.critical = self._before + (self._share - self._before) * way
         # The first of the largest components is positive, so that rounding does not choose a side.
         q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
-        q = q * body.largest_step(self._z, body.moved(q))
+        move = body.moved(q)
+        q = q * min(body.largest_step(self._z, side * move) for side in (1.0, -1.0))
         move = body.moved(q)
         # What bends must not stretch, and so the way curves: z + a Δz + a² w (Koiter 1945).
         there, back = (body.forces(body.at(self._z + side * move)) for side in (1.0, -1.0))

@@ -202,6 +202,8 @@ class Gauss:
         if kept is None or kept.span != span or self._far(position, position - kept.position):
             kept = None
         for _ in range(TRIES):
+            if not self._admitted(position, moves):
+                return None
             speeds = _INVERSE @ moves / span
             stages = self._stages(position, moves, speeds, strains, span)
             inertia = self._inertia(speeds - rate, span)
@@ -452,6 +454,15 @@ class Gauss:
         if abs(missing) <= NOISE * float((abs(before) + abs(after)).sum()):
             return forces
         return forces + missing / weight * heavy
+
+    def _admitted(self, position: Floats, moves: Floats) -> bool:
+        """Return whether the terms that are no strains admit the positions of a step."""
+        if not self._others:
+            return True
+        places = [position + _reached(time) @ moves for time in _TIMES]
+        nodal = [self._nodal(place) for place in (*places, _end(position, moves))]
+        terms = [self.body.terms[number] for number in self._others]
+        return all(term.admits(self.body.start, place) for term in terms for place in nodal)
 
     def _nodal(self, position: Floats) -> Floats:
         return self.body.start + self.body.moved(position)

@@ -116,9 +116,9 @@ class Strains(EnergyTerm):
         )
         return flat.reshape(self.reference.shape)
 
-    def inverted(self, start: Floats, positions: Floats) -> bool:
-        """Return whether an element is inside out: its energy is as low as its mirror image's."""
-        return bool((self._handedness(positions) * self._handedness(start) <= 0).any())
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Return whether no element is inside out, though its mirror image has the same energy."""
+        return bool((self._handedness(positions) * self._handedness(start) > 0).all())
 
     def _handedness(self, positions: Floats) -> Floats:
         """Return the triple product of each element's frame, (E,)."""

@@ -48,9 +48,9 @@ class OnVertices(EnergyTerm):
         """Return the term's own."""
         return self._term.largest_step(self._vertices(positions), self._vertices(move))
 
-    def inverted(self, start: Floats, positions: Floats) -> bool:
+    def admits(self, start: Floats, positions: Floats) -> bool:
         """Return the term's own."""
-        return self._term.inverted(self._vertices(start), self._vertices(positions))
+        return self._term.admits(self._vertices(start), self._vertices(positions))
 
     def resisted(self) -> Floats:
         """Return the term's own, with respect to the nodes."""
