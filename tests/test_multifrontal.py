@@ -12,9 +12,14 @@ from pencils import solve_modes, stiffness_and_mass
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics import multifrontal
-from spacemap_vtk.mechanics.fronts import by_levels, dissection
 from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.multifrontal import Analysis, Cholesky, negative_eigenvalues
+from spacemap_vtk.mechanics.multifrontal import (
+    Analysis,
+    Cholesky,
+    by_levels,
+    dissection,
+    negative_eigenvalues,
+)
 
 
 @pytest.fixture(params=["metis", "levels"], autouse=True)
