@@ -26,10 +26,11 @@ def coarser(model: Model) -> Model | None:
     -------
     Model or None
         Undeformed, with the supports of the vertices that it keeps. None of what is no rectangular
-        lattice of at least four by four cells, and where springs, masses or factors are fitted.
+        lattice of at least four by four cells, and where springs, masses, factors or further terms
+        of the energy are.
     """
     surface, plate = model.pencil.surface, model.plate
-    if surface is None or plate is None or model.fittings.given:
+    if surface is None or plate is None or model.fittings.given or model.terms:
         return None
     grid = _grid(model.points, surface)
     if grid is None or min(grid.shape) <= 4:

@@ -127,11 +127,8 @@ class Strains(EnergyTerm):
         return np.linalg.det(self.frame @ positions[self.nodes])
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Return by how much to multiply a move (V, 3) so that no element turns by more than TURN.
-
-        To first order, in which a stretch counts as a rotation.
-        """
-        # A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
+        """Return which multiple of a move (V, 3) turns no element by more than TURN."""
+        # To first order, in which a stretch counts as a rotation. A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
         return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
@@ -205,10 +202,8 @@ class StrainState(TermState):
         return self.kind.summed(self.stress, self.gradients, self._count)
 
     def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
-        """Return the tangent, with the carried stress in place of its own.
-
-        A share `firm` of the stresses that do not pull is left out: the rest is definite.
-        """
+        """Return the tangent, with the carried stress in place of its own where there is one."""
+        # Without the stresses that do not pull, or a share of them, it is definite.
         stress = self.stress if carried is None else carried
         stress = stress + firm * (self.kind.pulling(stress) - stress)
         return self.kind.tangent_of(stress, self.gradients)

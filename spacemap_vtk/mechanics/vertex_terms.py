@@ -10,11 +10,10 @@ from spacemap_vtk.ndarrays import Floats
 
 
 class OnVertices(EnergyTerm):
-    """A term of a cage's vertices as one of the nodes of its model, times a factor.
+    """A term of a cage's vertices as one of the nodes of its model, times a factor."""
 
-    Nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
-    `spacemap_vtk.mechanics.shell.MidSurface`; of a solid they are the vertices.
-    """
+    # Nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
+    # `spacemap_vtk.mechanics.shell.MidSurface`; of a solid they are the vertices.
 
     def __init__(self, term: EnergyTerm, surface: MidSurface | None, factor: float = 1.0) -> None:
         self._term, self._surface, self._factor = term, surface, factor
