@@ -286,21 +286,10 @@ class _Search:
 
 
 def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> tuple[float, float]:
-    """Return where a function stops falling, up to `most`, and its value there.
-
-    Parameters
-    ----------
-    trial : callable
-        Of a length: the value, the size of what it is a sum of, and the slope. The slope at zero is
-        negative, or zero at a maximum.
-    most : float
-        Largest length.
-
-    Returns
-    -------
-    length, value : float
-        The first trial where no more than a tenth of the steepest slope is left.
-    """
+    """Return a length, up to `most`, at which a function stops falling, and its value there."""
+    # `trial` returns for a length the value, the size of what it is a sum of, and the slope. The
+    # slope at zero is negative, or zero at a maximum. The first trial is taken that leaves no more
+    # than a share LEVEL of the steepest slope.
     first, _, slope = trial(0.0)
     low, high = (0.0, slope), (0.0, 0.0)
     steepest, length = -slope, min(1.0, most)

@@ -135,11 +135,10 @@ class _Kept(NamedTuple):
 
 
 class Gauss:
-    """The equations of motion of a body; forces and energies are divided by its modulus.
+    """The equations of motion of a body; forces and energies are divided by its modulus."""
 
-    Terms of the body that are not conservative do external work, each times a factor that may
-    change with time, see `Acting`.
-    """
+    # Terms of the body that are not conservative do external work, each times a factor that may
+    # change with time, see `Acting`.
 
     def __init__(
         self,
@@ -403,11 +402,8 @@ class Gauss:
         return self._mean(between, factors * self._driven)
 
     def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
-        """Return means of forces over the step, weighted so that their work at the stages is exact.
-
-        Exact is the work of forces whose power is of fifth degree in time: of a constant pressure
-        it is p ΔV.
-        """
+        """Return means of forces over the step, weighted so that their work at the stages is exact."""
+        # It is where their power is of fifth degree in time: of a constant pressure it is p ΔV.
         total = np.zeros((2, len(self.drag)))
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
             for state, size in zip(states, sizes, strict=True):

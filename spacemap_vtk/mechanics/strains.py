@@ -128,7 +128,8 @@ class Strains(EnergyTerm):
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
         """Return which multiple of a move (V, 3) turns no element by more than TURN."""
-        # To first order, in which a stretch counts as a rotation. A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
+        # To first order, in which a stretch counts as a rotation: a line whose end is moved by θ of
+        # its length, across it, has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
         return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
