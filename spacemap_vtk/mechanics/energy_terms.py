@@ -43,38 +43,124 @@ class EnergyTerm(ABC):
 
     @abstractmethod
     def energy(self, positions: Floats) -> float:
-        """Return the energy W [J] at positions (V, 3) [m]."""
+        """Return the energy W.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+
+        Returns
+        -------
+        float
+            In J.
+        """
 
     @abstractmethod
     def forces(self, positions: Floats) -> Floats:
-        """Return the gradient ∂W/∂z [N], (V, 3)."""
+        """Return the gradient of the energy: the forces that hold the term where it is.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (V, 3)
+            ∂W/∂z [N].
+        """
 
     @abstractmethod
     def tangent(self, positions: Floats) -> Floats:
-        """Return the second derivatives of each element [N/m], (E, 3 n, 3 n), node by node."""
+        """Return the second derivatives of the energy of each element.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (E, 3 n, 3 n)
+            In N/m, node by node.
+        """
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Return which multiple of a move (V, 3) a Newton step may make at most; inf for any."""
+        """Return which multiple of a Newton step may be made at once.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+        move : ndarray of float64, shape (V, 3)
+            The step from there [m].
+
+        Returns
+        -------
+        float
+            Infinite, the default, where any may.
+        """
         return math.inf
 
-    def at(self, positions: Floats) -> TermState:
-        """Return the term at some positions, to be asked for energy, forces and tangent."""
-        return TermState(self, positions)
-
     def admits(self, start: Floats, positions: Floats) -> bool:
-        """Return whether positions can be reached from the start, whatever their energy."""
+        """Return whether positions can be reached from the start, whatever their energy.
+
+        Parameters
+        ----------
+        start : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+
+        Returns
+        -------
+        bool
+            True by default.
+        """
         return True
 
     def resisted(self) -> Floats:
-        """Return matrices (E, 3 n, 3 n) that are zero for motions that the term never resists.
+        """Return matrices that are zero for motions which the term never resists.
 
-        By default no motion of its nodes is such.
+        Returns
+        -------
+        ndarray of float64, shape (E, 3 n, 3 n)
+            By default unit matrices: there is no such motion.
         """
         size = 3 * self.nodes.shape[1]
         return np.broadcast_to(np.eye(size), (len(self.nodes), size, size))
 
+    def at(self, positions: Floats) -> TermState:
+        """Return the term at some positions, to be asked for energy, forces and tangent.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+
+        Returns
+        -------
+        TermState
+            By default one that asks this term.
+        """
+        return TermState(self, positions)
+
     def products(self, positions: Floats, fields: Floats) -> Floats:
-        """Return φᵀ K φ of each two of the fields (m, V, 3), (m, m)."""
+        """Return φᵀ K φ of each two of some fields.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Of all nodes [m].
+        fields : ndarray of float64, shape (m, V, 3)
+            The fields φ.
+
+        Returns
+        -------
+        ndarray of float64, shape (m, m)
+            In J, where the fields are in m.
+        """
         moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
         return np.asarray(
             np.einsum("mei,eij,nej->mn", moved, self.tangent(positions), moved, optimize=True)
@@ -98,20 +184,9 @@ class TermState:
         return self.term.forces(self._positions)
 
     def tangent(self, firm: float = 0.0, carried: Any = None) -> Floats:
-        """Return the second derivatives of each element, (E, 3 n, 3 n).
-
-        Parameters
-        ----------
-        firm : float, optional
-            Share of the negative curvature that is left out; with 1 no matrix is indefinite.
-        carried : object, optional
-            What `predicted` returned one step earlier.
-
-        Returns
-        -------
-        ndarray of float64, shape (E, 3 n, 3 n)
-            In N/m.
-        """
+        """Return the second derivatives of each element, (E, 3 n, 3 n)."""
+        # Without the share `firm` of its negative curvature: with 1 no matrix is indefinite.
+        # `carried` is what `predicted` returned one step earlier.
         blocks = self.term.tangent(self._positions)
         if firm == 0.0 or not blocks.size:
             return blocks
@@ -120,22 +195,7 @@ class TermState:
         return np.asarray(blocks - firm * negative)
 
     def predicted(self, move: Floats, curve: Floats | None = None) -> Any:
-        """Return what the tangent after a move may use in place of the state that it finds.
-
-        None, the default, lets it use that state.
-
-        Parameters
-        ----------
-        move : ndarray of float64, shape (V, 3)
-            A Newton step.
-        curve : ndarray of float64, shape (V, 3), optional
-            What is added to it, of second order.
-
-        Returns
-        -------
-        object
-            For `tangent`.
-        """
+        """Return what the tangent after a move, and a curve, may use in place of its own state."""
         return None
 
 
@@ -192,19 +252,9 @@ _MAKERS: dict[str, Maker] = {}
 
 
 def energy_term(kind: str) -> Callable[[Maker], Maker]:
-    """Register a function that makes a term, under the kind that recipes name.
-
-    Parameters
-    ----------
-    kind : str
-        The name, as in ``ModalSolver(terms=[{"kind": "half-space", "height": 0.0}])``.
-
-    Returns
-    -------
-    callable
-        A decorator. The function takes the undeformed vertices (V, 3) of the cage, its tetrahedra
-        (T, 4) or (T, 10), and what else the recipe has as keyword arguments.
-    """
+    """Register a function that makes a term, under the kind that recipes name."""
+    # It takes the undeformed vertices (V, 3) of the cage, its tetrahedra (T, 4) or (T, 10), and as
+    # keyword arguments what else the recipe has.
 
     def register(maker: Maker) -> Maker:
         _MAKERS[kind] = maker

@@ -269,10 +269,8 @@ class _Search:
         return True
 
     def _fall(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
-        """Return how far, up to `most`, the energy falls along a q + a² bend, and what it is there.
-
-        Nothing is assumed about the energy but that its slope along the way is continuous.
-        """
+        """Return how far, up to `most`, the energy falls along a q + a² bend, and its value."""
+        # Nothing is assumed about the energy but that its slope along the way is continuous.
         body, z = self._body, self._z
         move, curve = body.moved(q), body.moved(bend)
 

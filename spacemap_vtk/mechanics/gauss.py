@@ -402,7 +402,7 @@ class Gauss:
         return self._mean(between, factors * self._driven)
 
     def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
-        """Return means of forces over the step, weighted so that their work at the stages is exact."""
+        """Return means of forces over the step, by weights with which the stages' work is exact."""
         # It is where their power is of fifth degree in time: of a constant pressure it is p ΔV.
         total = np.zeros((2, len(self.drag)))
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
