@@ -31,6 +31,19 @@ def test_a_weave_is_offered_as_a_draft(open_window: Any, monkeypatch: pytest.Mon
     assert "draft" in offered(open_window("plain_weave"), monkeypatch)
 
 
+def test_a_draft_that_is_no_section_weave_is_not_edited(open_window: Any, tmp_path: Path) -> None:
+    file = tmp_path / "tabby.toml"
+    file.write_text("[tabby]\nthreads = 5\n", "utf-8")
+    window = open_window(file)
+    wait_until(lambda: settled(window))
+    window.tabs.setCurrentWidget(window.figures)
+    rows = window.figures.table
+    wait_until(lambda: rows.rowCount() > 10)
+    assert "crimp c" in [rows.item(k, 0).text() for k in range(rows.rowCount())]
+    window.tabs.setCurrentWidget(window.draft)
+    wait_until(lambda: "[tabby] cannot be edited" in window.draft.empty.text())
+
+
 @pytest.mark.parametrize("source", [Rods, Loops])
 def test_a_textile_is_shown_with_its_own_figures(
     source: type[Rods], open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -21,7 +21,7 @@ from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
@@ -216,7 +216,7 @@ class Properties(QScrollArea):
         known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
         if part is self._document.scene.view:
             known |= {"size": picture_size(self._document.scene)}
-        if isinstance(part, WeaveSource) and part.draft is None:
+        if isinstance(part, Woven) and "pattern" in self.rows and part.draft_file is None:
             with suppress(SpacemapError):  # the stage says why
                 threads = part.cloth.threads
                 self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))

@@ -35,6 +35,7 @@ from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.lighting import FINE_SAMPLES
 from spacemap_vtk.draw.scene_view import Look, SceneView, cells_shown, extent_of
 from spacemap_vtk.draw.surface_actor import rgb, scale_share
+from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 
@@ -116,6 +117,10 @@ class View3D(QWidget):
         self._moved, self._quick = False, True
         self.plotter.painting.connect(self._prepare)
         self._observe_camera()
+        #: Sections of a scene file that a source has.
+        self._sources = [
+            name for name, cls in sections().items() if getattr(cls, "role", "") == "source"
+        ]
         self._made: tuple[object, float] = None, 0.0  # by what, and how large it is
         #: The values of the scene that was drawn last.
         self._drawn_values: dict[str, Any] | None = None
@@ -284,7 +289,7 @@ class View3D(QWidget):
             self._aimed_for = aimed_for
             self.plotter.front.SetDraw(view.loads)
             self._keep_whole()
-        made = frame.values.get("weave"), frame.values.get("object")
+        made = [frame.values.get(section) for section in self._sources]
         if not frame.coarse and made != self._made[0]:  # a value may have made it much larger
             size = float(np.ptp(extent_of(frame, False)))
             before, self._made = self._made[1], (made, size)

@@ -145,6 +145,19 @@ class Woven(Textile):
         return {}
 
     @property
+    def found(self) -> Mapping[str, float]:
+        """What automatic parameters are resolved to, by name, where it is one value for all yarns.
+
+        Raises
+        ------
+        GeometryError
+            If the cloth is jammed or impossible.
+        SpacemapError
+            As for `cloth`.
+        """
+        return {}
+
+    @property
     def single(self) -> bool:
         """Whether control points are in single precision."""
         return False

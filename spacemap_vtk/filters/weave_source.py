@@ -176,15 +176,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def found(self) -> dict[str, float]:
-        """What automatic parameters are resolved to, by name, where it is one value for all yarns.
-
-        Raises
-        ------
-        GeometryError
-            If the cloth is jammed or impossible.
-        SpacemapError
-            As for `cloth`.
-        """
+        """What automatic parameters are resolved to, where it is one value for all yarns."""
         cloth = self.cloth
         values = {
             "ends": cloth.size[0],

@@ -31,6 +31,8 @@ from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io.registry import draft_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 
+#: The section that edits change.
+_SECTION = "weave"
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
 _SHARE = 0.3
 _MOST = 4096
@@ -90,6 +92,9 @@ class DraftTab(QWidget):
         woven = scene.woven
         if woven is None:
             self._show(None, "This scene is not woven, and has no draft.")
+            return
+        if scene.source.section != _SECTION:
+            self._show(None, f"The draft of [{scene.source.section}] cannot be edited here.")
             return
         file, settings = scene.draft_file, scene.source.settings
         stamp = file.stat().st_mtime_ns if file and file.is_file() else 0
@@ -244,7 +249,7 @@ class DraftTab(QWidget):
 
     def _change(self, changes: Changes, name: str) -> None:
         try:
-            self._document.set_many("weave", changes, self._burst, name)
+            self._document.set_many(_SECTION, changes, self._burst, name)
         except SpacemapError as error:
             self._key = None
             self.refresh()

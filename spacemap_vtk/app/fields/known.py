@@ -11,7 +11,7 @@ from typing import Any
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.cage_material import CageMaterial
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
 from spacemap_vtk.units import UNITS, format_quantity, split_quantity
 
@@ -25,7 +25,7 @@ def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
 
 def resolved_of(part: Parameterised) -> dict[str, Any]:
     """Return what automatic parameters are resolved to."""
-    if not isinstance(part, WeaveSource):
+    if not isinstance(part, Woven):
         return {}
     try:
         colors = {n: t.colors for n, t in zip(FAMILIES, part.cloth.threads, strict=True)}
