@@ -1,4 +1,4 @@
-"""Another package adds a format, a stage and a command; the core runs without optional parts."""
+"""Another package adds a format, a stage, a job and commands; the core needs no optional part."""
 
 from __future__ import annotations
 
@@ -55,11 +55,38 @@ class Lift(Stage):
 def spell(word: str, /) -> None:
     \"\"\"Spell a word.\"\"\"
     print(*word, sep="-")
+
+def recite(scene: str, output: str, /) -> None:
+    \"\"\"Write a scene as a poem.\"\"\"
+    from pathlib import Path
+    from spacemap_vtk.jobs import make_job
+    from spacemap_vtk.scenes.scene import Scene
+    print(make_job("poem", Path(output)).run(Scene.read(scene)))
+""",
+    "alphabet/poems.py": """
+from dataclasses import dataclass
+from pathlib import Path
+from spacemap_vtk.jobs.job import Job, register
+
+@register()
+@dataclass
+class PoemJob(Job):
+    output: Path
+    kind = "poem"
+    command = "recite"
+
+    def write(self, context):
+        with self.open_output(context.whole) as file:
+            file.write_text(context.scene.title)
+        return "a poem"
 """,
     "alphabet-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: alphabet\nVersion: 1.0\n",
     "alphabet-1.0.dist-info/entry_points.txt": """
 [spacemap_vtk.commands]
 spell = alphabet.commands:spell
+recite = alphabet.commands:recite
+[spacemap_vtk.jobs]
+poem = alphabet.poems:PoemJob
 [spacemap_vtk.formats]
 abc = alphabet.files
 [spacemap_vtk.stages]
@@ -93,7 +120,7 @@ def run(*words: str, path: list[Path], folder: Path, code: str = "pass") -> tupl
     return done.returncode, done.stdout, done.stderr
 
 
-def test_a_package_adds_a_format_a_stage_and_a_command(installed: Path, tmp_path: Path) -> None:
+def test_a_package_adds_a_member_to_each_group(installed: Path, tmp_path: Path) -> None:
     def spacemap(*words: str) -> str:
         status, out, err = run(*words, path=[installed, ROOT], folder=tmp_path)
         assert (status, err) == (0, ""), err
@@ -103,6 +130,8 @@ def test_a_package_adds_a_format_a_stage_and_a_command(installed: Path, tmp_path
     assert "spell Spell a word." in shown
     assert "serve Show a scene in a browser on this machine, live." in shown
     assert spacemap("spell", "yarn") == "y-a-r-n\n"
+    assert spacemap("recite", "plain_weave", "poem.txt") == "a poem\n"
+    assert (tmp_path / "poem.txt").read_text().startswith("Plain weave")
     assert "How far it is lifted" in spacemap("keys", "lift")
     spacemap("export", "plain_weave", "-q", "-o", "a.abc", "--set", "lift.height=2mm")
     assert float((tmp_path / "a.abc").read_text()) > 0
