@@ -73,7 +73,7 @@ def test_the_word_for_automatic_can_be_typed(open_scene: Any) -> None:
         assert not field.automatic.isChecked(), name
         editor = getattr(field.editor, "components", [field.editor])[0]
         type_into(editor.line, "auto")
-        assert getattr(getattr(document.scene, section), name) is None
+        assert getattr(document.scene.parts[section], name) is None
         assert document.text.strip() == before.strip(), name
         assert field.automatic.isChecked(), name
         assert editor.line.text() == "", name
