@@ -27,7 +27,7 @@ def as_command(document: Document, time: float) -> str:
         for key, parameter in part.parameters.items():
             value = getattr(part, key)
             said = key in written.get(section, {}) or key in was_written.get(section, {})
-            if not said or value == getattr(getattr(before, section), key):
+            if not said or value == getattr(before.parts[section], key):
                 continue
             told = written.get(section, {}).get(key, value)
             if isinstance(parameter, FilePath) and value is not None:
