@@ -37,9 +37,10 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.footprint import DRAWN_POINT
 from spacemap_vtk.scenes.level_of_detail import (
+    LEAST_SIDES,
     DrawnCloth,
     choose_level,
-    most_detail,
+    quads_in_view,
 )
 from spacemap_vtk.scenes.scene import Scene
 
@@ -166,7 +167,7 @@ class Pipeline:
         if job.seen is None:
             self._detail = None
             return None
-        new = Facets(job.seen, most_detail(cloth, job.seen.size))
+        new = Facets(job.seen, LEAST_SIDES, quads_in_view(job.seen.size), cloth.plies)
         wanted = new(points, patches)
         # What has as many, and not far more, stays: nothing is made again for a small turn.
         present = (

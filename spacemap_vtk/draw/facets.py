@@ -9,6 +9,7 @@ a metre is in pixels from its point that is nearest to the camera.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,22 +33,17 @@ _SAMPLE = 4000
 _ORDER = quadrilateral_order(3, 3)
 
 
+@dataclass(frozen=True)
 class Facets:
     """The number of facets along each side of each patch, seen from one place."""
 
-    # Out of sight, and where nobody needs more, there are `level.sides`; all that are in sight
-    # together are `level.near_quads` at most. Plied yarns are more curved than their patches.
-
-    def __init__(self, seen: Seen, level: LevelOfDetail) -> None:
-        self.seen, self._least, self._most_quads = seen, level.sides, level.near_quads
-        self._sharpness = sharpness(level.plies)
-        self._key = seen, level.sides, level.near_quads, level.plies
-        self._camera = seen.camera
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Facets) and self._key == other._key
-
-    __hash__ = None  # type: ignore[assignment]
+    seen: Seen
+    #: Out of sight, and where nobody needs more.
+    least: int
+    #: Of all patches in sight together, at most.
+    most_quads: int
+    #: Plied yarns are more curved than their patches.
+    plies: int
 
     def __call__(self, points: AnyFloats, patches: AnyInts) -> Ints:
         """Return the subdivisions of each patch, each a multiple of those below it."""
@@ -56,18 +52,18 @@ class Facets:
         sight = needed > 0.0
         for _ in range(4):
             many = float(np.square(levels[sight]).sum())
-            if many <= self._most_quads:
+            if many <= self.most_quads:
                 break
-            needed *= 0.95 * math.sqrt(self._most_quads / many)
+            needed *= 0.95 * math.sqrt(self.most_quads / many)
             levels = self._levels(needed)
         return levels
 
     def _levels(self, needed: Floats) -> Ints:
         """Return at least as many subdivisions, in steps of two."""
         top = math.ceil(min(float(needed.max(initial=0.0)), _MOST_SIDES))
-        if top <= self._least:
-            return np.full(len(needed), self._least)
-        doublings = math.ceil(math.log2(top / self._least))
+        if top <= self.least:
+            return np.full(len(needed), self.least)
+        doublings = math.ceil(math.log2(top / self.least))
         lowest = math.ceil(top / 2**doublings)
         steps = np.ceil(np.log2(np.maximum(needed, lowest) / lowest) - 1e-9)
         return lowest * 2 ** np.minimum(steps, doublings).astype(np.int64)
@@ -77,19 +73,20 @@ class Facets:
         found = np.zeros(len(patches))
         if patches.shape[1] != 16:
             return found
+        camera = self.seen.camera
         sight, nearest = self._sight(points, patches)
-        scale = pixels_of(self._camera, self.seen.size[1])
-        if not self._camera.GetParallelProjection():
-            far = self._camera.GetDistance()
+        scale = pixels_of(camera, self.seen.size[1])
+        if not camera.GetParallelProjection():
+            far = camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
-        bent = self._sharpness * _bending(points, patches[sight])
+        bent = sharpness(self.plies) * _bending(points, patches[sight])
         found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
         return found
 
     def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
         """Return which patches are in sight, and how near each of them is."""
         width, height = self.seen.size
-        x, y, _, w = projected(self._camera, points, width / height).T
+        x, y, _, w = projected(self.seen.camera, points, width / height).T
         seen = np.ones(len(patches), bool)
         w = _BEYOND * w
         for beyond in (x < -w, x > w, y < -w, y > w):
@@ -99,8 +96,8 @@ class Facets:
 
 def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: Seen) -> None:
     """Let a stage make the facets of a level of detail."""
-    facets = Facets(seen, level) if level.near_quads else None
-    stage.choose(level.sides, level.fibres, facets)
+    facets = Facets(seen, level.sides, level.near_quads, level.plies)
+    stage.choose(level.sides, level.fibres, facets if level.near_quads else None)
 
 
 def pixels_enough(plies: int, points: AnyFloats, patches: AnyInts) -> float:

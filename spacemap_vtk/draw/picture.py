@@ -47,7 +47,6 @@ from spacemap_vtk.scenes.level_of_detail import (
     Form,
     LevelOfDetail,
     choose_level,
-    require_level,
 )
 from spacemap_vtk.scenes.scene import Scene
 
@@ -144,10 +143,10 @@ class Picture:
             self.panels.append(self._panel(scene, panel, (w, height), room))
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
-        self._choose_form(room, begun=extent is None)
+        self._choose_form(room)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
-    def _choose_form(self, room: Floats, begun: bool) -> None:
+    def _choose_form(self, room: Floats) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, panel = self.scene, self.panels[-1]
         cloth = DrawnCloth.of(scene)
@@ -159,7 +158,6 @@ class Picture:
             panel.window.take_samples(SAMPLES)
         if cloth.clearance:
             self._tell_of_facets()
-        require_level(scene, cloth, self._request, self.level, begun)
         if self.level.form is Form.SHADER:
             for each in self.panels:
                 each.shown.sheet.resolve(True)

@@ -106,9 +106,10 @@ def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
     return _PROGRAM + _PIXEL * drawn
 
 
-def surface_bytes(patches: int, sides: int) -> int:
-    """Return the memory of the surface of some patches, each of so many facets along its sides."""
-    return _SURFACE_POINT * patches * (sides + 1) ** 2
+def yarn_bytes(scene: Scene, request: PictureRequest, patches: int, sides: int) -> int:
+    """Return the memory of a picture of some patches, each of so many facets along its sides."""
+    surface = _SURFACE_POINT * patches * (sides + 1) ** 2
+    return pixel_bytes(scene, request) + patch_bytes(scene, patches) + surface
 
 
 def patch_bytes(scene: Scene, patches: int) -> int:
@@ -131,12 +132,13 @@ def frame_bytes(points: int) -> int:
     return _FRAME_POINT * points
 
 
-def sheet_bytes(scene: Scene, crossings: int) -> int:
-    """Return the memory of a sheet in place of a scene's yarns."""
+def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
+    """Return the memory of a picture of a sheet in place of a scene's yarns."""
     measured = scene.view.color == "clearance"
     solved = COLORINGS[scene.view.color].array in CrimpInterchange.provides
     solved |= measured and scene.stage("crimp") is not None
-    return crossings * (_CROSSING + _MEASURED_CROSSING * measured + _SOLVED_CROSSING * solved)
+    each = _CROSSING + _MEASURED_CROSSING * measured + _SOLVED_CROSSING * solved
+    return pixel_bytes(scene, request) + crossings * each
 
 
 def require_pixels(scene: Scene, request: PictureRequest) -> None:
@@ -162,18 +164,12 @@ def require_yarns(
     counts: tuple[int, int],
     patches: int,
     sides: int,
-    *,
-    more: int = 0,
-    begun: bool = False,
 ) -> None:
     """Refuse yarns that do not fit into memory together, and name those that do."""
-    # `patches` are those that are in memory at a time, `more` points of the surface beyond theirs;
-    # `begun`: whether their control points are there already.
 
     def needed(sides: int, share: float = 1.0) -> int:
         some = ceil(share**2 * patches)
-        total = pixel_bytes(scene, request) + surface_bytes(some, sides) + _SURFACE_POINT * more
-        return total if begun else total + patch_bytes(scene, some)
+        return yarn_bytes(scene, request, some, sides)
 
     auto = ""
     if scene.surface.subdivisions is not None:

@@ -22,13 +22,11 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import face_of, face_scale
 from spacemap_vtk.scenes.footprint import (
     PictureRequest,
-    patch_bytes,
-    pixel_bytes,
     require_pixels,
     require_sheet,
     require_yarns,
     sheet_bytes,
-    surface_bytes,
+    yarn_bytes,
 )
 from spacemap_vtk.scenes.scene import Scene
 
@@ -222,17 +220,17 @@ def choose_level(
         return LevelOfDetail()
     if request is None:
         return LevelOfDetail(choose_form(cloth, window=window))
-    counts, pixels = (cloth.ends, cloth.picks), pixel_bytes(scene, request)
+    counts = cloth.ends, cloth.picks
     scale = face_scale(scene, scene.woven.cloth, request.size)
     sides = cloth.subdivisions or sides_seen(scale * cloth.height)
-    size = pixels + patch_bytes(scene, cloth.patches) + surface_bytes(cloth.patches, sides)
+    size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if face_of(scene) else None
     shader = opengl and not request.wireframe
     form = choose_form(cloth, face, fits(size), opengl=opengl, shader=shader, window=window)
     if form is Form.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)
-    size = pixels + sheet_bytes(scene, cloth.ends * cloth.picks)
+    size = sheet_bytes(scene, request, cloth.ends * cloth.picks)
     require_sheet(scene, counts, size)
     return LevelOfDetail(form, bytes=size)
 
@@ -265,23 +263,6 @@ def choose_form(
     return Form.SHEET
 
 
-def require_level(
-    scene: Scene, cloth: DrawnCloth, request: PictureRequest, level: LevelOfDetail, begun: bool
-) -> None:
-    """Refuse yarns whose quadrilaterals do not fit into memory at a level."""
-    # `begun`: whether the control points of WHOLE yarns are in memory already.
-    if level.form in (Form.WHOLE, Form.PIECES, Form.TILES):
-        require_yarns(
-            scene,
-            request,
-            (cloth.ends, cloth.picks),
-            ceil(cloth.patches / level.pieces),
-            cloth.subdivisions or level.sides,
-            more=level.near_quads,
-            begun=begun and level.form is Form.WHOLE,
-        )
-
-
 def choose_near(
     cloth: DrawnCloth, scale: float, patches: int, size: tuple[int, int]
 ) -> LevelOfDetail:
@@ -311,11 +292,6 @@ def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> Level
 def sides_in_file(cloth: DrawnCloth, usual: int) -> int:
     """Return the quadrilaterals along each side of a patch in a file of a moving surface."""
     return max(1, min(usual, int((FILE_POINTS / cloth.patches) ** 0.5)))
-
-
-def most_detail(cloth: DrawnCloth, size: tuple[int, int]) -> LevelOfDetail:
-    """Return the level of yarns that are near a camera, however far others are."""
-    return LevelOfDetail(sides=LEAST_SIDES, near_quads=quads_in_view(size), plies=cloth.plies)
 
 
 def quads_in_view(size: tuple[int, int]) -> int:
