@@ -8,7 +8,7 @@ import spacemap_vtk
 from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ROLES, Stage, connect
-from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.settings import Animation, View
@@ -121,7 +121,7 @@ def connect_chain(stages: Iterable[Stage]) -> None:
     yarns = next((stage for stage in stages if isinstance(stage, YarnParameters)), None)
     made: dict[str, Stage] = {}
     for stage in stages:
-        if isinstance(stage, CageMaterial):
+        if isinstance(stage, ModalSolver):
             stage.yarns = yarns
         if stage.takes:
             connect(tuple(made[kind] for kind in stage.takes), stage)
