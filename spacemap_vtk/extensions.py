@@ -1,6 +1,6 @@
 """The optional parts of the program, and parts that other packages add, by group and name.
 
-The core imports no optional part: it asks for a group here, and loads the members that it needs.
+The core imports no optional part: it asks for a group here, and imports the members that it needs.
 Another package adds a member in its own metadata, as entry points:
 
     [project.entry-points."spacemap_vtk.formats"]
@@ -24,13 +24,19 @@ formats. A stage's may.
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import import_module
 from typing import Any
 
 from spacemap_vtk.errors import MissingLibraryError
 
+#: With which the groups' names begin in the metadata of packages.
+_PREFIX = "spacemap_vtk."
 #: The program's own optional parts. They are listed here and not in the package's metadata, which
 #: a checkout on PYTHONPATH does not have, for example in ParaView. Formats are not: all modules of
 #: `spacemap_vtk.io.formats` register themselves.
@@ -45,11 +51,27 @@ OWN = {
 }
 
 
-def members(group: str) -> list[EntryPoint]:
+@dataclass(frozen=True)
+class Member:
+    """A member of a group."""
+
+    name: str
+    #: As "module" or "module:attribute".
+    value: str
+    #: The package that adds it; empty for the program's own.
+    package: str = ""
+
+    def load(self) -> Any:
+        """Import the module, and return it or its attribute."""
+        module, _, attribute = self.value.partition(":")
+        found = import_module(module)
+        return getattr(found, attribute) if attribute else found
+
+
+def members(group: str) -> list[Member]:
     """Return the members of a group: the program's own, then those of installed packages."""
-    name = f"spacemap_vtk.{group}"
-    own = [EntryPoint(key, value, name) for key, value in OWN.get(group, {}).items()]
-    return [*own, *_installed().select(group=name)]
+    own = [Member(name, value) for name, value in OWN.get(group, {}).items()]
+    return [*own, *_installed().get(group, [])]
 
 
 def load(group: str, name: str) -> Any:
@@ -67,11 +89,11 @@ def load_all(group: str) -> list[Any]:
         try:
             found.append(member.load())
         except Exception as error:
-            if member.dist is None:  # one of our own
+            if not member.package:
                 raise
             # Not a SpacemapWarning: commands hide those, which they print in their own way.
             warnings.warn(
-                f"the package {member.dist.name} is left out: {member.value} cannot be loaded: "
+                f"the package {member.package} is left out: {member.value} cannot be loaded: "
                 f"{type(error).__name__}: {error}",
                 RuntimeWarning,
                 stacklevel=2,
@@ -80,6 +102,29 @@ def load_all(group: str) -> list[Any]:
 
 
 @cache
-def _installed() -> Any:
-    # All groups at once: it reads the metadata of every installed package.
-    return entry_points()
+def _installed() -> dict[str, list[Member]]:
+    """Return the members that other packages add, by group."""
+    # Every command asks, hardly any machine has such a package, and importlib.metadata takes as
+    # long to import as a tenth of the command line.
+    if not any(_has_our_groups(folder) for folder in sys.path):
+        return {}
+    from importlib.metadata import distributions
+
+    found: dict[str, list[Member]] = {}
+    for distribution in distributions():
+        for point in distribution.entry_points:
+            if point.group.startswith(_PREFIX):
+                member = Member(point.name, point.value, distribution.name)
+                found.setdefault(point.group.removeprefix(_PREFIX), []).append(member)
+    return found
+
+
+def _has_our_groups(folder: str) -> bool:
+    """Return whether a folder of packages has one with a group of this program's."""
+    with suppress(OSError), os.scandir(folder or ".") as entries:
+        for entry in entries:
+            if entry.name.endswith((".dist-info", ".egg-info")):
+                with suppress(OSError), open(f"{entry.path}/entry_points.txt", "rb") as file:
+                    if f"[{_PREFIX}".encode() in file.read():
+                        return True
+    return False
