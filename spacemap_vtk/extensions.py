@@ -11,7 +11,6 @@ The groups and what a member of each is:
 - ``commands``: "module:function", a command of the command line with the member's name; its
   docstring is the help.
 - ``formats``: "module", which registers readers and writers (`spacemap_vtk.io.registry`).
-- ``jobs``: "module", which registers kinds of output (`spacemap_vtk.jobs.job`).
 - ``stages``: "module:class", a stage (`spacemap_vtk.filters.base.Stage`).
 - ``jobs``: "module:class", a kind of job (`spacemap_vtk.jobs.job.Job`) under ``register``.
 - ``maps``: "module:class", an interpolation from the vertices of a cage to points in it
