@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -116,12 +118,101 @@ def drag(slider: Any, steps: int) -> None:
     QTest.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=at)
 
 
-def type_into(line: Any, text: str) -> None:
-    """Replace a line's text, and press Enter."""
-    from PySide6.QtCore import Qt
+def replace_text(line: Any, text: str) -> None:
+    """Replace a line's text."""
     from PySide6.QtTest import QTest
 
     line.setFocus()
     line.selectAll()
     QTest.keyClicks(line, text)
+
+
+def type_into(line: Any, text: str) -> None:
+    """Replace a line's text, and press Enter."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    replace_text(line, text)
     QTest.keyClick(line, Qt.Key.Key_Return)
+
+
+def turn_wheel(view: Any, angle: int) -> None:
+    """Turn the wheel over the middle of a view: up where the angle is positive, 120 a notch."""
+    from PySide6.QtCore import QPoint, QPointF, Qt
+    from PySide6.QtGui import QWheelEvent
+    from PySide6.QtWidgets import QApplication
+
+    at = QPointF(view.rect().center())
+    none = Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase
+    event = QWheelEvent(at, view.mapToGlobal(at), QPoint(), QPoint(0, angle), *none, False)
+    QApplication.sendEvent(view, event)
+
+
+def type_into_field(window: Any, section: str, name: str, text: str) -> Any:
+    """Replace the text of a stage's field, press Enter, and return the field's row."""
+    window.stages.choose(section)
+    row = window.properties.rows[name]
+    type_into(row.editor.line, text)
+    return row
+
+
+def click_picture(window: Any, name: str, double: bool = False) -> None:
+    """Click a scene of the gallery."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    window.tabs.setCurrentWidget(window.gallery)
+    pictures = window.gallery.list
+    rows = range(pictures.count())
+    item = next(
+        pictures.item(row)
+        for row in rows
+        if pictures.item(row).data(Qt.ItemDataRole.UserRole) == name
+    )
+    pictures.scrollToItem(item)
+    at, left = pictures.visualItemRect(item).center(), Qt.MouseButton.LeftButton
+    QTest.mouseClick(pictures.viewport(), left, pos=at)
+    if double:
+        QTest.mouseDClick(pictures.viewport(), left, pos=at)
+
+
+def fill_in(action: Any, fill: Callable[[Any], None]) -> None:
+    """Trigger an action that opens a dialog, and fill the dialog in; `fill` closes it."""
+    from PySide6.QtCore import QTimer
+    from PySide6.QtWidgets import QApplication
+
+    errors: list[BaseException] = []
+
+    def begin() -> None:
+        dialog = QApplication.activeModalWidget()
+        if dialog is None:
+            QTimer.singleShot(50, begin)
+            return
+        try:
+            fill(dialog)
+        except BaseException as error:  # else the dialog stays open for ever
+            errors.append(error)
+            dialog.reject()
+
+    QTimer.singleShot(50, begin)
+    action.trigger()
+    if errors:
+        raise errors[0]
+
+
+def wait_written(window: Any, file: Path) -> None:
+    """Wait until an export says that it has written a file."""
+    written = f"Written: {file}"
+    wait_until(lambda: window.statusBar().currentMessage() == written or window.errors.text)
+    assert window.errors.text == ""
+
+
+def keep_picture(window: Any, name: str) -> None:
+    """Save what the screen shows of a window, in the folder that SPACEMAP_WALKS names."""
+    if (folder := os.environ.get("SPACEMAP_WALKS")) is None:
+        return
+    begun = time.monotonic()  # tabs and fields follow the last change after a while
+    wait_until(lambda: settled(window) and time.monotonic() > begun + 2.0)
+    at = window.frameGeometry()
+    grabbed = window.screen().grabWindow(0, at.x(), at.y(), at.width(), at.height())
+    assert grabbed.save(str(Path(folder) / name), quality=70)

@@ -1,0 +1,103 @@
+"""The researcher's half hour of docs/walks/researcher.md: modes, damping, plots, steps in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from window import (
+    fill_in,
+    keep_picture,
+    replace_text,
+    require_display,
+    settled,
+    type_into_field,
+    wait_until,
+    wait_written,
+)
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtWidgets import QFileDialog  # noqa: E402
+
+from spacemap_vtk.app.job import Swing  # noqa: E402
+
+LEFT = Qt.MouseButton.LeftButton
+
+
+def test_a_researcher_compares_cages(
+    open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window(None, wait=False)
+    window.resize(1440, 900)
+
+    # 1. A softer cage.
+    wait_until(lambda: settled(window))
+    type_into_field(window, "modal", "youngs_modulus", "2 kPa")
+    wait_until(lambda: settled(window))
+
+    # 2. Its modes; the first one swings.
+    modes = window.modes
+    window.tabs.setCurrentWidget(modes)
+    wait_until(lambda: modes.table.rowCount() > 0)
+    assert "The cage is of tetrahedra" in modes.sheet.text()
+    tetrahedra = modes.table.item(0, 1).text()
+    first = modes.table.visualItemRect(modes.table.item(0, 0)).center()
+    qtbot.mouseClick(modes.table.viewport(), LEFT, pos=first)
+    wait_until(lambda: isinstance(window.director.swing, Swing))
+    qtbot.mouseClick(modes.back, LEFT)
+    assert window.director.swing is None
+
+    # 3. A sheet.
+    window.stages.choose("modal")
+    elements = window.properties.rows["elements"].editor.box
+    elements.setCurrentText("sheet")
+    elements.activated.emit(elements.currentIndex())
+    wait_until(lambda: settled(window) and "The cage is a sheet" in modes.sheet.text())
+    assert modes.table.item(0, 1).text() != tetrahedra
+    assert "shorter than the cage's cells resolve" in modes.unresolved.text()
+
+    # 4. A finer cage.
+    window.stages.choose("cage")
+    divisions = window.properties.rows["divisions"].editor.components[0].line
+    divisions.selectAll()
+    qtbot.keyClicks(divisions, "8")
+    qtbot.keyClick(divisions, Qt.Key.Key_Return)
+    wait_until(lambda: settled(window))
+    assert window.document.scene.cage.divisions[0] == 8
+
+    # 5. Two dampings exclude each other.
+    type_into_field(window, "response", "damping_ratio", "0.05")
+    wait_until(lambda: "both say how much is damped" in window.errors.text)
+    qtbot.mouseClick(window.properties.rows["alpha"].reset, LEFT)
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
+
+    # 6. Velocities over time.
+    window.tabs.setCurrentWidget(window.plots)
+    wait_until(lambda: window.plots.curves is not None and settled(window))
+    window.plots.quantity.setCurrentText("Velocity")
+    wait_until(lambda: settled(window) and window.engine.beside is None)
+    assert window.plots.wish.quantity == "velocity"
+    keep_picture(window, "researcher.jpg")
+
+    # 7. A series for ParaView.
+    file = tmp_path / "cloth.pvd"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+
+    def fill_times(dialog: Any) -> None:
+        replace_text(dialog.lines["stop"], "20 ms")
+        qtbot.mouseClick(dialog.save, LEFT)
+
+    fill_in(window.menus.actions["Export data…"], fill_times)
+    wait_written(window, file)
+    assert file.read_text().count("<DataSet") > 1
+
+    # 8. The same by steps of the nonlinear equations.
+    window.stages.choose("transient")
+    qtbot.mouseClick(window.properties.add, LEFT)
+    wait_until(lambda: settled(window))
+    assert window.stages.states["transient"] == "fresh"
+    assert window.errors.text == ""

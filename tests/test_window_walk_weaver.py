@@ -1,0 +1,94 @@
+"""The weaver's half hour of docs/walks/weaver.md: a draft is opened, corrected, dyed and saved."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import keep_picture, require_display, scene_of, settled, turn_wheel, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtWidgets import QFileDialog  # noqa: E402
+
+from spacemap_vtk.app.draft.layout import Place  # noqa: E402
+from spacemap_vtk.io.wif import read_wif  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+
+LEFT = Qt.MouseButton.LeftButton
+
+
+def test_a_weaver_corrects_a_draft(
+    open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window(None, wait=False)
+    window.resize(1440, 900)
+    draft = window.draft
+
+    def click(panel: str, across: int, up: int) -> None:
+        at = QPoint(*draft.grid.layout_now().center(Place(panel, across, up)))
+        qtbot.mouseClick(draft.grid.viewport(), LEFT, pos=at)
+
+    # 1. A draft that a loom's program has written.
+    file = tmp_path / "32-shaft_twill.wif"
+    shutil.copy(library.folder() / file.name, file)
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(file), ""))
+    qtbot.mouseClick(window.gallery.open_button, LEFT)
+    wait_until(lambda: settled(window))
+    assert window.windowTitle().startswith("32-shaft_twill.wif")
+
+    # 2. It is shown as a draft, too.
+    window.tabs.setCurrentWidget(draft)
+    wait_until(lambda: settled(window))
+    assert draft.counts["ends"].value() == 62
+    assert draft.counts["shafts"].value() == 32
+
+    # 3. A mistake in the threading, and back.
+    woven = scene_of(window).weave.cloth.drawdown
+    click("threading", 3, 9)
+    wait_until(lambda: settled(window))
+    assert (scene_of(window).weave.cloth.drawdown[:, 2] != woven[:, 2]).any()
+    window.stages.choose("weave")
+    name = window.properties.rows["draft"].editor.line
+    assert name.text() == "32-shaft_twill.wif, edited"
+    assert window.isWindowModified()
+    window.menus.actions["Undo"].trigger()
+    wait_until(lambda: settled(window))
+    np.testing.assert_array_equal(scene_of(window).weave.cloth.drawdown, woven)
+    assert not window.isWindowModified()
+
+    # 4. One end in green.
+    colors = scene_of(window).weave.cloth.warp.colors
+    qtbot.mouseClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(10).center())
+    click("warp", 31, 1)
+    wait_until(lambda: settled(window))
+    changed = (scene_of(window).weave.cloth.warp.colors != colors).any(axis=1)
+    assert np.flatnonzero(changed).tolist() == [30]
+    keep_picture(window, "weaver.jpg")
+
+    # 5. What each pick lifts, and 6. back to treadles.
+    treadled = draft.kind.currentIndex()
+    draft.kind.setCurrentText("Liftplan")
+    draft.kind.activated.emit(draft.kind.currentIndex())
+    wait_until(lambda: settled(window))
+    window.menus.actions["Undo"].trigger()
+    wait_until(lambda: settled(window))
+    assert draft.kind.currentIndex() == treadled
+
+    # It is saved beside the one that it came from.
+    mine = tmp_path / "mine.wif"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(mine), ""))
+    qtbot.mouseClick(draft.saved, LEFT)
+    assert read_wif(mine).loom == draft.grid.shown.loom
+
+    # 7. Near by yarns are seen as yarns, and what is seen is a picture.
+    turn_wheel(window.view.plotter, 120)
+    wait_until(lambda: settled(window))
+    picture = tmp_path / "mine.png"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(picture), ""))
+    window.menus.actions["Save what is seen…"].trigger()
+    assert picture.read_bytes().startswith(b"\x89PNG")
