@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -48,11 +47,9 @@ def test_a_signal_reaches_the_command() -> None:
     process = limited("print('begun', flush=True); time.sleep(60)")
     assert process.stdout is not None
     process.stdout.readline()
-    begin = time.monotonic()
     process.send_signal(signal.SIGTERM)
     process.communicate()
     assert process.returncode == -signal.SIGTERM
-    assert time.monotonic() - begin < 30
 
 
 def test_without_a_limit_nothing_is_copied() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from test_cli import SMALL, refused, run
 
-from spacemap_vtk.cli.tell import _told_origin
+from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_with_vtk
@@ -311,7 +311,7 @@ def test_a_stream_of_few_letters_gets_the_others_as_a_sign() -> None:
 
 
 def test_a_file_that_may_not_be_read_says_so(
-    folder_of_nobody: Path, monkeypatch: pytest.MonkeyPatch
+    folder_of_nobody: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def forbidden() -> Path:
         raise PermissionError("as where the program lies in a folder of mode 700")
@@ -319,10 +319,10 @@ def test_a_file_that_may_not_be_read_says_so(
     monkeypatch.setattr(library, "folder", forbidden)
     file = folder_of_nobody / "a.wif"
     file.touch(mode=0)
-    assert not _told_origin(file, json_=False)
     said = "a.wif: permission denied. See to its permissions, or choose another file."
-    with pytest.raises(InputError, match=said):
-        library.find(file)
+    with pytest.raises(SystemExit, match="2"):
+        main(["info", str(file)])
+    assert said in capsys.readouterr().err
     with pytest.raises(InputError, match=r"file: .*a.wif: permission denied"):
         registry.existing(file)
     (folder_of_nobody / "locked").mkdir(mode=0)

@@ -9,8 +9,15 @@ from pathlib import Path
 import pytest
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("words", [("300", "21"), ("both",)], ids=["killed", "two at once"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("4", "21", "a.vtu"),
+        pytest.param(("300", "21"), marks=pytest.mark.nightly),
+        pytest.param(("both",), marks=pytest.mark.nightly),
+    ],
+    ids=["some killed", "many killed", "two at once"],
+)
 def test_nothing_is_lost(words: tuple[str, ...]) -> None:
     pytest.importorskip("pxr")
     command = [sys.executable, str(Path(__file__).with_name("killed.py")), *words]

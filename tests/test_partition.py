@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -119,7 +118,7 @@ def test_places_that_are_dropped_while_others_are_refined_are_not_the_nearest(mo
 
 
 def test_figures_of_a_metre_of_cloth_take_little(tmp_path):
-    """4 million crossings: 1.5 s and 200 MB where it is quiet; 27 GB if it were built."""
+    """4 million crossings: 200 MB; 27 GB if it were built."""
     file = tmp_path / "metre.toml"
     file.write_text("[weave]\nends = 2000\npicks = 2000\n")
     # The kernel's own figure counts what the tests take, from before the child was another program.
@@ -129,10 +128,7 @@ def test_figures_of_a_metre_of_cloth_take_little(tmp_path):
         "main(sys.argv[1:])"
     )
     command = [sys.executable, "-c", code, "info", str(file), "--json", "-q"]
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     told, peak = done.stdout, done.stderr.split("VmHWM:")[1].split()[0]
     assert '"least_clearance": {' in told
-    assert after.ru_utime - before.ru_utime < 5.0
     assert int(peak) < 500_000  # kB

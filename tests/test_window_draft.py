@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +12,14 @@ from window import require_display, scene_of, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
-from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
+from PySide6.QtGui import QColor  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog  # noqa: E402
 
-from spacemap_vtk.app.draft.draft_painter import Inks, Painting  # noqa: E402
-from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
-from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
+from spacemap_vtk.app.draft.layout import Place  # noqa: E402
 from spacemap_vtk.io.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
-from spacemap_vtk.scenes.shown import shown_of  # noqa: E402
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
@@ -365,26 +361,6 @@ def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
     assert not window.draft.grid.isVisible()
     window.document.open("plain_weave")
     assert window.draft.grid.isVisible()
-
-
-def test_a_large_draft_is_painted_as_fast_as_a_small_one(qapp: Any) -> None:
-    def cost(yarns: int | None) -> float:
-        source = library.folder() / "32-shaft_twill.wif"
-        shown = shown_of(WeaveSource(draft=source, ends=yarns, picks=yarns))
-        picture = QImage(800, 800, QImage.Format.Format_RGB32)
-        painting = Painting(shown, Layout(shown, 8, (800, 800)), Inks.of(False), True)
-        costs = []
-        for _ in range(5):
-            begun = time.process_time()
-            painter = QPainter(picture)
-            painting.paint(painter, 1.0)
-            painter.end()
-            costs.append(time.process_time() - begun)
-        return min(costs)
-
-    # Only what is in sight is painted: a thousand times a thousand crossings cost no more.
-    small, large = cost(None), cost(1000)
-    assert large < 3 * small
 
 
 def test_counts_that_are_typed_keep_their_digits(draft_of: Any, twill: Path) -> None:

@@ -24,6 +24,8 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
+# Tests of single parts of the window hold each of these claims for the gate.
+@pytest.mark.nightly
 def test_a_clumsy_user_loses_nothing(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,7 +104,7 @@ def test_a_clumsy_user_loses_nothing(
     window.close()
     assert "has changes that are not saved" in questions[0]
     assert window.isVisible()
-    assert window.document.scene.weave.ends == 20
+    assert window.document.scene.source.ends == 20
 
     # 10. More undo than there is anything to undo.
     for _ in range(20):

@@ -33,7 +33,7 @@ def test_an_engineer_lays_out_a_twill(
     # 1. A new fabric.
     qtbot.mouseClick(window.gallery.new_button, LEFT)
     wait_until(lambda: settled(window))
-    weave = window.document.scene.weave
+    weave = window.document.scene.source
     assert (weave.cloth.size, weave.pattern) == ((7, 7), "plain")
 
     # 2. A twill, and 3. its counts and setts; what is automatic stands in grey.

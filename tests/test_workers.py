@@ -40,11 +40,9 @@ def test_each_task_is_answered_and_a_process_serves_several() -> None:
 
 def test_who_leaves_early_leaves_no_process() -> None:
     assert named("os.path:basename")("a/b") == "b"
-    start = time.monotonic()
     found = in_processes(f"{__name__}:answer", ["a", "slow", "slow"], 2)
     _, (task, process) = next(found)
     assert task == "a"
     found.close()
-    assert time.monotonic() - start < 30
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
