@@ -209,7 +209,10 @@ def wait_written(window: Any, file: Path) -> None:
 
 
 def keep_picture(window: Any, name: str) -> None:
-    """Save what the screen shows of a window, in the folder that SPACEMAP_WALKS names."""
+    """Save what the screen shows of a window, in the folder that SPACEMAP_WALKS names.
+
+    So are the pictures in docs/walks made; docs/contributing/set_up.md has the command.
+    """
     if (folder := os.environ.get("SPACEMAP_WALKS")) is None:
         return
     begun = time.monotonic()  # tabs and fields follow the last change after a while
