@@ -404,6 +404,20 @@ def test_a_series_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
     assert (tmp_path / "a/a_1.vtp").read_bytes() == b"\2"
 
 
+def test_a_folder_in_the_way_of_a_file_stays(tmp_path: Path) -> None:
+    file = tmp_path / "a.png"
+
+    def write_while_a_folder_appears() -> None:
+        with whole_folder(file) as folder:
+            (folder / file.name).write_bytes(b"new")
+            file.mkdir()
+            (file / "mine").touch()
+
+    with pytest.raises(SpacemapError, match="a directory"):
+        write_while_a_folder_appears()
+    assert [path.name for path in tmp_path.rglob("*")] == ["a.png", "mine"]
+
+
 def test_a_folder_in_the_way_of_one_of_many_stays(tmp_path: Path) -> None:
     (tmp_path / "b.png").mkdir()
     with pytest.raises(SpacemapError, match="is a directory"):

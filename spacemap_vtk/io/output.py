@@ -230,8 +230,8 @@ def _move(folder: Path, path: Path) -> None:
 
 def _replace(source: Path, target: Path) -> None:
     """Let a file or folder take the place of an earlier one."""
-    if not target.is_dir():
-        os.replace(source, target)
+    if not (source.is_dir() and target.is_dir()):
+        os.replace(source, target)  # which refuses to put a file in the place of a folder
         return
     # No system call exchanges folders: the older one waits in the hidden folder, and goes with it.
     older = source.with_name(f"{source.name}.older")
