@@ -1,1 +1,1 @@
-"""VTK's data objects: arrays in and out, outlines, extents, pieces, what is kept between runs."""
+"""Read and write VTK data objects: arrays, outlines, bounds, pieces and cached geometry."""

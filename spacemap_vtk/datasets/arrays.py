@@ -1,4 +1,4 @@
-"""Between VTK data objects and numpy arrays, without copies where VTK allows it."""
+"""Convert between VTK data objects and numpy arrays, without copies where VTK allows it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parameters import suggestion
 
-#: Up to 9.5 VTK takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that
-#: own them: it would read freed memory.
+#: Up to version 9.5, vtkCellArray.SetData keeps the buffers but not the numpy arrays that own them.
+#: Without copies VTK would read freed memory.
 _CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 6)
 
 _HAVE_BUFFERS = hasattr(vtkFloatArray, "GetBuffer")
@@ -58,12 +58,12 @@ def to_array(values: NDArray[Any], name: str = "") -> vtkDataArray:
     made = _FLOATS.get(values.dtype)
     if made is None or values.ndim not in (1, 2) or not values.size:
         array = numpy_to_vtk(values)
-    else:  # what that does, in a third of its time: a step makes twelve
+    else:  # the same as numpy_to_vtk in a third of the time: each time step makes twelve arrays
         array = made()
         if values.ndim == 2:
             array.SetNumberOfComponents(values.shape[1])
         array.SetVoidArray(values, values.size, 1)
-        # On what lives as long as the memory is read: where there are buffers, they outlive arrays.
+        # The numpy array must live as long as VTK reads its memory: a buffer outlives its array.
         owner = array.GetBuffer() if _HAVE_BUFFERS else array
         owner._numpy_reference = values
     if name:
@@ -72,12 +72,12 @@ def to_array(values: NDArray[Any], name: str = "") -> vtkDataArray:
 
 
 def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
-    """Add an array to point, cell or field data, in place of one of the same name."""
+    """Add an array to point, cell or field data; it replaces one of the same name."""
     data.AddArray(to_array(values, name))
 
 
 def copied(data: Any) -> Any:
-    """Return a data object of its own that shares the arrays."""
+    """Return a shallow copy of a data object; the arrays are shared."""
     copy = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
@@ -92,7 +92,7 @@ def add_number(data: vtkFieldData, name: str, value: float) -> None:
 
 
 def colors_in(data: vtkFieldData) -> str | None:
-    """Return the name of the first array of red, green and blue in bytes; None if there is none."""
+    """Return the name of the first array of RGB or RGBA bytes, or None."""
     for i in range(data.GetNumberOfArrays()):
         array = data.GetArray(i)
         bytes_ = array is not None and array.GetDataTypeAsString() == "unsigned char"
@@ -102,20 +102,20 @@ def colors_in(data: vtkFieldData) -> str | None:
 
 
 def take_arrays(source: Any, target: Any, rows: AnyInts) -> None:
-    """Add some rows of all numeric arrays to another table, with the roles they have."""
+    """Copy the given rows of all numeric arrays to another table, with their attribute types."""
     for i in range(source.GetNumberOfArrays()):
         array = source.GetArray(i)
         if array is None or not array.GetName():
             continue
         add_array(target, array.GetName(), np.take(vtk_to_numpy(array), rows, axis=0))
-        # by its number: VTK's arrays compare as numpy's do, not by identity
+        # By index, because VTK arrays compare element by element like numpy's, not by identity.
         role = source.IsArrayAnAttribute(i)
         if role >= 0:
             target.SetActiveAttribute(array.GetName(), role)
 
 
 def to_image(pixels: NDArray[np.uint8]) -> vtkImageData:
-    """Return an image of pixels, (height, width, n), the lowest row first."""
+    """Return a vtkImageData of pixels (height, width, n), the lowest row first."""
     height, width, depth = pixels.shape
     image = vtkImageData()
     image.SetDimensions(width, height, 1)
@@ -123,7 +123,7 @@ def to_image(pixels: NDArray[np.uint8]) -> vtkImageData:
     return image
 
 
-#: Names of arrays that a message lists.
+#: Largest number of array names that an error message lists.
 _LISTED = 8
 
 
@@ -142,12 +142,12 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
 
 
 def masks_of(grid: vtkUnstructuredGrid) -> Callable[[str], NDArray[Any]]:
-    """Return what finds the point array that a place names."""
+    """Return a function that returns the point array named in a place expression."""
     return lambda name: array_of(grid.GetPointData(), name, f"the place mask({name})")
 
 
 def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:
-    """Return the vectors of a named array."""
+    """Return a named array as vectors (count, 3), float64; raise InputError if not finite."""
     values = array_of(data, name, owner).astype(np.float64)
     if values.shape != (count, 3):
         raise InputError(
@@ -180,12 +180,12 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
 
 
 def tetrahedra_of(grid: vtkUnstructuredGrid) -> Ints:
-    """Return the corners of each tetrahedron of a grid of linear or quadratic ones."""
+    """Return the corners of each tetrahedron, linear or quadratic: (T, 4)."""
     return np.ascontiguousarray(elements_of(grid)[:, :4])
 
 
 def elements_of(grid: vtkUnstructuredGrid) -> Ints:
-    """Return all nodes of each tetrahedron of a grid of linear or of quadratic ones."""
+    """Return all nodes of each tetrahedron: (T, 4) for linear ones, (T, 10) for quadratic ones."""
     if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
         cells = cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
     else:
@@ -194,7 +194,7 @@ def elements_of(grid: vtkUnstructuredGrid) -> Ints:
 
 
 def to_cells(connectivity: AnyInts) -> vtkCellArray:
-    """Return cells of one size, which share memory with the array where VTK can."""
+    """Return cells of equal size; they share memory with the array where VTK allows it."""
     count, size = connectivity.shape
     narrow = connectivity.dtype == np.int32 and connectivity.size < 2**31
     kind: type[np.integer[Any]] = np.int32 if narrow else np.int64
@@ -203,7 +203,7 @@ def to_cells(connectivity: AnyInts) -> vtkCellArray:
 
 
 def to_ragged(offsets: AnyInts, numbers: AnyInts) -> vtkCellArray:
-    """Return cells of any sizes, of offsets and numbers that are both int32 or both int64."""
+    """Return cells of any sizes from offsets and point indices, both int32 or both int64."""
     cells = vtkCellArray()
     cells.SetData(
         *(
@@ -217,11 +217,11 @@ def to_ragged(offsets: AnyInts, numbers: AnyInts) -> vtkCellArray:
 
 
 def to_rings(rings: Sequence[NDArray[np.int64]]) -> vtkCellArray:
-    """Return a cell of each of some rows of numbers."""
+    """Return one cell for each sequence of point indices."""
     offsets = np.cumsum([0, *map(len, rings)], dtype=np.int64)
     return to_ragged(offsets, np.concatenate([*rings, np.empty(0, np.int64)]))
 
 
 def cell_types(grid: vtkUnstructuredGrid) -> list[int]:
-    """Return the types of cells in a grid."""
+    """Return the distinct VTK cell types of a grid, ascending."""
     return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

@@ -1,14 +1,22 @@
-"""The cloth that a data set is made of, as field arrays: they travel with it, and through files.
+"""Store the cloth of a data set in field arrays, so that filters and files pass it on.
 
-``cloth_drawdown`` (uint8, pick by pick), ``cloth_warp_diameter`` and ``cloth_warp_spacing`` (m: one
-value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, width over height),
-``cloth_warp_twist`` and ``cloth_warp_plies`` (turns per metre, above 0 for Z, and how many: one
-value, or one for each), likewise of the weft; and ``cloth_measures``: ends and picks, crimp height
-and overhang (m), density of the yarns (kg/m3), 0 or 1 for closed ends, rational patches and axes by
-splines, and where the middles of ends and picks are (m; at 0 where it is not said). Of a double
-weave ``cloth_layers`` (uint8: 1 for each end and pick of its second cloth, 2 for those that change
-from one to the other) and ``cloth_layer_gap`` (m). NaN stands for what is not known. Colours are
-those of the cells; warnings were told where it was made.
+The arrays, where NaN means unknown:
+
+- ``cloth_drawdown``: uint8, pick by pick.
+- ``cloth_warp_diameter``, ``cloth_warp_spacing``: m, one value or one for each yarn or pair.
+- ``cloth_warp_section``: index into `SECTIONS`, and width over height.
+- ``cloth_warp_twist``, ``cloth_warp_plies``: turns per metre, positive for Z, and number of plies;
+  one value or one for each yarn.
+- ``cloth_weft_...``: the same for the weft.
+- ``cloth_measures``: number of ends, number of picks, crimp height (m), overhang (m), density of
+  the yarns (kg/m3), 0 or 1 for closed ends, 0 or 1 for rational patches, index of the axis in
+  `AXES`, and the middle of the ends and of the picks (m; older files lack these two: 0).
+- ``cloth_layers``: for double weaves, uint8 for each end and then each pick: 1 if it belongs to the
+  second cloth, 2 if it changes between the cloths.
+- ``cloth_layer_gap``: for double weaves, m.
+
+The colours of yarns are cell arrays. Warnings are not stored: the stage that made the cloth has
+reported them.
 """
 
 from __future__ import annotations
@@ -34,12 +42,12 @@ from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
 if TYPE_CHECKING:
     from spacemap_vtk.fabric.weave import Weave
 
-#: What their names begin with.
+#: Prefix of the names of all field arrays of a cloth.
 _PREFIX = "cloth_"
-#: Of the patches of a weave, see `spacemap_vtk.fabric.weave.Weave.places`.
+#: Name of the array of `spacemap_vtk.fabric.weave.Weave.places`: the part of a yarn of each patch.
 PLACES = "yarn_places"
-#: Point arrays of yarns that were laid anew: where the ring of each control point stands in the
-#: cage [m], and how the point lies from where the cage carries that [m].
+#: Point arrays of yarns that crimp interchange has moved. FOOT: the point of the cage [m] that the
+#: ring of a control point moves with. OFFSET: the control point relative to that moved point [m].
 FOOT, OFFSET = "foot", "interchange"
 
 _DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
@@ -47,7 +55,7 @@ _LAYERS, _GAP = _PREFIX + "layers", _PREFIX + "layer_gap"
 
 
 def set_patches(grid: vtkUnstructuredGrid, made: Weave) -> None:
-    """Make a grid that of the patches of yarns."""
+    """Set the points and cells of a grid to the patches of a weave."""
     grid.SetPoints(to_points(made.points))
     grid.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
     if made.weights is not None:
@@ -55,13 +63,13 @@ def set_patches(grid: vtkUnstructuredGrid, made: Weave) -> None:
 
 
 def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
-    """Say what cloth a data set is made of, in a byte for each crossing; it has room for yarns."""
+    """Write the field arrays of a cloth, whose yarns must fit, with one byte for each crossing."""
     field = data.GetFieldData()
     add_array(field, _DRAWDOWN, np.ascontiguousarray(cloth.drawdown).view(np.uint8).ravel())
     for family, threads in zip(FAMILIES, cloth.threads, strict=True):
         name = _PREFIX + family
         add_array(field, f"{name}_diameter", np.array(threads.diameter, np.float64, ndmin=1))
-        # a lone yarn may have a list of no spacings
+        # A single yarn may have an empty list of spacings; an array needs at least one value.
         apart = np.array(threads.spacing, np.float64, ndmin=1)
         add_array(field, f"{name}_spacing", apart if apart.size else np.array([nan]))
         kind = SECTIONS.index(threads.section)
@@ -90,7 +98,7 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
 
 
 def cloth_of(data: vtkDataObject) -> Cloth | None:
-    """Return the cloth that a data set is made of, its crimp as a height; None of any other."""
+    """Return the cloth of a data set, with its crimp as a crimp height; None without a cloth."""
     field = data.GetFieldData()
     if not field.HasArray(_MEASURES):
         return None
@@ -113,7 +121,7 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         name = _PREFIX + family
         kind, aspect = values(f"{name}_section", 2).tolist()
         spacing = lengths(f"{name}_spacing")
-        # what files from before there were these do not say
+        # Older files have no twist and no plies.
         twist, plies = (
             lengths(f"{name}_{key}") if field.HasArray(f"{name}_{key}") else usual
             for key, usual in (("twist", nan), ("plies", 1.0))
@@ -151,14 +159,14 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
 
 
 def cloth_arrays(data: vtkDataObject) -> dict[str, NDArray[Any]]:
-    """Return what says which cloth a data set is made of, by name: the arrays are shared."""
+    """Return the field arrays of a cloth by name, without copies."""
     field = data.GetFieldData()
     names = [field.GetArrayName(index) for index in range(field.GetNumberOfArrays())]
     return {n: vtk_to_numpy(field.GetArray(n)) for n in names if n.startswith(_PREFIX)}
 
 
 def pass_cloth(source: vtkDataObject, target: vtkDataObject) -> None:
-    """Say of a data set that it is made round the cloth of another: the arrays are shared."""
+    """Pass the field arrays of a cloth to another data set, without copies."""
     field = source.GetFieldData()
     for index in range(field.GetNumberOfArrays()):
         if field.GetArrayName(index).startswith(_PREFIX):

@@ -1,4 +1,4 @@
-"""What a piece says of the whole: the bounds of that, and who owns what is in several pieces."""
+"""Bounds of a whole data set, ownership of duplicated cells, up axis and filled share."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from spacemap_vtk.datasets.processes import Piece, Processes
 from spacemap_vtk.errors import GeometryError
 
 _NAME = "bounds_of_piece_and_whole"
-#: Of the field array of an object, and of its cage: the unit vector that points up.
+#: Name of the field array of an object and of its cage that holds the unit vector pointing up.
 UP = "up"
-#: Of the field array of a cage: how much of it the material of the object fills.
+#: Name of the field array of a cage that holds the share of its volume filled by the object.
 FILLED = "filled"
-#: Share of its height in which an object stands, and by how much its foot must be the broader.
+#: _FOOT: height of an object's foot and of its top, as a share of the object's height.
+#: _BROADER: the foot must be larger than the top by this share of the area of the bounding box.
 _FOOT, _BROADER = 0.05, 0.03
-#: An axis is the longer one where it is so many times as long.
+#: z counts as the longer axis if it is at least this many times as long as y.
 _LONGER = 1.2
 
 
 def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
-    """Write into a piece what the bounds of the whole are."""
+    """Write the bounds of the whole data set into a field array of a piece."""
     add_array(data.GetFieldData(), _NAME, np.array([data.GetBounds(), whole]))
 
 
 def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None) -> Sequence[float]:
-    """Return the bounds of a data set of which this is a piece."""
+    """Return the bounds of the whole data set that a piece belongs to."""
     own = data.GetBounds()
     if piece.of == 1:
         return own
@@ -57,7 +58,7 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
 
 
 def mark_owner(data: vtkDataSet, piece: Piece) -> None:
-    """Mark the cells and points of what is whole in each piece: they belong to the first."""
+    """Mark cells and points that all pieces contain as duplicates, except in the first piece."""
     value = 0 if piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL
     name = vtkDataSetAttributes.GhostArrayName()
     for array, count in (
@@ -68,25 +69,25 @@ def mark_owner(data: vtkDataSet, piece: Piece) -> None:
 
 
 def up_axis(data: vtkDataSet) -> int | None:
-    """Return which axis is up in an object, or in its cage; None of a cloth."""
+    """Return the index of the up axis of an object or its cage; None for a cloth."""
     array = data.GetFieldData().GetArray(UP)
     return None if array is None else max(range(3), key=array.GetValue)
 
 
 def filled_share(cage: vtkDataSet) -> float:
-    """Return how much of a cage is filled by its material, which is spread over all of it."""
+    """Return the share of a cage's volume that the material fills; 1 if it is not stored."""
     share = cage.GetFieldData().GetArray(FILLED)
     return 1.0 if share is None else float(share.GetValue(0))
 
 
 def upright(points: NDArray[Any]) -> int:
-    """Return which axis is up, y or z: along it a foot is broader than the top, or it is long."""
+    """Guess the up axis, 1 or 2: the foot is broader than the top, or else z is longer than y."""
     low, extent = points.min(axis=0), np.ptp(points, axis=0).astype(np.float64)
-    # What is flat has no ends.
+    # A flat axis has neither foot nor top: 0.5 keeps all points out of both.
     shares = np.where(extent > 0.0, (points - low) / np.maximum(extent, 1e-300), 0.5)
 
     def broader(axis: int) -> float:
-        """Return how much of its shadow the foot takes, less that of the top."""
+        """Return the area of the foot minus that of the top, as shares of the bounding box."""
         others = np.delete(shares, axis, axis=1)
         ends = shares[:, axis] <= _FOOT, shares[:, axis] >= 1.0 - _FOOT
         foot, top = (np.ptp(others[end], axis=0).prod() if end.any() else 0.0 for end in ends)

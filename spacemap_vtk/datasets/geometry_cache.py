@@ -1,4 +1,4 @@
-"""Kept results: preparation that is redone only when the arrays it was made from change."""
+"""Test whether points and cells have changed since something was computed from them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
 
 class Geometry:
-    """The points and cells of a data set, as they were when something was prepared from them."""
+    """The points and cells of a data set at the time when something was computed from them."""
 
-    # Two questions are asked in turn: are they the same VTK objects, unmodified (the common case,
-    # when only time moves); and if not, do they hold the same numbers (a reader that reads the same
-    # mesh again at every time step)?
+    # Identical, unmodified VTK objects are the common case: only the time has changed. Otherwise
+    # the numbers are compared, because a reader may read the same mesh again at every time step.
 
     def __init__(self, dataset: vtkPointSet) -> None:
         self._objects = self._parts(dataset)
@@ -24,7 +23,7 @@ class Geometry:
         self._arrays = [_array(part) for part in self._objects]
 
     def matches(self, dataset: vtkPointSet) -> bool:
-        """Return whether a data set has this geometry still."""
+        """Test whether a data set still has this geometry."""
         parts = self._parts(dataset)
         if len(parts) != len(self._objects):
             return False
@@ -43,7 +42,7 @@ class Geometry:
 
 
 class Connectivity(Geometry):
-    """Only the cells of a data set: its points may move."""
+    """The cells of a data set without its points, which may move."""
 
     def _parts(self, dataset: vtkPointSet) -> list[vtkObject]:
         return _cell_parts(dataset)

@@ -1,4 +1,4 @@
-"""A cage's mechanical model and modes, as ModalSolver writes them into its output's arrays."""
+"""Write the mechanical model of a cage into arrays of its grid, and read model and modes back."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from spacemap_vtk.ndarrays import Floats
 MODE_NAME = "mode_{:03d}"
 
 
-#: Names of the field arrays of the material: of a solid [Pa], and of a sheet per width: membrane
-#: [N/m], bending [N m], transverse shear and thickness [N/m].
+#: Names of the field arrays of the material. A solid has its elasticity [Pa]. A sheet has
+#: stiffnesses per width: membrane [N/m], bending [N m], transverse shear and thickness [N/m].
 _SOLID = ("elasticity",)
 _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickness_stiffness")
 
-#: Name of the field array that is 1 where a sheet resists by its thickness at each place.
+#: Name of the field array that is 1 if a sheet's stiffness follows its local thickness.
 _LOCAL = "local_thickness"
 
-#: Of the gravity that a cage hangs under, or shall once it is let go [m/s²].
+#: Name of the field array of the gravity in the equilibrium, or after the cage's release [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"
 
-#: Name of the field array of the recipes of energy terms, as JSON.
+#: Name of the field array that holds the recipes of energy terms as JSON.
 _TERMS = "energy_terms"
 
-#: Names of the arrays of what is fitted to a cage, and whether they are those of its cells.
+#: Array name of each fitting of a cage, and whether it is a cell array (else a point array).
 _FITTED = {
     "normals": ("fixed_directions", False),
     "bodies": ("rigid_body", False),
@@ -50,22 +50,22 @@ _OWNER = "the cage's motion (put a ModalSolver before it)"
 
 
 class InputDeck(NamedTuple):
-    """What another solver is to work out: a model, how many modes, and under what it bends."""
+    """A modal and static analysis, written as an input file for another solver."""
 
     title: str
     model: Model
-    #: How many modes, the lowest first.
+    #: Number of modes, the lowest first.
     modes: int
     #: Acceleration of gravity of the static step [m/s²], (3,).
     gravity: Floats
-    #: Its other forces on the vertices [N], (V, 3).
+    #: Other forces of the static step on the vertices [N], (V, 3).
     forces: Floats
-    #: What the scene has besides, and this does not, in sentences.
+    #: Sentences about parts of the scene that the analysis does not contain.
     left_out: list[str]
 
 
 def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:
-    """Write what a model is made of beside mesh: supports, material, and how it hangs."""
+    """Write supports, fittings, material and equilibrium of a model into arrays of its grid."""
     held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
     given = model.fittings.given
@@ -73,7 +73,7 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     add_array(data, "fixed", held.max(axis=1) | inclined)
     for key, (name, of_cells) in _FITTED.items():
         table = grid.GetCellData() if of_cells else data
-        table.RemoveArray(name)  # of another solver, which the cage has come through
+        table.RemoveArray(name)  # an earlier ModalSolver in the pipeline may have written it
         if key in given:
             add_array(table, name, given[key].reshape(len(given[key]), -1))
     add_array(data, "fixed_components", held)
@@ -93,7 +93,7 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
 
 
 def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -> None:
-    """Write the recipes of energy terms, see `spacemap_vtk.mechanics.energy_terms`."""
+    """Write the recipes of energy terms as JSON; see `spacemap_vtk.mechanics.energy_terms`."""
     grid.GetFieldData().RemoveArray(_TERMS)
     if recipes:
         array = vtkStringArray()
@@ -104,7 +104,7 @@ def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -
 
 
 def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
-    """Return the energy terms that a cage's modes were computed with beside its own."""
+    """Return the additional energy terms with which a cage's modes were computed."""
     array = grid.GetFieldData().GetAbstractArray(_TERMS)
     count = 0 if array is None else array.GetNumberOfValues()
     points, cells = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
@@ -112,13 +112,13 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
 
 
 def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:
-    """Write the measures of a sheet into field arrays of their names."""
+    """Write each figure of a sheet into a field array of the same name."""
     for name, value in sheet._asdict().items():
         add_array(grid.GetFieldData(), name, np.atleast_1d(np.array(value, dtype=np.float64)))
 
 
 def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
-    """Return the measures of the sheet that a cage is to ModalSolver; None of tetrahedra."""
+    """Return the figures of the sheet as which ModalSolver treats a cage; None for tetrahedra."""
     field = grid.GetFieldData()
     if field.GetArray("bending_length") is None:
         return None
@@ -128,7 +128,7 @@ def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
 
 
 def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
-    """Return what ModalSolver has found a cage to be, by its parameters; empty where it has not."""
+    """Return ModalSolver's choice of elements and sheet figures by parameter; empty if not run."""
     if grid is None or not grid.GetFieldData().HasArray("eigenvalues"):
         return {}
     sheet = sheet_in(grid)
@@ -136,16 +136,16 @@ def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
 
 
 def gravity_in(grid: vtkUnstructuredGrid) -> Floats:
-    """Return the gravity that a cage hangs under [m/s²]."""
+    """Return the gravity of a cage's equilibrium [m/s²], (3,); zero without an equilibrium."""
     if not grid.GetPointData().HasArray("equilibrium"):
         return np.zeros(3)
     return array_of(grid.GetFieldData(), GRAVITY_IN_FORCE, _OWNER)
 
 
 def model_of(grid: vtkUnstructuredGrid) -> Model:
-    """Return the mechanical model that a cage's modes were computed with."""
-    # While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
-    # otherwise they are made when they are first asked for.
+    """Return the mechanical model with which a cage's modes were computed."""
+    # The model shares matrices and factors with an equal model that ModalSolver or another owner
+    # still holds. Otherwise they are computed at first use.
     field, data = grid.GetFieldData(), grid.GetPointData()
     material: Floats | Plate
     if field.GetArray(_SHEET[0]) is None:
@@ -182,7 +182,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
 
 
 def rounding_of(grid: vtkUnstructuredGrid) -> Floats:
-    """Return the share of each eigenvalue that is rounding."""
+    """Return the relative rounding error of each eigenvalue; zeros if it is not stored."""
     field = grid.GetFieldData()
     if field.GetArray("eigenvalue_rounding") is None:
         return np.zeros(len(array_of(field, "eigenvalues", "the modes")))
@@ -190,7 +190,7 @@ def rounding_of(grid: vtkUnstructuredGrid) -> Floats:
 
 
 class ModesReader:
-    """The modes of the last grid that was read; shapes are kept while their arrays are the same."""
+    """Read modes from a grid; shapes are read again only when their arrays change."""
 
     def __init__(self) -> None:
         self._changed = -1
@@ -216,7 +216,7 @@ class ModesReader:
         return self._modes
 
     def _same(self, arrays: list[vtkDataArray]) -> bool:
-        # One by one: VTK's arrays compare as numpy's do.
+        # `==` on VTK arrays compares element by element like numpy's, so identity is tested.
         return len(arrays) == len(self._arrays) and all(
             a is b for a, b in zip(arrays, self._arrays, strict=True)
         )

@@ -1,4 +1,4 @@
-"""A surface with shapes that it takes: what files of animations hold."""
+"""Data model of an animated surface with morph targets, as animation files (glTF, USD) store it."""
 
 from __future__ import annotations
 
@@ -12,134 +12,144 @@ from numpy.typing import NDArray
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import blocks
 
-#: Materials there may be; of more colours than that each point has its own.
+#: Largest number of materials. With more colours than this, each point stores its colour.
 _MATERIALS = 32
-#: Points that are worked on together.
+#: Number of points that are processed in one block.
 _TOGETHER = 2**14
 
 
 class Shade(NamedTuple):
-    """What some points look like."""
+    """A material and the points that have it."""
 
     name: str
-    #: Shares of light, red, green and blue; white where each point has its own.
+    #: Red, green and blue in linear light, 0 to 1; white if each point stores its colour.
     color: tuple[float, ...]
     points: Bools
 
 
 @dataclass(frozen=True)
 class Clip:
-    """How much of each target there is over time, linear in between."""
+    """The weights of the targets over time, interpolated linearly."""
 
     name: str
-    #: In s, ascending from 0, as a film shows it, (T,).
+    #: Playback times [s], ascending from 0, (T,).
     times: NDArray[np.floating]
-    #: (T, K).
+    #: Weight of each of K targets at each time, (T, K).
     weights: NDArray[np.floating]
-    #: What time it is at the first of them [s], and seconds of motion in a second.
+    #: Time of the motion at the first playback time [s].
     start: float = 0.0
+    #: Seconds of motion in one second of playback.
     speed: float = 1.0
 
 
 class ScaledNumbers(NamedTuple):
-    """What colours show that stand for numbers, in the unit that their scale has."""
+    """Numbers that are shown as colours, in the unit of their scale."""
 
-    #: What stands over the scale, in lines.
+    #: Title of the scale; it may have several lines.
     title: str
     span: tuple[float, float]
-    #: Colours of the scale as ``"#rrggbb"``, from low on, evenly apart.
+    #: Colours of the scale as ``"#rrggbb"``, at equal intervals from the lowest number to the
+    #: highest.
     ramp: Sequence[str]
-    #: At each point, (N,), and what each of L changes adds there at full weight, (L, N).
+    #: Number at each point, (N,).
     values: NDArray[np.floating]
+    #: Number that each of L changes adds to each point at full weight, (L, N).
     changes: NDArray[np.floating]
-    #: At the first clip's times, (T, L).
+    #: Weights of the changes at the times of the first clip, (T, L).
     weights: NDArray[np.floating]
 
 
 class Sight(NamedTuple):
-    """How it is looked at, before anybody turns it."""
+    """The initial view of an animated surface."""
 
-    #: Where one can stand, seen from the middle, and what is up there, by name; the one to begin
-    #: with, and how much nearer it is.
+    #: For each camera name, the direction from the centre to the camera and the up direction.
     cameras: Mapping[str, Sequence[Sequence[float]]]
+    #: Name of the initial camera.
     camera: str
+    #: Zoom factor of the initial camera.
     zoom: float
-    #: Colours behind it as ``"#rrggbb"``, at the bottom and at the top; of a usual one none.
+    #: Background colours as ``"#rrggbb"``, at the bottom and at the top; None for the default ones.
     background: tuple[str, str] | None
-    #: Depth of its folds [m], and whether it is darker in them.
+    #: Depth of the surface's folds [m].
     relief: float
+    #: Whether folds are darkened.
     shadows: bool
 
 
 class YarnCurves(NamedTuple):
-    """The middles of yarns as cubic Bézier curves, or plies or fibres as B-splines, end to end."""
+    """Yarn axes as cubic Bézier curves, or plies or fibres as B-splines, one after another."""
 
-    #: In m, at each of the first clip's times, (T, R, 3).
+    #: Control points [m] at each time of the first clip, (T, R, 3).
     points: NDArray[np.floating]
-    #: Points of each curve: three for each part, and one.
+    #: Number of control points of each curve: three for each segment, plus one.
     counts: AnyInts
-    #: Diameter of a round yarn of the same section [m], and colour, of each curve.
+    #: For each curve, the diameter of a round yarn with the same area of section [m].
     widths: NDArray[np.floating]
+    #: Colour of each curve.
     colors: NDArray[np.uint8]
-    #: USD's word for the kind: ``"bezier"`` or ``"bspline"``.
+    #: Basis of the curves in USD's terms: ``"bezier"`` or ``"bspline"``.
     basis: str = "bezier"
 
 
 class ShortTargets(NamedTuple):
-    """Targets in few bits: whole numbers, of which each target has its own step."""
+    """Targets quantised to small integers, with one step size for each target."""
 
-    #: What is 1 in the file [m], and what a target's weights are multiplied by there, (K,).
+    #: Length that the number 1 in the file stands for [m].
     unit: float
+    #: Factor by which each target's weights are multiplied in the file, (K,).
     factors: Floats
-    #: In 32767ths of the unit, (K, N, 3), and normals in 127ths.
+    #: Displacements, where 32767 stands for the unit, (K, N, 3).
     targets: NDArray[np.int16]
+    #: Changes of the normals, where 127 stands for 1, (K, N, 3).
     normals: NDArray[np.int8] | None
 
 
 @dataclass(frozen=True)
 class MovingSurface:
-    """Triangles, and the targets of which their motions are sums."""
+    """A triangle mesh whose motion is a weighted sum of morph targets."""
 
     title: str
-    #: In m, of N points, and of K targets the displacements at full weight, (K, N, 3).
+    #: Positions [m], (N, 3).
     points: NDArray[np.float32]
+    #: Displacements of each of K targets at full weight [m], (K, N, 3).
     targets: NDArray[np.float32]
-    #: Where it has them, of unit length, and what each target adds before they are made so again.
+    #: Unit normals (N, 3); None if the surface has no normals.
     normals: NDArray[np.float32] | None
+    #: Changes of the normals by each target at full weight, before they are normalised, (K, N, 3).
     normal_targets: NDArray[np.float32] | None
-    #: Numbers of points, counter-clockwise seen from outside, (M, 3).
+    #: Point indices, counter-clockwise seen from outside, (M, 3).
     triangles: AnyInts
-    #: Red, green and blue as screens have them, (N, 3).
+    #: Red, green and blue in sRGB, (N, 3).
     colors: NDArray[np.uint8]
-    #: What part each point is of, by its place in `part_names`.
+    #: Part of each point, as an index into `part_names`, (N,).
     parts: AnyInts
     part_names: Sequence[str]
     sight: Sight
-    #: How far points may be from where they should be [m].
+    #: Largest allowed distance of a point from its exact position [m].
     tolerance: float
     target_names: Sequence[str] = ()
     clips: Sequence[Clip] = ()
-    #: Of woven cloth with its motion.
+    #: Yarn curves of a woven cloth, with its motion.
     curves: YarnCurves | None = None
     numbers: ScaledNumbers | None = None
-    #: The targets once more, where there are so many that their size counts.
+    #: The targets in quantised form, if there are so many points that their size matters.
     short: ShortTargets | None = None
-    #: What is known of it, for people and programs.
+    #: Metadata of the file, for people and programs.
     about: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def lying(self) -> bool:
-        """Whether z is up, and not y."""
+        """Whether the up axis is z instead of y."""
         return tuple(self.sight.cameras[self.sight.camera][1]) == (0.0, 0.0, 1.0)
 
     @property
     def painted(self) -> bool:
-        """Whether there are so many colours that each point has its own."""
+        """Whether each point stores its colour, because there are too many for materials."""
         return len(np.unique(self.colors, axis=0)) > _MATERIALS
 
     @property
     def materials(self) -> list[Shade]:
-        """One for each colour of each part."""
+        """The materials: one for each colour of each part."""
         if self.painted:
             every = np.ones(len(self.points), np.bool_)
             return [Shade("colours of points", (1.0, 1.0, 1.0), every)]
@@ -158,10 +168,10 @@ class MovingSurface:
 def shortened(
     targets: NDArray[np.float32], normals: NDArray[np.float32] | None, weights: NDArray[np.floating]
 ) -> tuple[ShortTargets, float]:
-    """Return targets in few bits, and how far any point gets from its place by that [m]."""
+    """Quantise targets; also return the largest error of a point's position [m]."""
     sizes = np.array([np.abs(target).max() for target in targets], np.float64)
     turns = 0.0 if normals is None else np.array([np.abs(each).max() for each in normals])
-    # The smaller the unit, the finer the places, and the coarser the normals: at this one normals
+    # A smaller unit makes positions finer and normals coarser. With half the largest size, normals
     # of the largest target have steps of less than a degree.
     unit = sizes.max() / 2
     factors = np.maximum(sizes / unit, turns)
@@ -180,6 +190,6 @@ def shortened(
 
 
 def linear(colors: NDArray[np.uint8]) -> Floats:
-    """Return colours of screens as shares of light, which renderers add up (IEC 61966-2-1)."""
+    """Convert sRGB bytes to linear light, 0 to 1 (IEC 61966-2-1); renderers add linear light."""
     shares = colors / 255.0
     return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)

@@ -1,4 +1,4 @@
-"""The points and triangles of any object, for the cages that follow its shape."""
+"""Extract points and triangles of any object, for cages that follow its shape."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
+#: Points (N, 3) in m, and triangles (F, 3); a segment repeats its second end.
 Outline = tuple[Floats, Ints]
-#: Which hexahedra an object touches, as of `spacemap_vtk.cage.carve.touched`: of a lattice that
-#: begins somewhere, has some spacing, and so many divisions.
+#: Function of the origin, spacing and divisions of a lattice. It returns the hexahedra that an
+#: object touches, see `spacemap_vtk.cage.carve.touched`.
 Touch = Callable[[Floats, Floats, Sequence[int]], Bools]
 
-#: Voxels along the longest side of an envelope.
+#: Largest number of voxels along the longest side of the object that an envelope encloses.
 _MOST_VOXELS = 160
 
 
@@ -33,7 +34,7 @@ def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
     segments = _cells(flat.GetLines(), 2)[:, [0, 1, 1]]
     triangles = np.concatenate([_cells(flat.GetPolys(), 3), segments])
     is_grid = data.IsA("vtkPointSet") and not isinstance(data, vtkPolyData)
-    own = _points(data) if is_grid else np.empty((0, 3))  # else they are those of the polygons
+    own = _points(data) if is_grid else np.empty((0, 3))  # the surface has the points of polygons
     points, triangles = np.concatenate((own, _points(flat))), triangles + len(own)
     if not np.isfinite(points).all():
         bad = int(np.argmin(np.isfinite(points).all(axis=1)))
@@ -42,18 +43,18 @@ def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
 
 
 def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outline:
-    """Return a closed surface round an object of some bounds, at a distance."""
-    # The object is put into voxels, what it encloses is filled, and the surface is where the
-    # distance to these voxels has the wanted value: open, self-intersecting and non-manifold
-    # objects have an envelope like any other.
+    """Return a closed surface at a distance [m] around an object with the given bounds."""
+    # The object is converted to voxels, and enclosed voxels are added. The envelope is an
+    # isosurface of the distance to these voxels, so it also exists for open, self-intersecting and
+    # non-manifold objects.
     voxel = max(distance / 1.5, float((high - low).max()) / _MOST_VOXELS)
     room = distance + 3 * voxel
     counts = np.ceil((high - low + 2 * room) / voxel).astype(np.int64)
     origin = low - room
     solid = grown(touch(origin, np.full(3, voxel), counts.tolist()), 0, True)
-    # what touches a voxel is at most half a diagonal from its middle
+    # A point in a voxel is at most half a diagonal, 0.87 voxels, from the voxel's centre.
     reach = distance + 0.9 * voxel
-    from scipy import ndimage  # with all it brings: a tenth of a second
+    from scipy import ndimage  # imported here: it takes a tenth of a second
 
     away = ndimage.distance_transform_edt(~solid) * voxel
     image = vtkImageData()
@@ -71,7 +72,7 @@ def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outlin
 
 
 def edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
-    """Return how many edges are open, and how many join more than two triangles."""
+    """Count the open edges, and the edges that join more than two triangles."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     faces = same.ravel()[triangles]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -87,7 +88,7 @@ def _points(data: Any) -> Floats:
 
 
 def _cells(cells: Any, size: int) -> Ints:
-    """Return the cells that have a size; lines of more points fall into segments."""
+    """Return the cells of a given size (n, size); size 2 cuts polylines into segments."""
     if cells is None or cells.GetNumberOfCells() == 0:
         return np.empty((0, size), dtype=np.int64)
     starts = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)

@@ -1,14 +1,14 @@
-"""Several processes that make one data set, each a piece of it: what they tell each other.
+"""Exchange data between MPI processes of which each makes one piece of a data set.
 
-VTK's own controller carries it: ParaView's pvbatch and pvserver have one under MPI. Nothing here
-does anything in a process that is alone.
+VTK's global controller exchanges the data; ParaView's pvbatch and pvserver have one under MPI. In a
+single process nothing is exchanged.
 
 Invariants, without which processes would wait for each other for ever:
 
-- A run is collective where the piece asked for is the process's own: then every process runs the
-  same stages in the same order, and each run ends with `Processes.finish` or `Processes.fail`.
-- Whatever is exchanged inside a run comes after `Processes.agree`, so that a process that has
-  failed before meets there those that have not. Whoever fails, all stop.
+- A run is collective if each process makes the piece of its rank. Then every process runs the same
+  stages in the same order, and each run ends with `Processes.finish` or `Processes.fail`.
+- Every exchange inside a run comes after `Processes.agree`. A process that fails earlier sends its
+  error there, and all other processes stop too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from spacemap_vtk.ndarrays import Floats
 
 
 class Piece(NamedTuple):
-    """What part of a data set is asked for."""
+    """A requested piece of a data set."""
 
     number: int = 0
     of: int = 1
@@ -35,7 +35,7 @@ class Piece(NamedTuple):
     """Layers of cells round it that other pieces own."""
 
 
-#: All of it.
+#: The whole data set as a single piece.
 WHOLE = Piece()
 
 
@@ -44,19 +44,19 @@ class PeerError(SpacemapError, RuntimeError):
 
 
 def world() -> int:
-    """Return how many processes there are, 1 where there is no MPI."""
+    """Return the number of processes; 1 without MPI."""
     controller = vtkMultiProcessController.GetGlobalController()
     return 1 if controller is None else int(controller.GetNumberOfProcesses())
 
 
 def is_first() -> bool:
-    """Return whether this process speaks for all."""
+    """Test whether this process has rank 0, which reports for all."""
     controller = vtkMultiProcessController.GetGlobalController()
     return controller is None or controller.GetLocalProcessId() == 0
 
 
 class Processes:
-    """All processes, in one run of a stage."""
+    """All processes during one run of a stage."""
 
     def __init__(self, controller: Any) -> None:
         self._controller = controller
@@ -65,7 +65,7 @@ class Processes:
 
     @classmethod
     def of(cls, piece: Piece) -> Processes | None:
-        """Return the processes that run together to make all pieces."""
+        """Return the processes of a collective run; None if this process works alone."""
         if piece.of == 1:
             return None
         controller = vtkMultiProcessController.GetGlobalController()
@@ -75,26 +75,26 @@ class Processes:
         return made if (piece.number, piece.of) == (made.rank, made.size) else None
 
     def agree(self) -> None:
-        """Stop if another process has failed."""
+        """Raise PeerError if another process has failed."""
         self._tell()
 
     def finish(self, warnings: Sequence[str]) -> list[str]:
-        """End a run that has gone well here."""
+        """End a run that succeeded here; return the warnings of all processes."""
         told = self._tell(warnings=list(warnings))
         return list(dict.fromkeys(text for item in told for text in item.get("warnings", [])))
 
     def fail(self, error: BaseException) -> None:
-        """End a run that has failed here, and tell the others unless they know."""
+        """End a run that failed here, and send the error unless all processes know of it."""
         if not self._all_know:
             self._tell(error=str(error) or type(error).__name__)
 
     def largest(self, values: ArrayLike) -> Floats:
-        """Return the largest of all processes' values."""
+        """Return the elementwise maximum of the values of all processes."""
         self.agree()
         return self._largest(values)
 
     def from_first(self, make: Callable[[], Sequence[Floats]]) -> list[Floats]:
-        """Let the first process alone make arrays, and hand them to all."""
+        """Make arrays in the first process only, and send them to all."""
         self.agree()
         made: list[Floats] = []
         shapes: list[list[int]] = []
@@ -114,7 +114,7 @@ class Processes:
         return made
 
     def _tell(self, **facts: Any) -> list[dict[str, Any]]:
-        """Return what each process says; raise if one of the others says that it has failed."""
+        """Return the facts that each process sends; raise PeerError if another one has failed."""
         facts = {key: value for key, value in facts.items() if value}
         said = np.frombuffer(json.dumps(facts).encode() if facts else b"", dtype=np.uint8)
         length = int(self._largest([len(said)])[0])

@@ -1,4 +1,4 @@
-"""What VTK prints, as an exception."""
+"""Turn VTK's printed errors into exceptions, and silence standard error."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutput
 
 from spacemap_vtk.errors import InputError
 
-#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
+#: VTK's XML readers print an error with this word if an array's range contains NaN. They do not
+#: need the range.
 _HARMLESS = "InformationKey"
-#: All threads of a process have one standard error, and one place for what VTK says: two that took
-#: them at once heard each other, or let VTK write to what was gone, and the program was aborted.
+#: Standard error and VTK's output window are shared by all threads. Without this lock, two threads
+#: that redirected them together got each other's messages, or VTK wrote to a deleted window and
+#: the program aborted.
 _taken = threading.RLock()
 
 
 @contextmanager
 def quiet_stderr() -> Iterator[None]:
-    """Let what libraries in C print of a damaged file go nowhere: it is told in words."""
+    """Discard what C libraries print about a damaged file; an exception reports the damage."""
     with _taken:
         try:
             kept = os.dup(2)
-        except OSError:  # a window without a console
+        except OSError:  # a program without a console has no standard error
             yield
             return
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -41,12 +43,12 @@ def quiet_stderr() -> Iterator[None]:
 
 @contextmanager
 def silent_vtk() -> Iterator[vtkStringOutputWindow]:
-    """Let VTK say what it has to say there, and print nothing."""
+    """Collect VTK's messages in the yielded window, and print nothing."""
     with quiet_stderr():
         window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
         vtkOutputWindow.SetInstance(window)
-        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # the logger would print them too
         try:
             yield window
         finally:
@@ -56,18 +58,18 @@ def silent_vtk() -> Iterator[vtkStringOutputWindow]:
 
 @contextmanager
 def quiet_vtk(path: Path) -> Iterator[None]:
-    """Turn what VTK prints as an error while a file is read into an exception."""
+    """Raise InputError for errors that VTK prints while a file is read."""
     with silent_vtk() as window:
         yield
     output = window.GetOutput()
-    if isinstance(output, bytes):  # it quotes what is no UTF-8
+    if isinstance(output, bytes):  # VTK quotes text of the file that is not UTF-8
         output = output.decode("utf-8", "replace")
     errors = [
         " ".join(text.split("):")[-1].split())
         for text in re.split(r"(?=ERROR: In |Warning: In )", output)
         if text.startswith("ERROR") and _HARMLESS not in text
     ]
-    # The first reader knows why; those above it only that it failed, at length.
+    # The innermost reader gives the reason. The readers around it only print that it failed.
     errors = [text for text in errors if "returned failure" not in text] or errors
     if errors and not path.exists():
         raise InputError(f"{path}: it has gone while it was read")

@@ -1,4 +1,4 @@
-"""The surface of a grid, found once while only its points move."""
+"""Extract the surface of a grid; the topology is kept while only the points move."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from spacemap_vtk.datasets.arrays import cell_types, points_of, take_arrays, to_
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.errors import GeometryError
 
-#: VTK's numbers of the cells with straight edges; its own question changed its name in 9.6.
+#: VTK types of cells with straight edges. VTK's function for this test was renamed in 9.6.
 _STRAIGHT = {*range(17), 41, 42}
 _POINTS, _CELLS = "vtkOriginalPointIds", "vtkOriginalCellIds"
 
 
 class Skin:
-    """Outer faces, lines and points of a grid of any cells."""
+    """Outer faces, lines and points of a grid with cells of any type."""
 
     _kept: tuple[Connectivity, vtkPolyData, Any] | None = None
 
     def extract(self, grid: vtkPointSet, subdivisions: int, output: vtkPolyData) -> None:
-        """Fill in the surface at the present points."""
+        """Write the surface at the current points into the output."""
         if grid.GetNumberOfCells() == 0:
             raise GeometryError(
                 f"the input has {grid.GetNumberOfPoints()} points and no cells to draw"
@@ -36,7 +36,7 @@ class Skin:
             output.ShallowCopy(surface_of(grid, ceil(log2(subdivisions))))
             return
         if self._kept is None or not self._kept[0].matches(grid):
-            # without arrays: those are taken anew each time
+            # Arrays may change between calls, so they are left out here and copied at each call.
             bare = grid.NewInstance()
             bare.CopyStructure(grid)
             skin = surface_of(bare, 0)

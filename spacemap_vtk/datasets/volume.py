@@ -1,4 +1,4 @@
-"""Volume meshes of any cells, as linear tetrahedra."""
+"""Convert volume meshes with cells of any type to linear tetrahedra."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _triquadratic(cells: AnyInts) -> AnyInts:
 
 
 _TETRAHEDRA = (10, 24, 71, 78)
-# For each of VTK's types: number of corners, how they are split.
+# For each VTK cell type: the number of corners, and the function that splits the cells.
 _KINDS: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
     **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
     **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.SPLITS[8])),
@@ -47,28 +47,29 @@ _KINDS: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
     **dict.fromkeys((14, 27, 37, 74, 81), (5, split.SPLITS[5])),
     11: (8, _voxels),
 }
-# The same of quadratic cells: their nodes, of which those past the middles of edges are left out.
+# The same for quadratic cells: the number of nodes, without nodes on faces and in the interior.
 _QUADRATIC: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
     24: (10, partial(split_quadratic, kind=TETRAHEDRON)),
     **dict.fromkeys((25, 29, 33), (20, partial(split_quadratic, kind=HEXAHEDRON))),
     **dict.fromkeys((26, 32), (15, partial(split_quadratic, kind=WEDGE))),
     **dict.fromkeys((27, 37), (13, partial(split_quadratic, kind=PYRAMID))),
 }
-# Without any others beside them all of their nodes are used.
+# All 27 nodes of triquadratic hexahedra are used only if the mesh has no other solid cells: the
+# cells would not conform otherwise.
 _TRIQUADRATIC = {29: (27, _triquadratic)}
-# Points, lines and polygons, straight and curved: they have no volume.
+# Points, lines and polygons, linear and curved, have no volume.
 _NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
 
 
 @dataclass
 class Volume:
-    """Linear tetrahedra made of a mesh."""
+    """Linear tetrahedra made from a mesh."""
 
     #: The tetrahedra, with the point arrays of the mesh.
     grid: vtkUnstructuredGrid
-    #: (n,) Number in the mesh of each point.
+    #: (n,) Index in the mesh of each point of the grid.
     points: Ints
-    #: What was changed.
+    #: Messages about changes, for the user.
     notes: list[str] = field(default_factory=list)
 
 
@@ -101,7 +102,7 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     solid = {kind for kind in set(types.tolist()) if kind in _KINDS}
     table: dict[int, Any] = _KINDS
     whole = []
-    if solid <= _QUADRATIC.keys():  # beside linear cells they would not conform
+    if solid <= _QUADRATIC.keys():  # quadratic cells would not conform with linear neighbours
         table = _TRIQUADRATIC if solid == _TRIQUADRATIC.keys() else _QUADRATIC
     for kind in sorted(solid):
         corners, cut = table[kind]
@@ -112,7 +113,7 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     if not parts:
         raise GeometryError(f"{what} has no cells with a volume")
     tetrahedra, _, flat = split.mended(vertices, np.concatenate(parts))
-    # what other cells fall into has any orientation
+    # Tetrahedra from other cells have any orientation, so only the original ones are counted.
     inverted = split.mended(vertices, np.concatenate(whole))[1] if whole else 0
     if not len(tetrahedra):
         raise GeometryError(
