@@ -1,4 +1,4 @@
-"""How far off a thin cage of tetrahedra is where it bends and where it twists."""
+"""How much too stiff a thin cage of tetrahedra is in bending and in twist (locking)."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: A mesh is thin along an axis where its extent is below this share of that along another one.
+#: A mesh is thin along an axis if its extent is below this share of that along another axis.
 _THIN = 1 / 3
 
-#: Poisson's ratio that the fits were made for, and its G/C₃₃.
+#: Poisson's ratio for which the fits were made, and G/C₃₃ at this ratio.
 _RATIO, _SWELLING = 0.3, 0.2 / 0.7
 
 
-#: Of the polynomials that a plate's modes are made of, and how many modes are judged.
+#: Degree of the polynomials for a plate's modes, and number of modes that are judged.
 _DEGREE, _MODES = 7, 5
 
-#: Edges of a tetrahedron, and how many that are held are looked at.
+#: Edges of a tetrahedron, and the largest number of held edges that are examined.
 _EDGES = list(itertools.combinations(range(4), 2))
 _MOST_EDGES = 500
 
-#: Of the factors that the modes are judged by.
+#: Limit of the factors; above it float64 would no longer resolve the softer motions.
 _STIFFEST = 1e11
 
 
 class Locking(NamedTuple):
-    """How many times too stiff a cage is; frequencies are off by the roots of these."""
+    """Factors by which a cage is too stiff; its frequencies are too high by their square roots."""
 
     bending: float
     """Of its five lowest modes, that which suffers least: it bends about one axis."""
@@ -44,7 +44,7 @@ class Locking(NamedTuple):
 
 
 class Proportions(NamedTuple):
-    """The shape of a thin mesh, and of its tetrahedra."""
+    """Proportions of a thin mesh and of its tetrahedra."""
 
     normal: int
     """The axis of its thickness."""
@@ -59,24 +59,24 @@ class Proportions(NamedTuple):
 
     @property
     def layers(self) -> float:
-        """How many tetrahedra lie on top of each other; infinite of a block."""
+        """Number of tetrahedra across the thickness; infinite for a block."""
         return self.thickness / self.height if self.long else float("inf")
 
 
 def proportions_of(vertices: Floats, tetrahedra: Ints) -> Proportions:
-    """Return the shape of a mesh, as its bounding box tells it.
+    """Determine the proportions of a mesh from its bounding box.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
         Vertex numbers, those of the corners first.
 
     Returns
     -------
     Proportions
-        Its thickness and the size of its tetrahedra.
+        Thickness of the mesh and size of its tetrahedra.
     """
     extent = np.ptp(vertices, axis=0)
     size = np.ptp(vertices[tetrahedra[:, :4]], axis=1).mean(axis=0)
@@ -87,58 +87,65 @@ def proportions_of(vertices: Floats, tetrahedra: Ints) -> Proportions:
 
 
 def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools) -> Locking:
-    """Estimate how many times too stiffly a sheet or bar of tetrahedra bends and twists.
+    """Estimate the factors by which a sheet or bar of tetrahedra is too stiff in bending and twist.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
     elasticity : ndarray of float64, shape (6, 6)
         Elasticity matrix [Pa], in the order of `spacemap_vtk.mechanics.materials.isotropic`.
     held : ndarray of bool, shape (V, 3)
-        Which components cannot move.
+        Components that cannot move.
 
     Returns
     -------
     Locking
-        At least 1. It is 1 for a mesh that is no sheet or bar along the axes, for a bar of
-        quadratic tetrahedra, and for the twist of any bar.
+        Factors of at least 1. They are 1 for a mesh that is not a sheet or bar along the axes, and
+        for a bar of quadratic tetrahedra; the factor of twist is 1 for any bar.
 
     Notes
     -----
-    Linear tetrahedra: every vertex is put where Kirchhoff's plate of uniform curvature has it, and
-    the strain energy of the tetrahedra is divided by the plate's, for either axis and for twist. Of
-    hexahedra h wide and t/n high, cut in five, and of an isotropic material the leading terms are
+    Linear tetrahedra: every vertex is moved as in Kirchhoff's plate of uniform curvature, and the
+    strain energy of the tetrahedra is divided by that of the plate, for each axis and for twist.
+    For hexahedra of width h and height t/n, each cut in five, and an isotropic material the leading
+    terms are
 
-        bending  1 + 2 G (1 - ν²)/E (h/t)²      shear that a uniform strain cannot be without
-        twist    1 + n² C₃₃/(4 G) (h/t)⁴        crossing diagonals strain the thickness
+        bending  1 + 2 G (1 - ν²)/E (h/t)²      shear, which uniform strain cannot avoid
+        twist    1 + n² C₃₃/(4 G) (h/t)⁴        thickness strain, due to crossing diagonals
 
-    Quadratic tetrahedra hold a uniform curvature as it is; they lock where the twist varies, as it
-    must near a support. A sheet of area A that reaches as far as b from what holds it twists
+    Quadratic tetrahedra represent a uniform curvature exactly. They lock where the twist varies, as
+    it must near a support. A sheet of area A whose points are at most b away from a support is too
+    stiff in twist by the factor
 
         1 + (h/t)² / (12 (b²/A)^1.5 G₁₂/G₁₃ + 12 A/t² G₁₂/(0.29 C₃₃ X))
 
-    times too stiffly, where X, 12/t² times the mean square of the thickness strain that linear
-    tetrahedra have in a unit twist, is n² (h/t)⁴ for crossing diagonals, and zero where those on
-    top lie over those below, which do not lock.
+    X is 12/t² times the mean square of the thickness strain of linear tetrahedra in a unit twist.
+    It is n² (h/t)⁴ for crossing diagonals. It is zero if the diagonals of the top lie over those of
+    the bottom; these meshes do not lock.
 
-    How much of either is in a mode tells a plate of the sheet's rectangle, supports and material
-    (Ritz's method, polynomials of degree 7), with these factors and without: of each of its lowest
-    modes, how much less it yields to that mode's inertia.
+    The shares of bending and twist in a mode come from a plate with the sheet's rectangle, supports
+    and material (Ritz's method, polynomials of degree 7). For each of its lowest modes, the result
+    is how much less the plate yields to the mode's inertia with these factors than without.
 
-    How accurate, against plates of 1:1, 1:2, 2:1 and 1:5, of ν = 0 to 0.45 and three measured
-    fabrics, with cells 2.5 to 70 thicknesses wide and one to six layers, as said over found in the
-    first mode that bends and the first that twists. Linear tetrahedra, clamped by one side: 1.0 to
-    1.3 in bending; in twist 1.0 to 1.2, of a fabric up to 2.5. By two opposite sides: 0.9 to 1.35
-    in bending, of a fabric in cells below five thicknesses, which yields in shear as well, up to 4;
-    in twist 1.0 to 1.4, but another of the five may be said that is up to ten times worse.
-    Quadratic ones: the second formula is a fit; by one side 0.7 to 2.2, by two 0.4 to 2.1, of a
-    fabric up to 6.7. That their cells are too few to bend is not said: five along a side are 7 %
-    too stiff, between two sides 27 % (three: 90 %), and more for ν above 0.3. In bending, a
-    material of ν above 0.3 is taken for one of 0.3, as vertices move aside. A sheet that is not
-    level with the axes is taken for a block, and judged in nothing.
+    Accuracy: the estimated factor divided by the factor found in the first bending mode and the
+    first twisting mode. It was measured with plates of 1:1, 1:2, 2:1 and 1:5, of ν = 0 to 0.45 and
+    three measured fabrics, with cells 2.5 to 70 thicknesses wide and one to six layers.
+
+    - Linear tetrahedra, clamped at one side: 1.0 to 1.3 in bending; 1.0 to 1.2 in twist, for a
+      fabric up to 2.5.
+    - Linear tetrahedra, clamped at two opposite sides: 0.9 to 1.35 in bending, and up to 4 for a
+      fabric with cells below five thicknesses, which yields in shear as well; 1.0 to 1.4 in twist,
+      but the value may be that of another of the five modes, up to ten times worse.
+    - Quadratic tetrahedra, whose formula is a fit: 0.7 to 2.2 if clamped at one side, 0.4 to 2.1 at
+      two sides, for a fabric up to 6.7. The estimate ignores that few quadratic cells bend too
+      stiffly: five along a side are 7 % too stiff, five between two sides 27 % (three: 90 %), and
+      more for ν above 0.3.
+
+    In bending, a material of ν above 0.3 is treated as one of 0.3, because vertices move aside. A
+    sheet that is not aligned with the axes is treated as a block, and its factors are 1.
     """
     sheet = proportions_of(vertices, tetrahedra)
     corners, linear = tetrahedra[:, :4], tetrahedra.shape[1] == 4
@@ -160,7 +167,7 @@ def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools)
 
 
 def _compressible(elasticity: Floats) -> Floats:
-    """Return the material with Poisson's ratios lowered to those that the estimate holds for."""
+    """Lower the Poisson's ratios of a material to those for which the estimate is valid."""
     ratio = volume_ratio(elasticity)
     if ratio <= _RATIO:
         return elasticity
@@ -170,7 +177,7 @@ def _compressible(elasticity: Floats) -> Floats:
 
 
 class _Plate:
-    """A sheet of linear tetrahedra, whose vertices go where those of a curved plate do."""
+    """Sheet of linear tetrahedra whose vertices move as those of a curved plate."""
 
     def __init__(self, vertices: Floats, corners: Ints, normal: int) -> None:
         self.volume = volumes(vertices, corners)
@@ -182,7 +189,7 @@ class _Plate:
         self._second_moment = float(self.volume @ ((z**2).sum(axis=1) + z.sum(axis=1) ** 2)) / 20
 
     def strains(self, first: int, other: int) -> Floats:
-        """Return the strains in a unit curvature along an axis, or in a unit twist along two."""
+        """Compute the strains in a unit curvature along an axis, or a unit twist along two axes."""
         x, y = self._vertices[:, first], self._vertices[:, other]
         field = np.zeros_like(self._vertices)
         field[:, first], field[:, other] = self._z * y, self._z * x
@@ -190,7 +197,7 @@ class _Plate:
         return strains(self._gradient.of(field))
 
     def times(self, elasticity: Floats, first: int, other: int) -> float:
-        """Return the energy of these strains over that of the plate."""
+        """Compute the energy of these strains divided by that of the plate."""
         field = np.zeros_like(self._vertices)
         field[:, self._normal] = self._z**2
         bent, swollen = self.strains(first, other), strains(self._gradient.of(field))
@@ -198,7 +205,7 @@ class _Plate:
         def work(a: Floats, b: Floats) -> float:
             return float(self.volume @ ((a @ elasticity) * b).sum(axis=1))
 
-        # The thickness swells where that frees energy: plane stress, as far as there are layers.
+        # The thickness expands if that lowers the energy: plane stress, as far as layers allow.
         energy, own = work(bent, bent), work(swollen, swollen)
         if own > 0:
             energy -= work(bent, swollen) ** 2 / own
@@ -210,13 +217,13 @@ class _Plate:
 
 
 def _plane(elasticity: Floats, axes: list[int]) -> Floats:
-    """Return the elasticity in plane stress, (3, 3): along two axes, and in shear."""
+    """Compute the elasticity in plane stress, (3, 3): along two axes, and in shear."""
     rows = [*axes, VOIGT[axes[0], axes[1]]]
     return np.linalg.inv(np.linalg.inv(elasticity)[np.ix_(rows, rows)])
 
 
 class _Ritz:
-    """A thin plate on a sheet's rectangle, held where the sheet is, in products of polynomials."""
+    """Thin plate on a sheet's rectangle with its supports, in products of polynomials."""
 
     def __init__(self, vertices: Floats, corners: Ints, held: Bools, sheet: Proportions) -> None:
         low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
@@ -225,17 +232,17 @@ class _Ritz:
         bases = [[each / side**k for k, each in enumerate(polynomials)] for side in sides]
 
         def integral(x: tuple[int, int], y: tuple[int, int]) -> Floats:
-            """Of a derivative of each function times one of each other."""
+            """Integrate products of derivatives of all pairs of functions."""
             parts = [
                 base[first].T @ (weights[:, None] * base[other])
                 for base, (first, other) in zip(bases, (x, y), strict=True)
             ]
             return np.kron(*parts)
 
-        # What holds an edge's ends holds it; its slopes too, where it is not level.
+        # If both ends of an edge are held, the edge is held; if it is not level, its slopes, too.
         any_held = np.asarray(held.any(axis=1))
         pairs = np.concatenate([corners[:, pair] for pair in _EDGES])
-        # Each once, without np.unique, which brings numpy.ma, 20 ms at the window's start.
+        # Each edge once, without np.unique: it imports numpy.ma, 20 ms at the window's start.
         pairs = np.sort(pairs[any_held[pairs].all(axis=1)], axis=1)
         pairs = pairs[np.lexsort(pairs.T[::-1])]
         pairs = pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
@@ -261,18 +268,18 @@ class _Ritz:
             both_ways + both_ways.T,
             4 * integral((1, 1), (1, 1)),
         )
-        #: Of the curvatures along x, along y, of their product, and of the twist.
+        #: Squares of the curvature along x and along y, their product, and the twist squared.
         self._squares = np.array([free.T @ square @ free for square in curvatures])
 
     def stiffer(self, plate: Floats, factors: Floats) -> Floats:
-        """Return of each of the lowest modes how much less it yields with factors, (n,)."""
+        """Compute how much less each of the lowest modes yields with factors, (n,)."""
         if not self._squares.size:
             return factors
         moduli = np.array([plate[0, 0], plate[1, 1], plate[0, 1], plate[2, 2]]) / plate.max()
         eigenvalues, modes = np.linalg.eigh(np.einsum("k,kij->ij", moduli, self._squares))
-        elastic = eigenvalues > 1e-9 * eigenvalues[-1]  # a free sheet moves rigidly, too
+        elastic = eigenvalues > 1e-9 * eigenvalues[-1]  # a free sheet also has rigid motions
         modes = modes[:, elastic] / np.sqrt(eigenvalues[elastic])
-        # A float64 tells softer motions beside such stiff ones still.
+        # With the limited factors float64 still resolves the softer motions.
         factors = np.minimum(factors, _STIFFEST)
         moduli *= [factors[0], factors[1], 1.0, factors[2]]
         stiffness = modes.T @ np.einsum("k,kij->ij", moduli, self._squares) @ modes
@@ -281,13 +288,13 @@ class _Ritz:
 
 @cache
 def _quadrature() -> tuple[Floats, list[Floats]]:
-    """Return Gauss's weights, and the polynomials and their derivatives at his places."""
+    """Return Gauss weights, and the polynomials and their derivatives at the Gauss points."""
     gauss, weights = legendre.leggauss(_DEGREE + 1)
     return weights, [_polynomials(gauss, k) for k in range(3)]
 
 
 def _polynomials(places: Floats, derivative: int) -> Floats:
-    """Return orthonormal polynomials from -1 to 1, or a derivative, (n, _DEGREE + 1)."""
+    """Evaluate orthonormal polynomials on [-1, 1], or a derivative, (n, _DEGREE + 1)."""
     each = np.diag(np.sqrt(np.arange(_DEGREE + 1) + 0.5))
     values = legendre.legval(places, legendre.legder(each, derivative))
     return np.array(values.T, dtype=np.float64)
@@ -296,8 +303,8 @@ def _polynomials(places: Floats, derivative: int) -> Floats:
 def _varying_twist(
     vertices: Floats, held: Bools, sheet: Proportions, plate: _Plate, elasticity: Floats
 ) -> float:
-    """Return by how much quadratic tetrahedra are above 1 in twist, see `locking`."""
-    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+    """Estimate by how much the factor of quadratic tetrahedra in twist exceeds 1, see `locking`."""
+    from scipy.spatial import cKDTree  # this import costs a tenth of a second
 
     whole, thickness = float(plate.volume.sum()), sheet.thickness
     reach = float(np.ptp(vertices, axis=0).max()) / 2

@@ -1,9 +1,8 @@
-"""How many threads dense algebra takes: one, but for the largest blocks.
+"""Limit the threads of dense algebra to one, except for the largest blocks.
 
-NumPy's and SciPy's wheels bring an OpenBLAS each, with threads of its own that keep their
-processor while they wait for the next call. Where calls are short and go to both in turn, they
-stand in each other's way: a cube of 95,000 degrees of freedom took 58 s by two threads of each and
-39 s by one.
+The wheels of NumPy and SciPy each contain an OpenBLAS whose threads occupy their cores while they
+wait for the next call. If short calls alternate between the two, the threads hinder each other: a
+cube of 95,000 degrees of freedom needed 58 s with two threads each, and 39 s with one.
 """
 
 from __future__ import annotations
@@ -14,26 +13,26 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from typing import Any
 
-#: Multiplications from which several threads are quicker than one.
+#: Number of multiplications from which several threads are faster than one.
 _MANY = 1e9
-#: Threads of each library when it was met: later it may be limited already.
+#: Threads of each library when it was found; later calls may see an already limited number.
 _at_first: dict[str, int] = {}
 
 
 def one() -> AbstractContextManager[Any]:
-    """Return a context in which dense algebra is done by the calling thread.
+    """Return a context in which the calling thread alone does dense algebra.
 
     Returns
     -------
     context manager
-        In it results do not depend on how many cores there are, but for `several`.
+        Results in it do not depend on the number of cores, except within `several`.
     """
     pools = known_pools(_has_scipys())
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
 def several(work: float) -> AbstractContextManager[Any]:
-    """Return a context, within that of `one`, in which a large block is shared among threads."""
+    """Return a context, within that of `one`, that shares a large block among threads."""
     pools = known_pools(_has_scipys()) if work > _MANY else None
     return nullcontext() if pools is None else _lifted(pools[1])
 
@@ -50,18 +49,18 @@ def _lifted(pool: dict[Any, int]) -> Iterator[None]:
 
 
 def _has_scipys() -> bool:
-    """Return whether SciPy's dense algebra is loaded: modes from disk, and figures, need none."""
+    """Check whether SciPy's dense algebra is loaded; cached modes and figures do not need it."""
     return "scipy.linalg" in sys.modules
 
 
 @cache
 def known_pools(with_scipys: bool) -> tuple[Any, dict[Any, int]] | None:
-    """Return the control of every OpenBLAS loaded, and of SciPy's how many threads it had first."""
+    """Return the controls of every OpenBLAS loaded, and the first thread counts of SciPy's."""
     try:
         from threadpoolctl import ThreadpoolController
-    except ImportError:  # ParaView's own Python
+    except ImportError:  # ParaView's Python has no threadpoolctl
         return None
-    # MKL, which Pardiso brings, has threads that wait without a processor.
+    # OpenBLAS only: the threads of MKL, which Pardiso brings, wait without occupying a core.
     found = ThreadpoolController().select(internal_api="openblas")
     scipys = [library for library in found.lib_controllers if "numpy.libs" not in library.filepath]
     first = {x: _at_first.setdefault(x.filepath, x.num_threads) for x in scipys}

@@ -1,4 +1,4 @@
-"""A body at any positions: energy, forces and stiffness on what its supports leave free."""
+"""Energy, forces and tangent of a body, reduced to the coordinates that its supports leave free."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from spacemap_vtk.mechanics.factors import Solve, factorise
 from spacemap_vtk.mechanics.multifrontal import Analysis
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
-#: Share of its diagonal that is added to a stiffness, so that motions without energy are solved
-#: for; and the most that it is raised to, where rounding leaves a definite one indefinite.
+#: Share of its diagonal that is added to a stiffness matrix, so that it is regular even if some
+#: motions need no energy; and the largest share that is tried if rounding makes a definite matrix
+#: indefinite.
 SHIFT, MOST_SHIFT = 1e-13, 1e-8
 
-#: Up to here the lowest eigenvalue is found densely.
+#: Matrices of at most this size are solved densely for their lowest eigenvalue.
 _DENSE = 60
 
 
 class Body:
-    """Energy terms on what supports leave free; nodal vectors z are ``start + T q``."""
+    """Energy terms in free coordinates q; the nodal positions are z = ``start + T q``."""
 
     def __init__(
         self,
@@ -36,10 +37,10 @@ class Body:
         progress: Progress = lambda _: None,
     ) -> None:
         self.terms, self.basis, self.start = terms, basis.tocsr(), start
-        #: By what each term counts.
+        #: Factor of each term.
         self.factors = np.ones(len(terms))
         self._across = self.basis.T
-        #: Linear systems that were solved.
+        #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
         found = [crossings(term.nodes, self.basis) for term in terms]
@@ -52,7 +53,7 @@ class Body:
         keys, slots = np.unique(np.concatenate([each[2] for each in found]), return_inverse=True)
         self._slot, self._columns = slots.ravel(), keys % size
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size)
-        # Rows with the same neighbours, those of one vertex or pair, are eliminated together.
+        # Rows with the same pattern, those of one vertex or pair, are eliminated together.
         pattern = self._csr(np.ones(len(keys), dtype=np.int64))
         names = pattern @ np.random.default_rng(0).integers(1 << 62, size=size)
         self._analysis = Analysis(pattern, names)
@@ -67,26 +68,26 @@ class Body:
         return self._analysis.order
 
     def pattern(self) -> sp.csr_matrix:
-        """Return a matrix of ones, of the pattern of every tangent."""
+        """Make a matrix of ones with the sparsity pattern of every tangent."""
         return self._csr(np.ones(len(self._columns)))
 
     def matrix(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
-        """Return Tᵀ M T of matrices (E, 3 n, 3 n) of each term."""
+        """Assemble Tᵀ M T from matrices (E, 3 n, 3 n) of each term."""
         values = np.concatenate([block.ravel() for block in blocks])[self._entry]
         return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
 
     def at(self, z: Floats) -> list[TermState]:
-        """Return all terms at some positions."""
+        """Evaluate all terms at positions z."""
         return [term.at(z) for term in self.terms]
 
     def energies(self, states: list[TermState]) -> Floats:
-        """Return the energy of each term."""
+        """Compute the energy of each term."""
         return self.factors * np.array([state.energy for state in states])
 
     def tangent(
         self, states: list[TermState], carried: Sequence[Any] | None = None, firm: float = 0.0
     ) -> sp.csr_matrix:
-        """Return K, see `TermState.tangent`."""
+        """Assemble the tangent K, see `TermState.tangent`."""
         carried = [None] * len(states) if carried is None else carried
         blocks = [state.tangent(firm, each) for state, each in zip(states, carried, strict=True)]
         for number in np.flatnonzero(self.factors != 1.0):
@@ -94,37 +95,37 @@ class Body:
         return self.matrix(blocks)
 
     def forces(self, states: list[TermState]) -> Floats:
-        """Return ∂W/∂q, (N,)."""
+        """Compute ∂W/∂q, (N,)."""
         total = np.zeros_like(self.start)
         for factor, state in zip(self.factors, states, strict=True):
             total += factor * state.forces
         return self.along_free(total)
 
     def along_free(self, nodal: Floats) -> Floats:
-        """Return Tᵀ f of nodal forces (V, 3)."""
+        """Compute Tᵀ f of nodal forces (V, 3)."""
         return self._across @ nodal.ravel()
 
     def moved(self, q: Floats) -> Floats:
-        """Return T q as a move of nodal vectors, (V, 3)."""
+        """Compute the move T q of the nodes, (V, 3)."""
         return (self.basis @ q).reshape(-1, 3)
 
     def largest_step(self, z: Floats, move: Floats) -> float:
-        """Return which multiple of a move (V, 3) may be made at once."""
+        """Compute the largest multiple of a move (V, 3) that may be made at once."""
         return min(term.largest_step(z, move) for term in self.terms)
 
     def admits(self, z: Floats) -> bool:
-        """Return whether all terms admit some positions."""
+        """Check whether all terms admit the positions z."""
         return all(term.admits(self.start, z) for term in self.terms)
 
     def solution(self, matrix: sp.csr_matrix) -> Solve:
-        """Return the solution with a matrix, which has to be definite."""
+        """Factorise a positive definite matrix; return its solver."""
         self.report()
         self.steps += 1
         solve = factorise(self._shifted(matrix), lambda: self._analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
     def definite(self, matrix: sp.csr_matrix) -> Solve:
-        """Return the solution with a matrix that is definite but for rounding."""
+        """Factorise a matrix that is positive definite up to rounding; return its solver."""
         while True:
             try:
                 return self.solution(matrix)
@@ -134,7 +135,7 @@ class Body:
                 self._shift *= 100
 
     def unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
-        """Return the solution with a matrix of the tangent's pattern that need not be symmetric."""
+        """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
         order = self._analysis.order
         try:
             solve = splu(
@@ -154,7 +155,7 @@ class Body:
         return solved
 
     def lowest(self, matrix: sp.csr_matrix, definite: sp.csr_matrix) -> tuple[float, Floats, Solve]:
-        """Return the lowest eigenvalue of a matrix against another, its vector, and 1/the other."""
+        """Find the lowest eigenvalue of a pencil, its vector, and the solver of `definite`."""
         solve, size = self.definite(definite), matrix.shape[0]
         definite = self._shifted(definite)
         if size <= _DENSE:
@@ -165,7 +166,7 @@ class Body:
             self.report()
             return solve(right)
 
-        # Less one, as ARPACK's tolerance is a share of the eigenvalue, and that may be nearly zero.
+        # Shifted by 1, as ARPACK's tolerance is relative to the eigenvalue, which may be near zero.
         try:
             values, vectors = eigsh(
                 matrix - definite,
@@ -185,8 +186,9 @@ class Body:
         return float(values[0]) + 1.0, vectors[:, 0], solve
 
     def free_share(self, load: Floats) -> float:
-        """Return the share of a load (N,) that no term resists, however the body is deformed."""
-        # A part that the load only turns comes to rest; where every term is blind it moves on.
+        """Compute the share of a load (N,) that no term resists, however the body is deformed."""
+        # A load that only turns the body leads to a new equilibrium; a load that no term resists
+        # moves the body without end.
         blocks = [term.resisted() for term in self.terms]
         matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
         moved = self.solution(matrix)(load)
@@ -194,7 +196,7 @@ class Body:
         return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0
 
     def report(self, _: float = 0.0) -> None:
-        """Tell how far it is, and hear whether to stop."""
+        """Report the progress; the callback may raise an exception to stop."""
         self._progress(1.0 - float(np.exp(-self.steps / 40)))
 
     def _shifted(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
@@ -202,13 +204,13 @@ class Body:
 
 
 def crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
-    """Return entries of elements' matrices, with what weight, and as what Tᵀ K T has them."""
+    """Return entries of element matrices, their weights, and their keys in the matrix Tᵀ K T."""
     elements, wide = len(nodes), 3 * nodes.shape[1]
     part = basis[(3 * nodes[:, :, None] + np.arange(3)).ravel()]
     filled = np.diff(part.indptr)
     row = np.repeat(np.arange(elements * wide), filled)
     count = filled.reshape(elements, wide).sum(axis=1)
-    each = np.repeat(count, count)  # every entry of an element meets all of its entries
+    each = np.repeat(count, count)  # each entry of an element is multiplied with all of them
     left = np.repeat(np.arange(len(row)), each)
     first = np.repeat(np.cumsum(count) - count, count)
     right = np.arange(len(left)) - np.repeat(np.cumsum(each) - each - first, each)

@@ -1,4 +1,4 @@
-"""How much a cage is damped: α and β, from two measured ratios, or ratios of the modes."""
+"""Damping of a cage: α and β from two measured ratios, or damping ratios of the modes."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ class Damping(NamedTuple):
     """ζ of every mode that has a frequency; or of each mode, the last one's for all that follow."""
 
     def alphas(self, eigenvalues: Floats) -> Floats:
-        """Return what acts like an α of each mode's own: α + 2ζ√λ.
+        """Compute each mode's mass-proportional damping, α + 2ζ√λ.
 
         Parameters
         ----------
         eigenvalues : ndarray of float64, shape (n,)
-            λ [1/s²], those of the modes first.
+            Eigenvalues λ [1/s²], those of the modes first.
 
         Returns
         -------
         ndarray of float64, shape (n,)
-            In 1/s.
+            Damping [1/s].
         """
         given = np.atleast_1d(self.ratio)
         ratios = given[np.minimum(np.arange(len(eigenvalues)), len(given) - 1)]
         return np.asarray(self.alpha + 2.0 * ratios * np.sqrt(eigenvalues))
 
     def halves(self, eigenvalues: Floats) -> Floats:
-        """Return h of each mode, its rate of decay where it swings.
+        """Compute h of each mode, the rate at which its oscillation decays.
 
         Parameters
         ----------
         eigenvalues : ndarray of float64, shape (n,)
-            λ [1/s²].
+            Eigenvalues λ [1/s²].
 
         Returns
         -------
         ndarray of float64, shape (n,)
-            In 1/s.
+            Rates h [1/s].
         """
         return 0.5 * (self.alphas(eigenvalues) + self.beta * eigenvalues)
 
 
 @runtime_checkable
 class Damped(Protocol):
-    """What says how much modes are damped."""
+    """Object that defines how much modes are damped."""
 
     @property
     def damping(self) -> Damping:
-        """Of the modes; an InputError where parameters contradict each other."""
+        """Damping of the modes; raises InputError if parameters contradict each other."""
 
 
 def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
-    """Return the α and β that give two frequencies given damping ratios.
+    """Compute the α and β that give two damping ratios at two frequencies.
 
     Parameters
     ----------
@@ -81,8 +81,8 @@ def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
     Raises
     ------
     InputError
-        If the frequencies are equal, or α or β would be negative: damping would then feed energy
-        to some frequencies.
+        If the frequencies are equal, or α or β would be negative, as damping would then feed energy
+        into some frequencies.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How cloth drapes: the shadow of a shape, and Cusick's drape coefficient."""
+"""Drape of cloth: the shadow of a surface, and Cusick's drape coefficient."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from numpy.typing import ArrayLike
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: Lines on which a shadow is measured: four digits of it hold, and all of a polygon between lines.
+#: Number of lines on which a shadow is measured: four digits are correct, or all for a polygon
+#: between lines.
 LINES = 2000
 
 
 def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = LINES) -> float:
-    """Return the area of the shadow of a surface: what lies one above the other counts once.
+    """Compute the area of a surface's shadow, in which overlapping parts count once.
 
     Parameters
     ----------
     points : ndarray of float64, shape (V, 3)
         Vertices [m].
     triangles : ndarray of int64, shape (T, 3)
-        Of the surface, turned either way.
+        Triangles of the surface, with any orientation.
     direction : array_like of float, shape (3,)
-        Of parallel light, of any length but zero.
+        Direction of parallel light; any length but zero.
     lines : int
-        Number of parallel lines on which the covered length is summed, exactly on each.
+        Number of parallel lines on which the covered length is summed; on each the sum is exact.
 
     Returns
     -------
     float
-        In m².
+        Area [m²].
 
     Raises
     ------
@@ -45,7 +46,7 @@ def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = L
     light = np.asarray(direction, dtype=np.float64)
     if not light.any():
         raise InputError("light of no direction casts no shadow")
-    # The plane across the light: the last rows of what has it as its first.
+    # In the SVD of the light's direction, the last two rows span the plane across it.
     plane = np.linalg.svd(light[None])[2][1:]
     corners = (points @ plane.T)[triangles]
     corners = np.take_along_axis(corners, corners[..., 1:].argsort(axis=1), axis=1)
@@ -54,7 +55,7 @@ def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = L
     if not (width > 0 and height > 0):
         return 0.0
     step = height / lines
-    # Which lines meet which triangle, at heights (k + ½) step.
+    # Which lines cross which triangle, at heights (k + ½) step.
     ends = np.ceil((corners[:, ::2, 1] - low[1]) / step - 0.5).astype(np.int64)
     counts = ends[:, 1] - ends[:, 0]
     owner = np.repeat(np.arange(len(corners)), counts)
@@ -66,7 +67,8 @@ def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = L
     with np.errstate(divide="ignore", invalid="ignore"):
         short = np.where(yb > ya, xa + (xb - xa) * (y - ya) / (yb - ya), xb)
     long = x0 + (x2 - x0) * (y - y0) / (y2 - y0)
-    # Lines one after the other on a single one; of what overlaps only what reaches further counts.
+    # All lines are laid end to end on one line. An interval that overlaps earlier ones counts only
+    # from where they end.
     place = line * 2 * width - low[0]
     start, end = np.minimum(long, short) + place, np.maximum(long, short) + place
     order = start.argsort()
@@ -76,7 +78,7 @@ def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = L
 
 
 def drape_coefficient(shadow: float, cloth: float, disc: float) -> float:
-    """Return which share of what hangs over a disc the shadow still covers.
+    """Compute which share of the cloth that overhangs a disc its shadow covers.
 
     Parameters
     ----------
@@ -90,17 +92,17 @@ def drape_coefficient(shadow: float, cloth: float, disc: float) -> float:
     Returns
     -------
     float
-        1 for a plate, 0 for what hangs down limply.
+        1 for a stiff plate, 0 for cloth that hangs straight down.
 
     Raises
     ------
     InputError
-        If nothing hangs over.
+        If no cloth overhangs the disc.
 
     Notes
     -----
     G. E. Cusick, "The measurement of fabric drape", J. Textile Inst. 59 (1968) T253; ISO 9073-9.
-    There the cloth is round, of 300 mm, and the disc has 180 mm.
+    In this standard test the cloth is round with a diameter of 300 mm, and the disc has 180 mm.
 
     Examples
     --------

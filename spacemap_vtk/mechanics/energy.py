@@ -1,8 +1,8 @@
-"""Where the energy of a motion is: kinetic, strain, dissipated, and put in from outside.
+"""Energy of a motion: kinetic, strain, dissipated, and supplied from outside.
 
 The work of the loads, Σ ∫ w q̇ dt, has a closed form on each piece. For a linear load it needs ∫ q,
-which the kernel of a parabola gives. For a sine it needs H = ∫ e^{ps} q ds, p = iΩ, which follows
-from the equation of motion itself: (p² - 2hp + λ) H = ∫ e^{ps} w - [e^{ps} (q̇ - p q + 2h q)].
+which follows from the kernel of a parabola. For a sine it needs H = ∫ e^{ps} q ds, p = iΩ, which
+follows from the equation of motion: (p² - 2hp + λ) H = ∫ e^{ps} w - [e^{ps} (q̇ - p q + 2h q)].
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from spacemap_vtk.mechanics.timefunctions import Pieces
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
 
-#: Below this share of λ + Ω² the factor of H has lost too many digits, and H is integrated.
+#: If the factor of H is below this share of λ + Ω², cancellation has cost too many digits, and H is
+#: integrated numerically.
 RESONANT = 1e-4
-#: Points of Gauss's rule on a panel of half a turn, where H is integrated.
+#: Number of Gauss points on a panel of half a turn, where H is integrated numerically.
 POINTS = 16
-#: Starts of pieces that work is added up over: some 30 s, and 100 MB with 50 modes.
+#: Largest number of pieces whose work is summed: some 30 s, and 100 MB with 50 modes.
 MOST = 100_000
-#: Numbers of spans times modes that are worked on at once.
+#: Number of spans times modes that are processed at once.
 CHUNK = 200_000
 
 
@@ -60,24 +61,24 @@ class Balance(NamedTuple):
 
 
 def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balance:
-    """Return the balance of energies over time, with a total that is conserved.
+    """Compute the balance of energies over time, with a total that is conserved.
 
     Parameters
     ----------
     energies : ndarray of float64, shape (t, 4)
         Kinetic, strain and dissipated energy, and the work of all loads, see `Energy` [J].
     potential : ndarray of float64, shape (t,)
-        Of the loads that never change [J], 0 at t = 0.
+        Potential energy of the loads that never change [J], 0 at t = 0.
     work_at_start : float
-        What `Energy.work` is at t = 0: the energy of the initial state [J].
+        `Energy.work` at t = 0, which is the energy of the initial state [J].
 
     Returns
     -------
     Balance
-        With the work of the loads that have no potential apart.
+        Energies, with the potential of constant loads and the work of all others.
     """
     kinetic, strain, dissipated, work = energies.T
-    # A load that never changes does the work that its potential loses.
+    # The work of a constant load is the decrease of its potential.
     others = work + potential - work_at_start
     total = kinetic + strain + potential + dissipated - others
     return Balance(kinetic, strain, potential, dissipated, others, total)
@@ -86,20 +87,20 @@ def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balanc
 class Account:
     """Energies of a motion of mass-normalised modes, at any time."""
 
-    # The work up to the start of each piece is kept, so that later times cost no more than earlier
-    # ones when they are visited again.
+    # The work up to the start of each piece is kept, so evaluating a late time a second time costs
+    # no more than an early one.
 
     def __init__(self, motion: ModalMotion) -> None:
         self._motion = motion
         first = motion.state(0.0)
-        #: Of each start of a piece: time, state and the work done until then.
+        #: For each start of a piece: time, state, and work done until then.
         self._marks, self._states = [0.0], [first]
         self._works = [float(_stored(motion, first))]
-        #: The piece that was asked for last, its load at its start, and the slope.
+        #: Number of the last piece that was evaluated, and the load and its slope at its start.
         self._last: tuple[int, Floats, Floats] | None = None
         self._lossless = not motion.half.any()
         functions = [drive.function for drive in motion.drives]
-        #: Pieces that start in a second.
+        #: Number of pieces that start per second.
         self._rate = sum(
             len(function.times) / function.period
             for function in functions
@@ -107,13 +108,13 @@ class Account:
         )
 
     def at(self, time: float, state: State | None = None) -> Energy:
-        """Return the energies at a time; before 0 those of the initial state, held at rest."""
+        """Compute the energies at a time; before 0, those of the initial state, held at rest."""
         state = self._motion.at(time) if state is None else state
         kinetic = 0.5 * float(state.rate @ state.rate)
         strain = 0.5 * float(self._motion.stiffness @ state.position**2)
         if time < 0.0:
             return Energy(kinetic, strain, 0.0, kinetic + strain)
-        if time * self._rate > MOST:  # too many to add up: work and loss are unknown
+        if time * self._rate > MOST:  # too many pieces to sum: work and loss are unknown
             return Energy(kinetic, strain, math.nan, math.nan)
         self._reach(time)
         k = bisect_right(self._marks, time) - 1
@@ -124,12 +125,12 @@ class Account:
                 self._last = k, *self._load(begin)
             now = np.array([state[:2]])
             work += float(self._work(begin, end, self._states[k][None], now, *self._last[1:])[0])
-        # The balance is exact, so what is not there any more was lost.
+        # The balance is exact, so energy that is missing was dissipated.
         lost = 0.0 if self._lossless else max(0.0, work - kinetic - strain)
         return Energy(kinetic, strain, lost, work)
 
     def _reach(self, time: float) -> None:
-        """Add up the work until the last start of a piece up to a time."""
+        """Sum the work of all pieces up to the last one that starts before or at a time."""
         motion, last = self._motion, self._marks[-1]
         found = [
             start
@@ -138,7 +139,7 @@ class Account:
             for start in _starts(drive.function, last, time)
         ]
         found.sort()
-        # Of starts that differ by rounding the last: all that jumps there has jumped then.
+        # Of starts that differ only by rounding keep the last, when all jumps have happened.
         starts = [
             start
             for start, following in pairwise([*found, math.inf])
@@ -154,14 +155,14 @@ class Account:
             begins = np.array([self._marks[-1], *ends[:-1]])
             states = np.concatenate([self._states[-1][None], after[:-1]])
             gained = self._work(begins, ends, states, before, *self._load(begins))
-            # A base that jumps does work at once.
+            # A jump of the base does work in an instant.
             gained = gained + _stored(motion, after) - _stored(motion, before)
             self._works += list(self._works[-1] + gained.cumsum())
             self._marks += ends.tolist()
             self._states += list(after)
 
     def _load(self, begins: Floats) -> tuple[Floats, Floats]:
-        """Return the piecewise linear load, and its slope, where spans begin, (p, n)."""
+        """Compute the piecewise linear load and its slope at the beginning of spans, (p, n)."""
         shape = len(begins), len(self._motion.stiffness)
         load, slope = np.zeros(shape), np.zeros(shape)
         for drive in self._motion.drives:
@@ -180,8 +181,8 @@ class Account:
         load: Floats,
         slope: Floats,
     ) -> Floats:
-        """Return the work of the loads over spans in which no piece starts, (p,)."""
-        # The states at their ends, (p, 2, n), are those before a jump that happens there.
+        """Compute the work of the loads over spans in which no piece starts, (p,)."""
+        # `lasts`, (p, 2, n), are the states just before any jump at the ends of the spans.
         motion = self._motion
         spans = (ends - begins)[:, None]
         sines = [
@@ -200,7 +201,7 @@ class Account:
 
 
 class _Spells(NamedTuple):
-    """Motions from given states to given states, each under a linear load and sines."""
+    """Motions between given states, each under a linear load and sines."""
 
     motion: ModalMotion
     spans: Floats
@@ -215,7 +216,7 @@ class _Spells(NamedTuple):
     """Phasors (p, n), and Ω."""
 
     def integral(self) -> Floats:
-        """Return ∫ q."""
+        """Integrate q over each span."""
         stiffness, half = self.motion.stiffness, self.motion.half
         kernel = kernels(stiffness, half, self.spans)
         q, rate = self.firsts[:, 0], self.firsts[:, 1]
@@ -228,7 +229,7 @@ class _Spells(NamedTuple):
         return total
 
     def transform(self, omega: float) -> ComplexArray:
-        """Return ∫ e^{ps} q ds, p = iΩ."""
+        """Compute H = ∫ e^{ps} q ds, p = iΩ."""
         motion, spans, p = self.motion, self.spans, 1j * omega
         twice = 2 * motion.half
         factor = p * p - twice * p + motion.stiffness
@@ -248,7 +249,7 @@ class _Spells(NamedTuple):
         return result
 
     def _integrated(self, omega: float, modes: np.ndarray, row: int) -> ComplexArray:
-        """Return ∫ e^{ps} q ds of modes that are driven at their own frequency, hardly damped."""
+        """Integrate e^{ps} q numerically for modes driven near resonance with little damping."""
         stiffness, half = self.motion.stiffness[modes], self.motion.half[modes]
         span = float(self.spans[row, 0])
         fastest = max(omega, *(other for _, other in self.sines))
@@ -269,19 +270,19 @@ class _Spells(NamedTuple):
 
 
 def _turned(omega: float, spans: Floats) -> ComplexArray:
-    """Return ∫ e^{iωs} ds."""
+    """Integrate e^{iωs} over spans that start at s = 0."""
     turned: ComplexArray = np.exp(0.5j * omega * spans) * np.sinc(omega * spans / (2 * math.pi))
     return spans * turned
 
 
 def _stored(motion: ModalMotion, states: Floats) -> Floats:
-    """Return kinetic and strain energy of states (…, 2, n)."""
+    """Compute kinetic plus strain energy of states (…, 2, n)."""
     q, rate = states[..., 0, :], states[..., 1, :]
     return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))
 
 
 def _starts(function: Pieces, after: float, until: float) -> list[float]:
-    """Return the times where a piece starts, after one time and up to another."""
+    """List the times in (after, until] at which a piece starts."""
     period = function.period
     if period is None:
         return [float(t) for t in function.times if after < t <= until]

@@ -1,11 +1,12 @@
-"""The energy of a body as a list of terms, each a function of the positions of its nodes.
+"""Potential energy of a body as a list of terms, each a function of its nodes' positions.
 
-Equilibrium, the modes about it, the steps of its motion and the cache of its modes know a body only
-as a list of `EnergyTerm`: elements, springs, dead loads, pressures, and whatever else is registered
-with `energy_term`. A term of one's own has a sparsity (`nodes`), an energy, its first two
-derivatives, and a digest; everything else has a general default.
+The equilibrium, the modes about it, the time steps and the cache of modes use a body only through
+its `EnergyTerm` objects: elements, springs, dead loads, pressures, and any kind that is registered
+with `energy_term`. A new kind of term defines a sparsity (`nodes`), an energy, its first two
+derivatives and a digest; everything else has a general default.
 
-Sign: `forces` are the gradient ∂W/∂z. They hold the shape; the term itself pushes with -∂W/∂z.
+Sign: `forces` is the gradient ∂W/∂z, which are the forces that hold the shape. The term itself
+pushes with -∂W/∂z.
 """
 
 from __future__ import annotations
@@ -28,42 +29,42 @@ if TYPE_CHECKING:
 
 
 class EnergyTerm(ABC):
-    """One term of a body's energy: a sum over elements that each depend on a few nodes."""
+    """One term of a body's energy: a sum over elements, each of which depends on a few nodes."""
 
-    #: (E, n) The nodes that each of E elements depends on, as rows of the positions.
+    #: (E, n) Nodes of each of the E elements, as row numbers of the positions.
     nodes: Ints
 
-    #: Whether `forces` are the gradient of `energy`. If not, the work of the term is external work.
+    #: Whether `forces` is the gradient of `energy`. If not, the term does external work.
     conservative = True
 
     @property
     @abstractmethod
     def digest(self) -> str:
-        """A text that differs between any two terms of different energy, a key of the cache."""
+        """Text that differs between terms of different energy; part of the cache key."""
 
     @abstractmethod
     def energy(self, positions: Floats) -> float:
-        """Return the energy W.
+        """Compute the energy W.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
         float
-            In J.
+            W [J].
         """
 
     @abstractmethod
     def forces(self, positions: Floats) -> Floats:
-        """Return the gradient of the energy: the forces that hold the term where it is.
+        """Compute the gradient of the energy: the forces that hold the nodes in place.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
@@ -73,45 +74,45 @@ class EnergyTerm(ABC):
 
     @abstractmethod
     def tangent(self, positions: Floats) -> Floats:
-        """Return the second derivatives of the energy of each element.
+        """Compute the second derivatives of the energy of each element.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
         ndarray of float64, shape (E, 3 n, 3 n)
-            In N/m, node by node.
+            Matrices [N/m], ordered node by node.
         """
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Return which multiple of a Newton step may be made at once.
+        """Compute the largest multiple of a Newton step that may be made at once.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
         move : ndarray of float64, shape (V, 3)
-            The step from there [m].
+            Newton step from these positions [m].
 
         Returns
         -------
         float
-            Infinite, the default, where any may.
+            Largest multiple; infinite (the default) if there is no limit.
         """
         return math.inf
 
     def admits(self, start: Floats, positions: Floats) -> bool:
-        """Return whether positions can be reached from the start, whatever their energy.
+        """Check whether positions can be reached from the start, whatever their energy.
 
         Parameters
         ----------
         start : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes at the start [m].
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
@@ -121,45 +122,45 @@ class EnergyTerm(ABC):
         return True
 
     def resisted(self) -> Floats:
-        """Return matrices that are zero for motions which the term never resists.
+        """Compute matrices that are zero for motions which the term never resists.
 
         Returns
         -------
         ndarray of float64, shape (E, 3 n, 3 n)
-            By default unit matrices: there is no such motion.
+            Unit matrices by default: the term resists every motion.
         """
         size = 3 * self.nodes.shape[1]
         return np.broadcast_to(np.eye(size), (len(self.nodes), size, size))
 
     def at(self, positions: Floats) -> TermState:
-        """Return the term at some positions, to be asked for energy, forces and tangent.
+        """Evaluate the term at the given positions.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
         TermState
-            By default one that asks this term.
+            Energy, forces and tangent there. By default each is computed by this term.
         """
         return TermState(self, positions)
 
     def products(self, positions: Floats, fields: Floats) -> Floats:
-        """Return φᵀ K φ of each two of some fields.
+        """Compute φᵀ K φ for each pair of displacement fields.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Of all nodes [m].
+            Positions of all nodes [m].
         fields : ndarray of float64, shape (m, V, 3)
             The fields φ.
 
         Returns
         -------
         ndarray of float64, shape (m, m)
-            In J, where the fields are in m.
+            Products [J] if the fields are in m.
         """
         moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
         return np.asarray(
@@ -168,25 +169,25 @@ class EnergyTerm(ABC):
 
 
 class TermState:
-    """A term at some positions. What is expensive is computed once."""
+    """A term at fixed positions, which computes each expensive result only once."""
 
     def __init__(self, term: EnergyTerm, positions: Floats) -> None:
         self.term, self._positions = term, positions
 
     @cached_property
     def energy(self) -> float:
-        """W [J]."""
+        """Energy W [J]."""
         return self.term.energy(self._positions)
 
     @cached_property
     def forces(self) -> Floats:
-        """∂W/∂z [N], (V, 3)."""
+        """Gradient ∂W/∂z [N], (V, 3)."""
         return self.term.forces(self._positions)
 
     def tangent(self, firm: float = 0.0, carried: Any = None) -> Floats:
-        """Return the second derivatives of each element, (E, 3 n, 3 n)."""
-        # Without the share `firm` of its negative curvature: with 1 no matrix is indefinite.
-        # `carried` is what `predicted` returned one step earlier.
+        """Compute the second derivatives of each element, (E, 3 n, 3 n)."""
+        # `firm` is the share of the negative curvature that is removed: with 1 no matrix is
+        # indefinite. `carried` is the result of `predicted` from the step before.
         blocks = self.term.tangent(self._positions)
         if firm == 0.0 or not blocks.size:
             return blocks
@@ -195,12 +196,12 @@ class TermState:
         return np.asarray(blocks - firm * negative)
 
     def predicted(self, move: Floats, curve: Floats | None = None) -> Any:
-        """Return what the tangent after a move, and a curve, may use in place of its own state."""
+        """Predict the state that the tangent may use after a move and a curve; None: its state."""
         return None
 
 
 class DeadLoad(EnergyTerm):
-    """Forces (V, 3) [N] that keep their directions: W = -f · (z - z₀)."""
+    """Forces (V, 3) [N] of constant direction: W = -f · (z - z₀)."""
 
     def __init__(self, load: Floats, origin: Floats) -> None:
         self.load, self._origin = load, origin
@@ -212,25 +213,25 @@ class DeadLoad(EnergyTerm):
         return digest_of("dead load", self.load)
 
     def energy(self, positions: Floats) -> float:
-        """Return what the forces have still to give [J], zero at the origin."""
+        """Compute the potential energy of the forces [J], zero at the origin."""
         return -float(np.vdot(self.load, positions - self._origin))
 
     def forces(self, positions: Floats) -> Floats:
-        """Return what would hold the body against them [N], (V, 3)."""
+        """Return the forces that hold the body against the load [N], (V, 3)."""
         return -self.load
 
     def tangent(self, positions: Floats) -> Floats:
-        """Return no matrices: they do not change with the positions."""
+        """Return no matrices, as the forces do not depend on the positions."""
         return np.empty((0, 3, 3))
 
 
 def tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
-    """Return the second derivatives of all terms at some positions, (3V, 3V)."""
+    """Assemble the second derivatives of all terms at the given positions, (3V, 3V)."""
     return assembled([(term.nodes, term.tangent(positions)) for term in terms], positions.size)
 
 
 def assembled(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
-    """Return the sum of matrices (E, 3 n, 3 n) of elements with nodes (E, n), (size, size)."""
+    """Sum matrices (E, 3 n, 3 n) of elements with nodes (E, n) into one of shape (size, size)."""
     from scipy.sparse import coo_matrix
 
     values, rows, columns = [], [], []
@@ -244,17 +245,17 @@ def assembled(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
     return coo_matrix(data, shape=(size, size)).tocsr()
 
 
-#: A maker of a term on a cage: called with vertices (V, 3) [m], tetrahedra, and keyword arguments.
+#: Function that makes a term on a cage from vertices (V, 3) [m], tetrahedra and keyword arguments.
 Maker = Callable[..., EnergyTerm]
 
-#: What `energy_term` has registered, by kind.
+#: Functions that `energy_term` has registered, by kind.
 _MAKERS: dict[str, Maker] = {}
 
 
 def energy_term(kind: str) -> Callable[[Maker], Maker]:
-    """Register a function that makes a term, under the kind that recipes name."""
-    # It takes the undeformed vertices (V, 3) of the cage, its tetrahedra (T, 4) or (T, 10), and as
-    # keyword arguments what else the recipe has.
+    """Register a function that makes a term, under the kind by which recipes name it."""
+    # The function is called with the undeformed vertices (V, 3) of the cage and its tetrahedra
+    # (T, 4) or (T, 10); the other entries of the recipe are its keyword arguments.
 
     def register(maker: Maker) -> Maker:
         _MAKERS[kind] = maker
@@ -264,17 +265,17 @@ def energy_term(kind: str) -> Callable[[Maker], Maker]:
 
 
 def check_recipe(recipe: Mapping[str, Any]) -> None:
-    """Refuse a recipe of no registered kind, or with other keys than its maker takes.
+    """Refuse a recipe of an unregistered kind, or with wrong arguments.
 
     Parameters
     ----------
     recipe : mapping of str to object
-        A kind, and the arguments of its maker.
+        The kind, and the arguments of the registered function.
 
     Raises
     ------
     InputError
-        If a name is unknown or missing.
+        If the kind is not registered, or an argument is unknown or missing.
     """
     kind = recipe.get("kind")
     if kind not in _MAKERS:
@@ -298,12 +299,12 @@ def check_recipe(recipe: Mapping[str, Any]) -> None:
 
 
 def made(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
-    """Return the term of a recipe on a cage.
+    """Make the term that a recipe describes on a cage.
 
     Parameters
     ----------
     recipe : mapping of str to object
-        A kind, and the arguments of its maker.
+        The kind, and the arguments of the registered function.
     points : ndarray of float64, shape (V, 3)
         Undeformed vertices [m].
     cells : ndarray of int64, shape (T, 4) or (T, 10)
@@ -312,7 +313,7 @@ def made(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
     Returns
     -------
     EnergyTerm
-        Of the vertices.
+        The term, whose nodes are the vertices of the cage.
     """
     check_recipe(recipe)
     values = {name: value for name, value in recipe.items() if name != "kind"}
@@ -320,12 +321,12 @@ def made(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
 
 
 def digest_of(*parts: Any) -> str:
-    """Return a digest of arrays and other values.
+    """Compute a digest of arrays and other values.
 
     Parameters
     ----------
     *parts : ndarray, str, int, float or bool
-        What to digest, types and shapes included.
+        Values to digest; their types and shapes count, too.
 
     Returns
     -------

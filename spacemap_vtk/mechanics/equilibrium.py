@@ -1,19 +1,22 @@
-"""The stable equilibrium of a body under loads, however far it moves and turns.
+"""Stable equilibrium of a body under loads, for any displacements and rotations.
 
-It is where the energy of all terms is least. Newton's method alone hardly gets there: its linear
-solution stretches whatever it turns, and a thin sheet bears so little stretch that a search for
-less energy allows short steps only. Three things make the way short:
+The equilibrium is the state of least energy. Newton's method alone hardly reaches it: its linear
+solution stretches everything that it turns, and a thin sheet tolerates so little stretch that a
+line search for less energy allows only short steps. Three measures keep the number of steps small:
 
-- The tangent has the stress C (ε + G Δz) that the last step's linear solution balances, not that of
-  its spurious stretch (mixed integration points: Magisano, Leonetti and Garcea, Comput. Methods
-  Appl. Mech. Eng. 313 (2017) 986). Only the rotation of a step is limited; energy may rise in
-  between. Where this leads nowhere, steps take over of which each lowers the energy.
-- Far from the end the tangent has only stresses that pull, and so is positive definite; nearer to
-  it, as little less than all as keeps it so.
-- A state that is not stable is left along its lowest eigenvector, and along what bends with it.
+- The tangent uses the stress C (ε + G Δz) that balances the linear solution of the last step,
+  without its spurious stretch (mixed integration points: Magisano, Leonetti and Garcea, Comput.
+  Methods Appl. Mech. Eng. 313 (2017) 986). Only the rotation of a step is limited; the energy may
+  rise on the way. If this does not converge, the search continues with steps that each lower the
+  energy.
+- Far from the solution the tangent contains only tensile stresses and is therefore positive
+  definite. Closer to it, the smallest share of the other stresses is left out that keeps it so.
+- From an unstable state the search moves along the lowest eigenvector, with a second-order
+  correction.
 
-How the energy depends on the positions is not assumed: the length of a step is found from the slope
-of the energy along it, and no step is longer than a term admits (`EnergyTerm.largest_step`).
+Nothing is assumed about how the energy depends on the positions: the length of a step follows from
+the slope of the energy along it, and no step is longer than a term admits
+(`EnergyTerm.largest_step`).
 """
 
 from __future__ import annotations
@@ -30,43 +33,47 @@ from spacemap_vtk.mechanics.body import Body
 from spacemap_vtk.mechanics.energy_terms import EnergyTerm, TermState
 from spacemap_vtk.ndarrays import Floats, Progress
 
-#: Unbalanced share of the load up to which a state is one of equilibrium; or the share of the
-#: energy that a further step would win, where forces have no more digits.
+#: A state is in equilibrium if the unbalanced forces are at most the share RESIDUAL of the load; or
+#: if a further step would lower the energy by at most the share DECREMENT, because forces have no
+#: more correct digits then.
 RESIDUAL, DECREMENT = 1e-8, 1e-18
 
-#: Or that below which steps win no less than one before them, as often as this: only rounding is
-#: left, as of tetrahedra that are far thinner than wide.
+#: A state is also in equilibrium if OFTEN steps in a row would each lower the energy by less than
+#: the share LOST, and by no less than half of the smallest decrease before. Only rounding is left
+#: then, as with tetrahedra that are much thinner than wide.
 LOST, OFTEN = 1e-6, 3
 
-#: Share of the largest step that is admissible below which the tangent comes nearer to the exact
+#: Share of the largest admissible step below which the next tangent is made closer to the exact
 #: one.
 NEAR = 0.3
 
-#: Share of the steepest slope that may be left at the end of a step along which energy falls, the
-#: share of all energies that rounding leaves of their sum, and how many lengths are tried.
+#: Line search: LEVEL is the share of the steepest slope that may be left at the end of a step,
+#: NOISE the rounding error of the total energy as a share of the sum of absolute energies, and
+#: TRIALS the largest number of lengths.
 LEVEL, NOISE, TRIALS = 0.1, 1e-13, 40
 
-#: Share of the stresses that do not pull which may be missing from a tangent before it is made
-#: exact, and how much is left out first where the exact one is indefinite.
+#: A tangent that lacks less than the share EXACT of the stresses that do not pull is made exact.
+#: SOFT is the share that is left out first if the exact tangent is indefinite.
 EXACT, SOFT = 0.02, 0.1
 
-#: Steps without less energy than ever before, after which each has to lower it.
+#: Number of steps without a new least energy, after which every step has to lower the energy.
 PATIENCE = 25
 
-#: Share of the energy that a step would win below which a state that is not stable is left,
-#: although it is not found to the last digit.
+#: An unstable state is left as soon as a step would lower the energy by less than this share, even
+#: if the state has not been found to the last digit.
 EARLY = 1e-6
 
-#: Share of |v| · |K| |v| that rounding may leave of an eigenvalue.
+#: Rounding error of an eigenvalue, as a share of |v| · |K| |v|.
 ROUNDING = 1e-14
 
-#: Share of the largest admissible step up to which a tangent changes in proportion to the load.
+#: A tangent is taken to change in proportion to the load up to this share of the largest admissible
+#: step.
 STRAIGHT = 0.2
 
-#: Steps after which a smaller share of the load is tried, and the least such share.
+#: Number of steps after which a smaller share of the load is tried, and the least such share.
 ATTEMPT, LEAST = 400, 1 / 64
 
-#: Share of the load that may be left to motions that nothing resists: rounding of a balanced one.
+#: Share of the load in directions that nothing resists which is still rounding of a balanced load.
 FREE = 0.01
 
 
@@ -92,11 +99,12 @@ def equilibrium(
     progress: Progress | None = None,
     steps: int = 1200,
 ) -> Equilibrium:
-    """Return a stable equilibrium of a body under loads, which are applied in shares if need be."""
+    """Find a stable equilibrium of a body under loads, which are applied in shares if necessary."""
     # Nodal vectors are start (V, 3) + (basis @ q).reshape(V, 3), with the basis (3V, N) of what the
-    # supports leave free; `steps` bounds the linear systems that are solved. At each of them
-    # `progress` is called with the share of the work done; it may raise, to cancel. InputError: of
-    # a body that nothing holds against the load. SolverError: where the steps do not suffice.
+    # supports leave free; `steps` limits the number of linear systems. Before each of them
+    # `progress` is called with the share of the work that is done; it may raise, to cancel.
+    # Raises InputError if nothing holds the body against the load, and SolverError if the steps do
+    # not suffice.
     with blas_threads.one():
         body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
         acting = -body.along_free(np.sum([load.forces(start) for load in loads], axis=0))
@@ -133,28 +141,30 @@ def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError
 
 
 class _Search:
-    """The search for a stable state under a share of the load, from one under a smaller share."""
+    """Search for a stable state under a share of the load, from one under a smaller share."""
 
     def __init__(self, body: Body, loads: int, start: Floats, before: float, share: float) -> None:
         self._body, self._start, self._before, self._share = body, start, before, share
-        #: The first terms of the body are the loads.
+        #: Number of loads; they are the first terms of the body.
         self._loads = loads
         body.factors[:loads] = share
         self._z, self._best, self._least, self._since = start, start, np.inf, 0
-        #: What the last step would have won, the least of these lately, and how often not less.
+        #: Expected decrease of energy in the last step; the smallest such decrease recently; and
+        #: the number of steps in a row that did not clearly go below it.
         self._won, self._lowest, self._often = np.inf, np.inf, 0
-        #: How much of the negative curvature the tangent is without.
+        #: Share of the negative curvature that is left out of the tangent.
         self._firm = 1.0
-        #: Whether each step has to lower the energy; if not, what the last step has predicted.
+        #: Whether each step has to lower the energy. If not, `_carried` holds the prediction of the
+        #: last step.
         self._careful = False
         self._carried: list[Any] | None = None
-        #: The positions that were asked for last, and the terms there.
+        #: Positions that were evaluated last, and the terms there.
         self._known: tuple[Floats, list[TermState]] | None = None
-        #: Share of the load at which the straight way stops being stable.
+        #: Share of the load at which the direct path becomes unstable.
         self.critical: float | None = None
 
     def run(self, limit: int) -> tuple[Floats, float] | None:
-        """Return the state and its residual, or None where it takes more steps."""
+        """Find the state and its residual; None if it needs more steps than the limit."""
         body, full = self._body, 0.0
         while body.steps < limit:
             states = self._at(self._z)
@@ -185,7 +195,7 @@ class _Search:
                 return self._z, left / full
             if settled and self._careful:
                 return None
-            if settled:  # a long step has turned over what no small one can
+            if settled:  # long steps have turned something over that short steps cannot turn back
                 self._go_back(self._start)
                 continue
             q = -solve(force)
@@ -202,12 +212,12 @@ class _Search:
         return self._known[1]
 
     def _applied(self, states: list[TermState]) -> float:
-        """Return the norm of the loads."""
+        """Compute the norm of the loads."""
         forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
         return self._share * float(np.linalg.norm(self._body.along_free(forces)))
 
     def _astray(self, energy: float, size: float, settled: bool) -> bool:
-        """Go back to the state of least energy where the way leads away from it."""
+        """Go back to the state of least energy if the search leads away from it."""
         self._since = 0 if energy < self._least - 1e-9 * abs(self._least) else self._since + 1
         if energy < self._least:
             self._least, self._best = energy, self._z
@@ -218,7 +228,7 @@ class _Search:
         return True
 
     def _go_back(self, z: Floats) -> None:
-        """Begin anew at some positions, with steps that lower the energy."""
+        """Start again at the given positions, with steps that lower the energy."""
         self._z, self._best, self._least, self._since = z, z, np.inf, 0
         self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
 
@@ -237,11 +247,11 @@ class _Search:
         self._z = self._moved_to(self._z + move)
 
     def _moved_to(self, z: Floats) -> Floats:
-        """Return positions: the very ones that were tried last, where they are the same."""
+        """Return the positions; the array that was evaluated last if they are equal to it."""
         return z if self._known is None or (self._known[0] != z).any() else self._known[0]
 
     def _left(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
-        """Leave a state whose tangent is not definite; tell whether it is so beyond rounding."""
+        """Leave a state of indefinite tangent; return whether it is indefinite beyond rounding."""
         body = self._body
         value, q, solve = body.lowest(matrix, body.tangent(states, firm=1.0))
         self._won = np.inf
@@ -252,12 +262,12 @@ class _Search:
             stable = body.tangent(body.at(self._start))
             way = -1.0 / body.lowest(matrix - stable, stable)[0]
             self.critical = self._before + (self._share - self._before) * way
-        # The first of the largest components is positive, so that rounding does not choose a side.
+        # The first of the largest components is made positive, or rounding would choose the side.
         q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
         move = body.moved(q)
         q = q * min(body.largest_step(self._z, side * move) for side in (1.0, -1.0))
         move = body.moved(q)
-        # What bends must not stretch, and so the way curves: z + a Δz + a² w (Koiter 1945).
+        # Bending must not stretch the sheet, so the path is curved: z + a Δz + a² w (Koiter 1945).
         there, back = (body.forces(body.at(self._z + side * move)) for side in (1.0, -1.0))
         bend = -solve((there + back) / 2 - body.forces(states))
         length, energy = self._fall(q, bend, 1.0)
@@ -269,8 +279,8 @@ class _Search:
         return True
 
     def _fall(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
-        """Return how far, up to `most`, the energy falls along a q + a² bend, and its value."""
-        # Nothing is assumed about the energy but that its slope along the way is continuous.
+        """Find how far, up to `most`, the energy falls along a q + a² bend, and its value there."""
+        # The only assumption about the energy is that its slope along the path is continuous.
         body, z = self._body, self._z
         move, curve = body.moved(q), body.moved(bend)
 
@@ -284,10 +294,10 @@ class _Search:
 
 
 def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> tuple[float, float]:
-    """Return a length, up to `most`, at which a function stops falling, and its value there."""
-    # `trial` returns for a length the value, the size of what it is a sum of, and the slope. The
-    # slope at zero is negative, or zero at a maximum. The first trial is taken that leaves no more
-    # than a share LEVEL of the steepest slope.
+    """Find a length, up to `most`, at which a function stops falling, and its value there."""
+    # For a length, `trial` returns the value, the sum of the absolute terms of the value, and the
+    # slope. The slope at zero is negative, or zero at a maximum. The search ends at the first
+    # length where at most the share LEVEL of the steepest slope is left.
     first, _, slope = trial(0.0)
     low, high = (0.0, slope), (0.0, 0.0)
     steepest, length = -slope, min(1.0, most)
@@ -304,7 +314,7 @@ def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> t
         if high[0] == 0.0:
             length = min(2.0 * length, most)
             continue
-        # By secants, not too near to either end; where these say nothing, by halves.
+        # By the secant method, not too close to either end; without a sign change, by bisection.
         width, share = high[0] - low[0], 0.5
         if low[1] < 0.0 < high[1]:
             share = float(np.clip(low[1] / (low[1] - high[1]), 0.1, 0.9))

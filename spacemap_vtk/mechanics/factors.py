@@ -1,8 +1,8 @@
-"""Factors of a sparse, symmetric, positive definite matrix, by the best library that is there.
+"""Factors of a sparse, symmetric, positive definite matrix, from the best library available.
 
-In this order: CHOLMOD (scikit-sparse), Pardiso (pypardiso), and our own, which needs nothing but
-scipy. The first two are not installed by default: CHOLMOD's supernodal part is GPL and has no
-wheel, Pardiso brings MKL.
+Libraries are tried in this order: CHOLMOD (scikit-sparse), Pardiso (pypardiso), and this project's
+`spacemap_vtk.mechanics.multifrontal`, which needs only scipy. The first two are not installed by
+default: CHOLMOD's supernodal part is GPL and has no wheel, Pardiso brings MKL.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from spacemap_vtk.ndarrays import Floats, Progress
 
 Solve = Callable[[Floats], Floats]
 
-#: CHOLMOD's errors when memory is short, which are no MemoryError before scikit-sparse 0.5.
+#: CHOLMOD's memory errors, which are not a MemoryError before scikit-sparse 0.5.
 _TOO_LARGE = ("CholmodOutOfMemoryError", "CholmodTooLargeError", "CholmodOverflowError")
 
 
 class Factors(NamedTuple):
-    """A factorised matrix."""
+    """Solver of a factorised matrix."""
 
-    #: Maps right-hand sides (N, m) to solutions (N, m).
+    #: Function from right-hand sides (N, m) to solutions (N, m).
     solve: Solve
-    #: Who made the factors.
+    #: Name of the library that computed the factors.
     library: str
 
 
 def factorise(
     matrix: sp.csr_matrix, analysis: Callable[[], Analysis], progress: Progress | None = None
 ) -> Factors:
-    """Factorise a matrix."""
+    """Factorise a matrix with the first library that is installed."""
     for library in (cholmod, pardiso):
         try:
             return Factors(library(matrix), library.__name__.strip("_"))
         except ImportError:
             continue
-        except Exception as error:  # each library has errors of its own
+        except Exception as error:  # each library has its own exception classes
             if isinstance(error, MemoryError) or type(error).__name__ in _TOO_LARGE:
                 raise SizeError(
                     f"the factors of {matrix.shape[0]} degrees of freedom do not fit into memory",
@@ -56,18 +56,18 @@ def factorise(
 
 
 def cholmod(matrix: sp.csr_matrix) -> Solve:
-    """Factorise by SuiteSparse's CHOLMOD."""
+    """Factorise with SuiteSparse's CHOLMOD."""
     from sksparse import cholmod as library
 
-    if hasattr(library, "cho_factor"):  # from scikit-sparse 0.5 on
+    if hasattr(library, "cho_factor"):  # scikit-sparse 0.5 or newer
         return library.cho_factor(matrix.tocsc(), lower=True, order="metis").solve
-    # Of a small matrix it would otherwise take an LDLᵀ, which indefinite ones have as well.
+    # By default CHOLMOD factorises a small matrix as LDLᵀ, which would accept an indefinite one.
     factor = library.cholesky(matrix.tocsc(), ordering_method="metis", mode="supernodal")
     return lambda right: factor(right)
 
 
 def pardiso(matrix: sp.csr_matrix) -> Solve:
-    """Factorise by MKL's PARDISO."""
+    """Factorise with MKL's PARDISO."""
     from pypardiso import PyPardisoSolver
 
     solver = PyPardisoSolver(mtype=2)
@@ -77,6 +77,6 @@ def pardiso(matrix: sp.csr_matrix) -> Solve:
     def solve(right: Floats) -> Floats:
         return np.asarray(solver.solve(upper, np.asfortranarray(right)))
 
-    # MKL holds the factors, and Python's garbage collector knows nothing of them.
+    # MKL owns the factors; Python's garbage collector does not know of them.
     weakref.finalize(solve, solver.free_memory, everything=True)
     return solve

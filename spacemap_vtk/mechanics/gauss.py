@@ -44,11 +44,11 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Times of the two stages, as shares of the step. Their weights are ½, ½.
 STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
-#: The method's matrix A, and its inverse.
+#: Matrix A of the method, and its inverse.
 _A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
 _INVERSE = np.linalg.inv(_A)
 
-#: Points and weights of a quadrature over the step, for terms that are no strains. The work of a
+#: Points and weights of a quadrature over the step, for terms other than strains. The work of a
 #: pressure is of fifth degree in time, so three Gauss points integrate it exactly.
 _TIMES = 0.5 + np.array([-1.0, 0.0, 1.0]) * 15**0.5 / 10
 _SHARES = np.array([5.0, 8.0, 5.0]) / 18
@@ -63,8 +63,8 @@ TRIES = 40
 #: The tangent is recomputed after a correction that is larger than this share of the one before.
 GAIN = 0.3
 
-#: The tangent is recomputed after a move of more than this share of the largest that is admissible,
-#: of elements a rotation of 0.003 rad.
+#: The tangent is recomputed after a move of more than this share of the largest admissible move;
+#: for elements this is a rotation of 0.003 rad.
 NEAR = 0.006
 
 #: Largest number of tangents computed in a step. A correction larger than the one before ends the
@@ -75,13 +75,13 @@ MADE = 12
 LAST = 1e-10
 
 #: It has also converged when a correction below this share of the step is not smaller than the one
-#: before: what is left is rounding.
+#: before: only rounding is left.
 LOST = 1e-6
 
 #: It has also converged when a correction moves less than this share of the body's size.
 LEAST = 1e-15
 
-#: A change of energy that is known to this share of the energy is exact but for rounding.
+#: A change of energy below this share of the energy is rounding.
 NOISE = 1e-14
 
 
@@ -137,8 +137,8 @@ class _Kept(NamedTuple):
 class Gauss:
     """The equations of motion of a body; forces and energies are divided by its modulus."""
 
-    # Terms of the body that are not conservative do external work, each times a factor that may
-    # change with time, see `Acting`.
+    # Terms of the body that are not conservative do external work. Each is multiplied by a factor
+    # that may change with time, see `Acting`.
 
     def __init__(
         self,
@@ -149,13 +149,14 @@ class Gauss:
         drag: Floats | None = None,
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
-        #: Numbers of the terms that are strains, of the others, and which of these are driven.
+        #: Numbers of the terms that are strains, and of the others; `_driven` marks those of the
+        #: others that do external work.
         self._strained = [k for k, t in enumerate(body.terms) if isinstance(t, Strains)]
         self._kinds = [term for term in body.terms if isinstance(term, Strains)]
         self._others = [k for k, t in enumerate(body.terms) if not isinstance(t, Strains)]
         self._driven = np.array([not body.terms[k].conservative for k in self._others], dtype=bool)
         size = self.mass.shape[0]
-        #: U of the equations above, (N, m).
+        #: Matrix U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
         extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
         self._least = LEAST * extent * math.sqrt(float(mass.diagonal().sum()))
@@ -163,20 +164,20 @@ class Gauss:
         self._kept: _Kept | None = None
 
     def at(self, position: Floats) -> list[TermState]:
-        """Return all terms at q."""
+        """Evaluate all terms at q."""
         return self.body.at(self._nodal(position))
 
     def strains(self, parts: list[TermState]) -> list[StrainState]:
-        """Return those of the terms that are strains."""
+        """Select the terms that are strains."""
         return [part for part in parts if isinstance(part, StrainState)]
 
     def stored(self, rate: Floats, parts: list[TermState]) -> tuple[float, float]:
-        """Return kinetic energy, and that of all conservative terms."""
+        """Compute the kinetic energy, and the energy of all conservative terms."""
         held = sum(part.energy for part in parts if part.term.conservative)
         return 0.5 * float(rate @ (self.mass @ rate)), held
 
     def impulse(self, parts: list[TermState], move: Floats) -> Floats:
-        """Return the impulse of the damping against a sudden move q."""
+        """Compute the impulse of the damping against a sudden move q."""
         return self._dragged(move) + self._viscous(parts, move)
 
     def step(
@@ -189,9 +190,9 @@ class Gauss:
         guess: Floats,
         carried: list[Floats],
     ) -> Step | None:
-        """Return the state after a span [s], or None where Newton's method finds none."""
+        """Compute the state after a span [s]; None if Newton's method does not converge."""
         # `acting` returns the loads at a share of the step. `guess`, (2, N), estimates the moves
-        # from the start to both stages, and `carried` the stress of each kind of element.
+        # from the start to both stages; `carried` is the stress of each kind of element.
         pushes = np.stack([acting(share).push for share in STAGES])
         factors = np.stack([self._factors(acting(share)) for share in _TIMES])
         strains = self.strains(parts)
@@ -217,7 +218,7 @@ class Gauss:
             if kept is None:
                 if made == MADE:
                     return None
-                # The geometric stiffness takes the stress predicted by the last linear solution.
+                # The geometric stiffness uses the stress predicted by the last linear solution.
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
                 solve = self._solution(stages, stress, between, factors, span)
@@ -266,13 +267,13 @@ class Gauss:
         inertia: Floats,
         solve: Solve,
     ) -> Floats:
-        """Return the estimated errors per radian of vibration [m], (V, 3)."""
+        """Estimate the errors per radian of vibration [m], (V, 3)."""
         # The accelerations of the stages, extrapolated linearly to the start, differ from the
         # acceleration there by h²/12 of its second derivative: by a ω⁴ h²/12 for a vibration of
         # amplitude a and frequency ω. The error per radian is a (ω h)⁴/720, which is h²/60 times
         # that difference. Solving with the tangent turns the difference into a move to the second
-        # stage: c₂² h²/2 times the difference where h is short; for a vibration faster than the
-        # step no more than its amplitude (Hosea and Shampine 1996).
+        # stage: c₂² h²/2 times the difference if h is short, and no more than the amplitude for a
+        # vibration faster than the step (Hosea and Shampine 1996).
         wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
         strains = self.strains(parts)
         pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
@@ -285,7 +286,7 @@ class Gauss:
         return self.body.moved(found[1] / (30 * STAGES[1] ** 2))
 
     def _inertia(self, changes: Floats, span: float) -> Floats:
-        """Return M ẍ at the stages from the changes of their rates since the start, (2, N)."""
+        """Compute M ẍ at the stages from the changes of their rates since the start, (2, N)."""
         return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
 
     def _stages(
@@ -316,7 +317,7 @@ class Gauss:
         return found
 
     def _slopes(self, stage: _Stages, span: float, i: int, k: int) -> Floats:
-        """Return the derivative of ε + β ε̇ at stage i by the move to stage k."""
+        """Compute the derivative of ε + β ε̇ at stage i with respect to the move to stage k."""
         mixed = _A[i, :] * _INVERSE[:, k]
         mixed[i] += self.beta / span * _INVERSE[i, k]
         turning = span * _A[i, k] + (self.beta if i == k else 0.0)
@@ -326,7 +327,7 @@ class Gauss:
         return result
 
     def _predicted(self, stages: list[_Stages], change: Floats, span: float) -> list[list[Floats]]:
-        """Return the stress at the stages after a correction, to first order."""
+        """Predict the stress at the stages after a correction, to first order."""
         moved = [self.body.moved(part) for part in change]
         return [
             [
@@ -384,13 +385,13 @@ class Gauss:
         return solved
 
     def _factors(self, load: Acting) -> Floats:
-        """Return by what each term that is no strain counts: one, but for those that drive."""
+        """Return the factor of each term other than strains: 1 unless it does external work."""
         factors = np.ones(len(self._others))
         factors[self._driven] = load.factors
         return factors
 
     def _between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
-        """Return the terms that are no strains at each point of the quadrature."""
+        """Evaluate the terms other than strains at each point of the quadrature."""
         if not self._others:
             return [[] for _ in _TIMES]
         terms = [self.body.terms[number] for number in self._others]
@@ -398,12 +399,13 @@ class Gauss:
         return [[term.at(place) for term in terms] for place in places]
 
     def _driving(self, between: list[list[TermState]], factors: Floats) -> Floats:
-        """Return the forces at the stages of terms that do external work, (2, N)."""
+        """Compute the forces at the stages of terms that do external work, (2, N)."""
         return self._mean(between, factors * self._driven)
 
     def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
-        """Return means of forces over the step, by weights with which the stages' work is exact."""
-        # It is where their power is of fifth degree in time: of a constant pressure it is p ΔV.
+        """Compute weighted means of forces over the step, whose work at the stages is exact."""
+        # The work is exact if the power is of at most fifth degree in time. A constant pressure
+        # does the work p ΔV.
         total = np.zeros((2, len(self.drag)))
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
             for state, size in zip(states, sizes, strict=True):
@@ -413,7 +415,7 @@ class Gauss:
         return total
 
     def _tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
-        """Return the derivatives of `_mean` at stage i by the move to stage k, (2, 2, E, …)."""
+        """Differentiate `_mean` at stage i with respect to the move to stage k, (2, 2, E, …)."""
         found = {}
         for column, number in enumerate(self._others):
             total: Floats | float = 0.0
@@ -434,7 +436,7 @@ class Gauss:
         speeds: Floats,
         span: float,
     ) -> Floats:
-        """Return the forces at the stages of conservative terms, whose work is their change."""
+        """Compute the forces of conservative terms at the stages; their work is the energy gain."""
         forces = self._mean(between, factors * ~self._driven)
         held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
         if not held:
@@ -452,7 +454,7 @@ class Gauss:
         return forces + missing / weight * heavy
 
     def _admitted(self, position: Floats, moves: Floats) -> bool:
-        """Return whether the terms that are no strains admit the positions of a step."""
+        """Check whether the terms other than strains admit the positions of a step."""
         if not self._others:
             return True
         places = [position + _reached(time) @ moves for time in _TIMES]
@@ -464,7 +466,7 @@ class Gauss:
         return self.body.start + self.body.moved(position)
 
     def _far(self, position: Floats, moves: Floats) -> bool:
-        """Return whether a tangent at a position no longer fits after a move, or one of several."""
+        """Check whether a tangent at a position no longer fits after any of the given moves."""
         place = self._nodal(position)
         return any(
             NEAR * self.body.largest_step(place, self.body.moved(move)) < 1.0
@@ -472,11 +474,11 @@ class Gauss:
         )
 
     def _dragged(self, move: Floats) -> Floats:
-        """Return (α M + U Uᵀ) times a move or a rate."""
+        """Multiply a move or a rate by α M + U Uᵀ."""
         return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
 
     def _viscous(self, parts: list[TermState], move: Floats) -> Floats:
-        """Return β Gᵀ C G times a move or a rate."""
+        """Multiply a move or a rate by β Gᵀ C G."""
         if self.beta == 0.0:
             return np.zeros_like(move)
         moved, strains = self.body.moved(move), self.strains(parts)
@@ -496,13 +498,13 @@ class Gauss:
 
 
 class _Pairs:
-    """Linear systems for both stages: each unknown of the body occurs twice."""
+    """Linear systems for both stages, in which each unknown of the body occurs twice."""
 
     def __init__(self, body: Body, mass: sp.csr_matrix) -> None:
         pattern = body.pattern()
         size, count = pattern.shape[0], pattern.nnz
         self._size = 2 * size
-        #: Entries of the pattern of a tangent.
+        #: Number of entries in the pattern of a tangent.
         self.count = count
         rows = np.repeat(np.arange(size), np.diff(pattern.indptr))
         keys, given = rows * size + pattern.indices, mass.tocoo()
@@ -550,12 +552,12 @@ class _Pairs:
 
 
 def _end(position: Floats, moves: Floats) -> Floats:
-    """Return the position at the end of a step from the moves to its stages."""
+    """Compute the position at the end of a step from the moves to its stages."""
     return position + 3**0.5 * (moves[1] - moves[0])
 
 
 def _reached(share: float) -> Floats:
-    """Return the weights of the moves to both stages in the move at a share of a step, (2,)."""
+    """Compute the weights of both stages' moves in the move at a share of a step, (2,)."""
     first, second = STAGES
     return np.array(
         [

@@ -1,14 +1,15 @@
 """Shift-invert block Lanczos: the lowest modes of a large sparse pencil K s = λ M s.
 
-Why not `scipy.sparse.linalg.eigsh`: its one-vector ARPACK can miss copies of a multiple eigenvalue
-and report convergence (two equal 4 x 4 x 4 cubes, 40 modes: it did). A block of eight sees up to
-eight copies by construction, is as fast, and knows how far it is.
+Why not `scipy.sparse.linalg.eigsh`: ARPACK iterates on one vector. It can miss copies of a multiple
+eigenvalue and yet report convergence (as it did for 40 modes of two equal 4 x 4 x 4 cubes). A block
+of eight finds up to eight copies by construction, is as fast, and can report its progress.
 
-What the numbers rest on:
+The accuracy depends on this:
 
-- The shift is negative, so K + σM is positive definite even where nothing is fixed, and SuperLU may
-  keep the symmetric order and the diagonal as pivots. Too close to zero (-1e-5 of the first elastic
-  eigenvalue) rigid modes drown the elastic ones; too far, even -1e3 of it, costs time alone.
+- The shift is negative, so K + σM is positive definite even if nothing is fixed, and SuperLU may
+  keep the symmetric order and the diagonal as pivots. If the shift is too close to zero (-1e-5 of
+  the first elastic eigenvalue), rigid modes swamp the elastic ones; a shift too far away, even -1e3
+  times that eigenvalue, costs only time.
 - Basis vectors are M-orthogonalised against all others, twice; there is no restart.
 """
 
@@ -26,11 +27,11 @@ from spacemap_vtk.ndarrays import Floats
 
 Solve = Callable[[Floats], Floats]
 
-#: Vectors in a block: at least the number of copies of an eigenvalue, six for rigid modes.
+#: Vectors in a block: at least the multiplicity of an eigenvalue, which is six for rigid modes.
 BLOCK = 8
 
-#: Residual of a Ritz pair of the inverted pencil, relative to its value. The last inverse
-#: iteration squares what is left in the eigenvalues and cleans the modes.
+#: Residual of a Ritz pair of the inverted pencil, relative to its value. The last inverse iteration
+#: squares the remaining error of the eigenvalues and improves the modes.
 TOLERANCE = 1e-10
 
 
@@ -42,10 +43,10 @@ def lowest_modes(
     progress: Callable[[float], object],
     seed: int = 0,
 ) -> tuple[Floats, Floats]:
-    """Return the lowest modes of a connected mesh, iterating on a sparse factorisation."""
+    """Compute the lowest modes of a connected mesh by iterating with a sparse factorisation."""
     vectors = _block_lanczos(solve, mass, count, progress, seed)
-    # One more inverse iteration: a Lanczos vector is a sum of many and carries the rounding of
-    # all, which K would magnify in its high modes; (K + σM)⁻¹ M damps exactly these.
+    # One more inverse iteration: a Lanczos vector is a sum of many vectors and contains the
+    # rounding of all, which K would magnify in its high modes; (K + σM)⁻¹ M damps exactly these.
     vectors = solve(mass @ vectors)
     reduced = [vectors.T @ (matrix @ vectors) for matrix in (stiffness, mass)]
     eigenvalues, turn = la.eigh(*reduced)
@@ -53,26 +54,26 @@ def lowest_modes(
 
 
 def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
-    """Return σ > 0 for K + σM: about a hundredth of the lowest axial eigenvalue."""
+    """Compute σ > 0 for K + σM: about a hundredth of the lowest axial eigenvalue."""
     ratio = stiffness.diagonal() / mass.diagonal()
-    ratio = np.maximum(ratio, 1e-24 * ratio.max())  # a rigid piece may be free along an axis
+    ratio = np.maximum(ratio, 1e-24 * ratio.max())  # a rigid part may be free along an axis
     delay = np.sqrt(5 / ratio)
     pairs = stiffness.tocoo()
     graph = sp.csr_matrix(
         ((delay[pairs.row] + delay[pairs.col]) / 2, (pairs.row, pairs.col)), shape=stiffness.shape
     )
     crossing = csgraph.dijkstra(graph, indices=np.array([0])).max() or delay[0]
-    # Nearer to zero than rounding in K allows, K + σM would no longer be positive definite.
+    # If σ were smaller than rounding in K, K + σM would no longer be positive definite.
     return float(max(0.01 * (np.pi / (2 * crossing)) ** 2, 1e-12 * ratio.max()))
 
 
 def _block_lanczos(
     solve: Solve, mass: sp.csr_matrix, count: int, progress: Callable[[float], object], seed: int
 ) -> Floats:
-    """Return Ritz vectors (N, count) of (K + σM)⁻¹ M for its largest eigenvalues."""
+    """Compute Ritz vectors (N, count) of (K + σM)⁻¹ M for its largest eigenvalues."""
     size = mass.shape[0]
-    # Pages of an empty array take memory when they are first written to, so a generous limit
-    # costs nothing; 2 to 6 times `count` is what is used.
+    # Pages of an empty array take memory only when they are first written, so a generous limit
+    # costs nothing; the iteration uses 2 to 6 times `count`.
     limit = min(size, 10 * count + 40 * BLOCK)
     basis = np.empty((size, limit), order="F")
     projected = np.zeros((limit, limit))
@@ -104,15 +105,15 @@ def _orthonormal(
     block: Floats, basis: Floats, mass: sp.csr_matrix
 ) -> tuple[Floats, Floats, Floats]:
     """Split ``block = basis @ inside + result @ beyond``, with [basis, result] M-orthonormal."""
-    # Twice, because once leaves rounding where little of the block is new. Where nothing is new, QR
-    # fills in vectors of its own, which the second round makes orthogonal too.
+    # Twice, because once leaves rounding if little of the block is new. If nothing is new, QR adds
+    # arbitrary vectors, which the second round makes orthogonal, too.
     inside = np.zeros((basis.shape[1], block.shape[1]))
     beyond = np.eye(block.shape[1])
     for _ in range(2):
         share = basis.T @ (mass @ block)
         inside += share @ beyond
-        # Householder's QR bears a block of dependent vectors; Cholesky of M, as seen by the
-        # orthonormal vectors it returns, is then safe.
+        # Householder's QR accepts a block of dependent vectors; the Cholesky factorisation of M,
+        # projected on the orthonormal vectors that QR returns, is then safe.
         vectors, triangle = la.qr(block - basis @ share, mode="economic")
         factor = np.linalg.cholesky(vectors.T @ (mass @ vectors))
         block = la.solve_triangular(factor, vectors.T, lower=True).T

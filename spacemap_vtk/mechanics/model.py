@@ -1,8 +1,8 @@
-"""A supported mesh of one material: its matrices, its rigid motions, its static states.
+"""A supported mesh of one material: its matrices, rigid motions and static solutions.
 
-Whatever depends on geometry, supports and the *form* of the material alone is kept in a
-`spacemap_vtk.mechanics.mesh_pencil.MeshPencil` of unit modulus and density. A model scales it, so
-that another modulus or density costs nothing.
+Everything that depends only on geometry, supports and the *form* of the material is kept in a
+`spacemap_vtk.mechanics.mesh_pencil.MeshPencil` of unit modulus and density. A model scales its
+results, so another modulus or density costs nothing.
 """
 
 from __future__ import annotations
@@ -33,36 +33,38 @@ if TYPE_CHECKING:
 
 
 class Model:
-    """K and M of a mesh of tetrahedra, or of the sheet that its one layer is, held somewhere.
+    """K and M of a supported mesh of tetrahedra, or of the sheet that its single layer forms.
 
     Parameters
     ----------
     points : array_like of float, shape (V, 3)
-        Vertices, undeformed [m].
+        Undeformed vertices [m].
     cells : array_like of int, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
     material : array_like of float, shape (6, 6), or Plate
-        Elasticity matrix [Pa], see `spacemap_vtk.mechanics.materials`; or of a one-layer lattice
-        what it resists with per width, see `spacemap_vtk.mechanics.plates`.
+        Elasticity matrix [Pa], see `spacemap_vtk.mechanics.materials`; for a one-layer lattice
+        also stiffnesses per width, see `spacemap_vtk.mechanics.plates`.
     density : float
         ρ > 0 [kg/m³].
     held : array_like of bool, shape (V, 3)
-        Which components cannot move.
+        Components that cannot move.
     lumped : bool
-        Lumped in place of consistent mass.
+        Whether the mass is lumped; otherwise it is consistent.
     displacement : array_like of float, shape (V, 3), optional
-        Of the equilibrium that K is the tangent at [m]; by default nothing is deformed.
+        Displacement of the equilibrium at which K is the tangent [m]; by default nothing is
+        deformed.
     fittings : Fittings, optional
-        What is fitted to it: sliders along any direction, rigid bodies, springs, masses, factors.
+        Sliders along any direction, rigid bodies, springs, masses and factors.
     terms : sequence of EnergyTerm, optional
-        Further terms of its energy [J], of the vertices.
+        Further terms of the energy [J], whose nodes are the vertices.
 
     Raises
     ------
     GeometryError
-        If the mesh is none, or a tetrahedron flat, or a plate is given for no one-layer lattice.
+        If the mesh is invalid, a tetrahedron is flat, or a plate is given for a mesh that is not a
+        one-layer lattice.
     InputError
-        If the material is none, or nothing can move.
+        If the material is invalid, or nothing can move.
 
     Examples
     --------
@@ -91,17 +93,17 @@ class Model:
         self.lumped = bool(lumped)
         if isinstance(material, Plate) and (material.shear is None or material.thickness is None):
             sheet = layer(self.points, self.cells)
-            # of no sheet the pencil says that it is none
+            # for a mesh that is not a sheet the pencil raises the error
             material = upright(material, 1.0 if sheet is None else sheet.cell)
         self.plate = material if isinstance(material, Plate) else None
         self.parts = parts = _parts(material)
-        #: Multiplies the stiffness of the pencil: the largest elasticity [Pa], or of a sheet the
-        #: largest resistance to stretching [N/m].
+        #: Factor of the pencil's stiffness: the largest elasticity [Pa], or for a sheet the largest
+        #: membrane stiffness [N/m].
         self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
         check_sizes("density", self.density, "kg/m³")
         self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
         self.fittings = fittings
-        #: Terms of the energy beside elements and springs, of the vertices.
+        #: Energy terms other than elements and springs; their nodes are the vertices.
         self.terms = tuple(terms)
         self.pencil = mesh_pencil(
             self.points,
@@ -126,34 +128,34 @@ class Model:
 
     @property
     def digest(self) -> str:
-        """Digest of all that the modes depend on but modulus and density, which only scale them."""
+        """Digest of all that the modes depend on, except modulus and density, which scale them."""
         return self.pencil.digest
 
     @property
     def free(self) -> Bools:
-        """Which components of the vertices no support along an axis holds, shape (3V,)."""
+        """Components of the vertices that no support along an axis holds, shape (3V,)."""
         return self.pencil.free
 
     @property
     def grounded(self) -> bool:
-        """Whether anything holds it to its base."""
+        """Whether anything connects the body to its base."""
         normals, springs = self.fittings.normals, self.fittings.springs
         held = not self.free.all() or normals is not None or springs is not None
         return held or bool(self.terms)
 
     @cached_property
     def stiffness(self) -> csr_matrix:
-        """K [N/m] of the vertices, shape (3V, 3V), of free and held components."""
+        """Stiffness K [N/m] of the vertices, shape (3V, 3V), with free and held components."""
         return self.modulus * self.pencil.of_vertices(self.pencil.whole_stiffness)
 
     @cached_property
     def mass(self) -> csr_matrix:
-        """M [kg] of the vertices, shape (3V, 3V), of free and held components."""
+        """Mass M [kg] of the vertices, shape (3V, 3V), with free and held components."""
         return self.density * self.pencil.of_vertices(self.pencil.whole_mass)
 
     @cached_property
     def nodal_mass(self) -> Floats:
-        """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
+        """Row sums of M [kg], shape (V,); multiplied by g they are the load of gravity."""
         surface, fitted = self.pencil.surface, self.fittings
         if surface is None:
             mesh = self.points, self.cells, self.density, self.lumped
@@ -165,7 +167,7 @@ class Model:
 
     @cached_property
     def movable_mass(self) -> Floats:
-        """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
+        """Sum of the effective masses of all modes along x, y and z [kg], shape (3,)."""
         if self.pencil.surface is None and self.pencil.plain and self.fittings.masses is None:
             return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
         forces = np.einsum("v,ij->vij", self.nodal_mass, np.eye(3)).reshape(-1, 3)
@@ -174,12 +176,12 @@ class Model:
 
     @cached_property
     def rigid(self) -> Floats:
-        """The motions without strain that the supports leave, mass-normalised, shape (3V, r)."""
+        """Mass-normalised motions without strain that the supports allow, shape (3V, r)."""
         return self.pencil.spread(self.pencil.rigid) / np.sqrt(self.density)
 
     @cached_property
     def forces(self) -> Floats:
-        """What holds the equilibrium [N], shape (3V,), of free and held components."""
+        """Forces that hold the equilibrium [N], shape (3V,), on free and held components."""
         forces, surface = self.pencil.nodes.forces, self.pencil.surface
         if forces is None:
             return np.zeros(self.points.size)
@@ -188,27 +190,26 @@ class Model:
 
     @cached_property
     def strain_energy(self) -> float:
-        """What the equilibrium stores [J]."""
+        """Energy that is stored in the equilibrium [J]."""
         if self.displacement is None:
             return 0.0
         positions = self.pencil.nodes.positions
         return self.modulus * sum(term.energy(positions) for term in self.pencil.terms)
 
     def solve(self, forces: ArrayLike) -> Floats:
-        """Return static displacements, K u = f.
+        """Solve K u = f for static displacements.
 
-        Where the supports leave rigid motions, forces are freed of the part that accelerates the
-        body as a whole (inertia relief), and displacements are M-orthogonal to these motions.
-
+        If the supports allow rigid motions, the part of the forces that accelerates the body as a
+        whole is removed (inertia relief), and displacements are M-orthogonal to these motions.
         Parameters
         ----------
         forces : array_like of float, shape (3V,) or (3V, m)
-            Forces on the vertices [N]; those on held components go into the supports.
+            Forces on the vertices [N]; those on held components act on the supports.
 
         Returns
         -------
         ndarray of float64, shape of `forces`
-            u [m], zero where held.
+            Displacements u [m], zero where held.
 
         Raises
         ------
@@ -217,12 +218,12 @@ class Model:
         SizeError
             If the factors do not fit into memory.
         SolverError
-            If no digit of the answer holds.
+            If no digit of the result is correct.
         """
         return self.statics(forces)[0]
 
     def statics(self, forces: ArrayLike) -> tuple[Floats, Floats]:
-        """Return static displacements as `solve` does, and how far rounding disturbs them.
+        """Solve as `solve` does, and estimate the rounding errors of the displacements.
 
         Parameters
         ----------
@@ -232,11 +233,11 @@ class Model:
         Returns
         -------
         displacements : ndarray of float64, shape of `forces`
-            u [m].
+            Displacements u [m].
         rounding : ndarray of float64, shape (m,)
-            An estimate of the share of u, in energy's norm, that is rounding in K and in the
-            solution: 1e-10 means that ten digits hold. A thin sheet resists bending by so much
-            less than stretching that float64 cannot tell both in one matrix.
+            Estimated share of u, in the energy norm, that is rounding in K and in the solution:
+            1e-10 means that ten digits are correct. The bending stiffness of a thin sheet is so
+            much smaller than its membrane stiffness that float64 cannot hold both in one matrix.
 
         Raises
         ------
@@ -245,7 +246,7 @@ class Model:
         SizeError
             If the factors do not fit into memory.
         SolverError
-            If no digit of the answer holds.
+            If no digit of the result is correct.
         """
         given, size = np.asarray(forces, dtype=np.float64), self.points.size
         if given.ndim not in (1, 2) or len(given) != size:
@@ -254,7 +255,7 @@ class Model:
         return (found / self.modulus).reshape(given.shape), rounding
 
     def unit_statics(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Return the static displacements of a unit modulus, and how far rounding disturbs them.
+        """Solve for static displacements at unit modulus, and estimate their rounding errors.
 
         Parameters
         ----------
@@ -264,11 +265,11 @@ class Model:
         Returns
         -------
         displacements : ndarray of float64, shape (3V, m)
-            u [m] where the modulus is 1 Pa.
+            Displacements u [m] for a modulus of 1 Pa.
         rounding : ndarray of float64, shape (m,)
             See `statics`.
         """
-        # One after another: of several at once the last digits of each depend on those beside it.
+        # One at a time: in a joint solution the last digits of each depend on the others.
         found, rounding = np.empty(forces.shape), np.empty(forces.shape[1])
         for k, force in enumerate(forces.T):
             solved, rounding[k : k + 1] = self.pencil.solve(self.pencil.gathered(force[:, None]))
@@ -276,14 +277,14 @@ class Model:
         return found, rounding
 
     def modes(self, count: int, progress: Callable[[float], object] | None = None) -> Modes:
-        """Return the lowest modes for unit modulus and density, shapes as the vertices move.
+        """Compute the lowest modes at unit modulus and density, with shapes of the vertices.
 
         Parameters
         ----------
         count : int
-            Number of modes n; all there are, if more are asked for.
+            Number of modes n; if there are fewer, all of them.
         progress : callable, optional
-            Is told the share that is done, 0 to 1; may raise to stop.
+            Called with the share that is done, 0 to 1; may raise to stop.
 
         Returns
         -------
@@ -293,7 +294,7 @@ class Model:
         Raises
         ------
         SolverError
-            If there is no solution to some digits.
+            If no digit of the result is correct.
         """
         from spacemap_vtk.mechanics.eigen import lowest
 
@@ -307,30 +308,30 @@ class Model:
     def residual_modes(
         self, shapes: Floats, eigenvalues: Floats, loads: Floats, statics: Floats
     ) -> tuple[Floats, Floats]:
-        """Return shapes that make the static response to loads exact.
+        """Compute shapes that make the static response to the loads exact.
 
         Parameters
         ----------
         shapes : ndarray of float64, shape (n, 3V)
             Mass-normalised modes.
         eigenvalues : ndarray of float64, shape (n,)
-            Of these [1/s²].
+            Eigenvalues of these modes [1/s²].
         loads : ndarray of float64, shape (3V, m)
-            Forces on what is free [N].
+            Forces on free components [N].
         statics : ndarray of float64, shape (3V, m)
-            Displacements under them, from `statics` [m].
+            Displacements under these forces, from `statics` [m].
 
         Returns
         -------
         eigenvalues : ndarray of float64, shape (k,)
             Ascending [1/s²].
         shapes : ndarray of float64, shape (k, 3V)
-            Mass-normalised, and M-orthogonal to the modes.
+            Mass-normalised shapes, M-orthogonal to the modes.
         """
         if self.pencil.surface is None and self.pencil.plain:
             matrices = self.stiffness, self.mass
             return residual_modes(shapes, eigenvalues, *matrices, loads, statics)
-        # In its own coordinates, as K of a sheet's vertices has few digits of bending.
+        # In the pencil's coordinates, as K of a sheet's vertices has few correct digits of bending.
         pencil = self.pencil
         values, found = residual_modes(
             pencil.coordinates(shapes.T).T,
@@ -345,28 +346,29 @@ class Model:
     def hung(
         self, forces: Floats, progress: Callable[[float], object] | None = None
     ) -> tuple[Floats, float | None]:
-        """Return where the undeformed body comes to rest under dead loads, however far that is.
+        """Compute the equilibrium of the undeformed body under dead loads, at any displacement.
 
         Parameters
         ----------
         forces : ndarray of float64, shape (3V,)
-            On the vertices [N]; they keep their directions.
+            Forces on the vertices [N] of constant direction.
         progress : callable, optional
-            Is told the share that is done, 0 to 1; may raise to stop.
+            Called with the share that is done, 0 to 1; may raise to stop.
 
         Returns
         -------
         displacement : ndarray of float64, shape (V, 3)
-            Of the vertices to the stable equilibrium [m].
+            Displacement of the vertices to the stable equilibrium [m].
         critical : float or None
-            Share of the load at which it left an unstable state: it has buckled.
+            Share of the load at which the body buckled (left an unstable state), if it did.
 
         Raises
         ------
         InputError
-            If nothing holds it against the load.
+            If nothing holds the body against the load, or a part of it is rigid.
         SolverError
-            If no stable state was found; it says up to which share of the load there was one.
+            If no stable state was found; the message gives the share of the load up to which there
+            was one.
         """
         from spacemap_vtk.mechanics.energy_terms import DeadLoad
         from spacemap_vtk.mechanics.equilibrium import equilibrium
@@ -387,7 +389,7 @@ class Model:
         return (moved if surface is None else surface.vertices(moved)), found.critical
 
     def estimate_bytes(self, layers: float) -> int:
-        """Return the memory that an equilibrium takes.
+        """Estimate the memory that an equilibrium needs.
 
         Parameters
         ----------
@@ -397,11 +399,11 @@ class Model:
         Returns
         -------
         int
-            Bytes: strains, their gradients and tangents, and the factors.
+            Bytes of strains, their gradients and tangents, and of the factors.
         """
         from spacemap_vtk.mechanics.eigen import estimate_bytes
 
-        # An element's forms, and some of the size of its tangent's rows and columns.
+        # Per element: its forms, and about five arrays of the size of its tangent.
         nodes, strains = (8, 32) if self.pencil.surface else (self.cells.shape[1], 6)
         strains *= 4 if self.cells.shape[1] == 10 else 1
         each = 8 * (strains * (nodes**2 + 6 * nodes) + 5 * (3 * nodes) ** 2)
@@ -409,7 +411,7 @@ class Model:
         return round(1.8 * each * cells) + estimate_bytes(self.pencil.size, 8, layers)
 
     def strained(self, moved: Floats, large: bool = False) -> tuple[Floats, Floats]:
-        """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
+        """Compute strain and stress of each tetrahedron for a displacement from the equilibrium.
 
         Parameters
         ----------
@@ -421,10 +423,10 @@ class Model:
         Returns
         -------
         strain : ndarray of float64, shape (T, 6)
-            Mean of each tetrahedron, that of the equilibrium included, as xx, yy, zz, yz, zx, xy,
-            shears in engineering measure. Of a sheet that of its middle.
+            Mean over each tetrahedron, including the strain of the equilibrium: xx, yy, zz, yz, zx,
+            xy, with engineering shears. For a sheet, the strain of its mid-surface.
         stress : ndarray of float64, shape (T, 6)
-            In Pa; of a sheet the mean over its thickness.
+            Stress [Pa]; for a sheet the mean over its thickness.
         """
         pencil = self.pencil
         positions, surface = pencil.nodes.positions, pencil.surface
@@ -445,24 +447,24 @@ class Model:
         return np.repeat(mean, 5, axis=0), np.repeat(stress, 5, axis=0)
 
     def stress(self, strain: Floats) -> Floats:
-        """Return the stress of each tetrahedron of a solid.
+        """Compute the stress of each tetrahedron of a solid.
 
         Parameters
         ----------
         strain : ndarray of float64, shape (T, 6)
-            As `strained` returns it.
+            Strain as returned by `strained`.
 
         Returns
         -------
         ndarray of float64, shape (T, 6)
-            In Pa.
+            Stress [Pa].
         """
         stress, factors = strain @ self.elasticity, self.fittings.stiffness_factors
         return stress if factors is None else stress * factors[:, None]
 
 
 def _parts(material: ArrayLike | Plate) -> list[Floats]:
-    """Return what a material's stiffness is made of: one matrix of a solid, four of a plate."""
+    """Return the stiffness matrices of a material: one for a solid, four for a plate."""
     if isinstance(material, Plate):
         parts = material.membrane, material.bending, material.shear, material.thickness
         return [np.asarray(part, dtype=np.float64) for part in parts]

@@ -1,4 +1,4 @@
-"""The free part of K and M, in components that no element joins, and static solutions of it."""
+"""K and M of the free coordinates, split into disconnected components, and static solutions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.supports import six_motions, turned
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-# Modes may come from a cache: all of scipy that solves is imported where something is solved.
+# Modes may come from a cache, so the solvers of scipy are imported only where something is solved.
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
@@ -20,27 +20,30 @@ if TYPE_CHECKING:
     from spacemap_vtk.mechanics.multifrontal import Analysis
 
 
-#: Share of a cage's size that a rigid motion moves what is held, at most, by rounding. A clamped
-#: sheet that turns about its edge moves the edge by its thickness over its length.
+#: A rigid motion moves a held component by rounding alone if it moves it by at most this share of
+#: the cage's size. If a clamped sheet turns about its edge, the edge moves by the sheet's thickness
+#: over its length, which has to be more.
 _HELD = 1e-11
 
-#: Weight of the share by which the loads turn with a rigid motion: an equilibrium is one to 1e-6.
+#: Weight of the turning of loads in a rigid motion: an equilibrium only has to balance to 1e-6.
 _TURNED = 1e-5
 
-#: A static solution is done when a correction would change it by this share, in energy's norm.
+#: A static solution is complete when a correction changes it by less than this share, in the energy
+#: norm.
 _CORRECTION = 1e-14
 
-#: Steps that are tried. Few eigenvalues lie below σ, and each costs about one; so many cost about
-#: as much as to factorise K again.
+#: Largest number of conjugate gradient steps. Few eigenvalues lie below σ, and each costs about one
+#: step. More steps than this would cost about as much as factorising K again.
 _STEPS = 40
 
-#: Share of the shift by which a sheet is stretched and sheared that is one for its bending.
+#: Share of the shift for stretching and shearing a sheet that is suitable for its bending.
 _SOFT = 1e-3
 
-#: Shifts nearer to zero, as shares of the largest ratio of stiffness and mass.
+#: Shifts closer to zero, as shares of the largest ratio of stiffness to mass.
 _SHIFTS = (1e-14, 1e-13, 1e-12)
 
-#: Share of a static solution, in energy's norm, of which it can no longer be told from rounding.
+#: If rounding is more than this share of a static solution, in the energy norm, no digit of it is
+#: correct.
 _NO_DIGIT = 0.1
 
 #: Relative error of float64.
@@ -48,7 +51,7 @@ _ROUNDING = 2.0**-53
 
 
 class Nodes(NamedTuple):
-    """Where the nodes of a mesh are, and what they are."""
+    """Positions of a mesh's nodes, their kinds, and what acts on them."""
 
     positions: Floats
     """Those that the stiffness is of [m], (V, 3)."""
@@ -61,11 +64,11 @@ class Nodes(NamedTuple):
 
     @property
     def groups(self) -> Ints:
-        """The nodes that are places: others belong to one each, in their order."""
+        """Numbers of the nodes with a position; each other node belongs to one, in their order."""
         return np.flatnonzero(self.translate)
 
     def rigid(self, near: Ints) -> tuple[Floats, Floats]:
-        """Return the six rigid motions of some nodes, (3n, 6), and the loads' turning with them."""
+        """Compute the six rigid motions of given nodes, (3n, 6), and how they turn the loads."""
         loads = np.zeros((len(near), 3, 6))
         if self.forces is not None and self.forces.any():
             loads[:, :, 3:] = turned(self.forces[near] / abs(self.forces).max())
@@ -74,11 +77,12 @@ class Nodes(NamedTuple):
 
 
 class Pencil:
-    """K and M on what is free. Of a mesh that hangs together it is its own, and only, component."""
+    """K and M of the free coordinates. A pencil of a connected mesh is its only component."""
 
-    # Displacements are a basis times the coordinates that are free: of tetrahedra, columns of the
-    # unit matrix. Of what no vertex is held against, of two vertices where only one is, or of those
-    # that move as one, the basis says how they go together; its columns are orthogonal.
+    # Displacements are the basis times the free coordinates. For tetrahedra held along axes, its
+    # columns are columns of the unit matrix. For supports in other directions, for a pair of which
+    # only one vertex is held, and for rigid bodies it describes how components move together; its
+    # columns are orthogonal.
 
     def __init__(
         self,
@@ -96,22 +100,22 @@ class Pencil:
 
     @property
     def size(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom."""
         return int(self.basis.shape[1])
 
     @cached_property
     def rows(self) -> Ints:
-        """Which coordinates of the pencil that it is a component of are its own."""
+        """Numbers of this component's coordinates in the pencil to which it belongs."""
         return np.arange(self.size)
 
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
-        """K of what is free."""
+        """K of the free coordinates."""
         return self._reduced(self.whole_stiffness)
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
-        """M of what is free."""
+        """M of the free coordinates."""
         mass = self._reduced(self.whole_mass)
         massless = mass.diagonal() <= 0
         if massless.any():
@@ -130,7 +134,7 @@ class Pencil:
 
     @cached_property
     def _parts(self) -> list[Pencil]:
-        """The parts that hang together; none where it is one, which would hold itself."""
+        """Connected parts; empty if there is only one, as a pencil must not refer to itself."""
         from scipy.sparse import csgraph
 
         graph = abs(self.stiffness) + abs(self.mass)
@@ -145,12 +149,12 @@ class Pencil:
 
     @property
     def components(self) -> list[Pencil]:
-        """The parts that no element joins, in the order of their first rows."""
+        """Parts that no element connects, in the order of their first rows."""
         return self._parts or [self]
 
     @cached_property
     def shift(self) -> float:
-        """The σ of the kept factors."""
+        """Shift σ of the kept factors."""
         diagonal = self.stiffness.diagonal()
         if not (diagonal >= 0).all() or not diagonal.any():
             raise SolverError(
@@ -167,9 +171,9 @@ class Pencil:
 
     @cached_property
     def _places(self) -> Ints:
-        """The coordinates that place a node, and do not turn its half thickness; of none, all."""
-        # Half thicknesses are so much stiffer than what they weigh that all else is slow beside
-        # them. They move by little where a sheet bends, and a factor is good to each row's size.
+        """Coordinates of positions, not of half thicknesses; all coordinates if there are none."""
+        # Half thicknesses are so stiff for their mass that everything else is slow in comparison.
+        # They hardly move if a sheet bends, and a factor is accurate relative to each row's size.
         node = self.basis.indices[self.basis.indptr[:-1]] // 3
         alone = np.diff(self.basis.indptr) == 1
         if self.nodes is not None:
@@ -178,14 +182,15 @@ class Pencil:
 
     @property
     def _fastest(self) -> float:
-        """The largest ratio of stiffness and mass of what places a node."""
+        """Largest ratio of stiffness to mass among the coordinates of positions."""
         ratio = self.stiffness.diagonal() / self.mass.diagonal()
         return float(ratio[self._places].max())
 
     def lower_shift(self) -> bool:
-        """Bring σ nearer to zero, for modes that do not converge."""
-        # A free, very thin sheet bends so far below σ that its modes look alike from there. Of the
-        # ratios the least counts: a sheet's largest is of its thickness, (width/thickness)² above.
+        """Move σ closer to zero, for modes that do not converge; return whether it has moved."""
+        # A free, very thin sheet bends at eigenvalues so far below σ that its modes look alike from
+        # there. The least ratio counts, because the largest ratio of a sheet belongs to its
+        # thickness and is higher by (width/thickness)².
         least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).min())
         lower = max(1e-6 * self.shift, least)
         if lower >= 0.5 * self.shift:
@@ -195,7 +200,7 @@ class Pencil:
 
     @cached_property
     def analysis(self) -> Analysis:
-        """Symbolic factorisation of the pattern of K and M, made once."""
+        """Symbolic factorisation of the pattern of K and M, computed once."""
         from spacemap_vtk.mechanics.multifrontal import Analysis
 
         node = self.basis.indices[self.basis.indptr[:-1]] // 3
@@ -204,23 +209,23 @@ class Pencil:
 
     @property
     def factors(self) -> Factors:
-        """Factors of K + σM, made once."""
+        """Factors of K + σM, computed once."""
         return self.factorised(None)
 
     def factorised(self, progress: Callable[[float], object] | None) -> Factors:
-        """Return the factors, and report while they are made."""
+        """Factorise K + σM if necessary, and report the progress."""
         from spacemap_vtk.mechanics.factors import factorise
 
         if self._factors is None:
             matrix = self.stiffness + self.shift * self.mass
             if progress is not None:
-                progress(0.0)  # it may have been stopped by now
+                progress(0.0)  # the callback may stop the work by an exception
             self._factors = factorise(matrix, lambda: self.analysis, progress)
         return self._factors
 
     @cached_property
     def rigid(self) -> Floats:
-        """The motions without strain, mass-normalised, shape (N, r)."""
+        """Mass-normalised motions without strain, shape (N, r)."""
         blocks = []
         for component in self.components:
             motions = component.motions
@@ -230,7 +235,7 @@ class Pencil:
         return np.concatenate(blocks, axis=1)
 
     def solve(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does."""
+        """Solve for static displacements as `spacemap_vtk.mechanics.model.Model.statics` does."""
         from spacemap_vtk.mechanics import blas_threads
 
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
@@ -246,20 +251,20 @@ class Pencil:
 
     @cached_property
     def motions(self) -> Floats:
-        """What of the six rigid motions of a component moves nothing that is held."""
+        """Rigid motions of a component that move nothing which is held."""
         from scipy import linalg as la
 
-        # That is seen from the vertices alone. The energy of such a motion would not tell: that of
-        # a thin clamped sheet that turns about its edge is rounding in K.
+        # The vertices alone decide this. Energy cannot: if a thin clamped sheet turns about its
+        # edge, the energy is below rounding in K.
         if self.nodes is None:
             raise InputError("rigid motions need the vertices", key="points")
         touched = np.unique(self.basis.indices)
-        # Within a rigid piece K is zero, and joins no nodes.
+        # Within a rigid body K is zero and connects no nodes.
         near = np.unique(np.concatenate([touched, self.whole_stiffness[touched].indices]) // 3)
         basis = self.basis[(3 * near[:, None] + np.arange(3)).ravel()]
         six, loads = self.nodes.rigid(near)
         share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
-        # What is held against it, and what would turn the loads under which it hangs.
+        # The part of the motions that the supports prevent; turning loads are added below.
         held = six - basis @ share
         if self.nodes.springs is not None:
             rows = (3 * near[:, None] + np.arange(3)).ravel()
@@ -267,7 +272,7 @@ class Pencil:
         held = held[abs(held).max(axis=1) > _HELD]
         motions = share
         if len(held) or loads.any():
-            # of the triangle, as there may be many rows
+            # the SVD is of the small triangle, as there may be many rows
             rows = np.concatenate([held, _TURNED * loads, np.zeros((6, 6))])
             triangle = la.qr(rows, mode="r")[0][:6]
             _, moved, turn = la.svd(triangle)
@@ -275,27 +280,27 @@ class Pencil:
         if motions.shape[1] and len(self._places) == self.size:
             motions = la.orth(motions)
         elif motions.shape[1]:
-            # Of small half thicknesses no digit is lost in sums of motions.
+            # Linear combinations of the motions lose no digit of small half thicknesses.
             _, length, turn = la.svd(motions, full_matrices=False)
             kept = length > _HELD * length[0]
             motions = motions @ (turn[kept].T / length[kept])
-        if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
+        if motions.shape[1] == 0:  # LAPACK rejects empty matrices as of scipy 1.10
             return motions
         factor = np.linalg.cholesky(motions.T @ (self.mass @ motions))
         return la.solve_triangular(factor, motions.T, lower=True).T
 
 
 def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, Floats]:
-    """Return static displacements, (n, m), and the share of each that is rounding, (m,)."""
-    # The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with
-    # the bending of a thin sheet, for which K is factorised again, closer to zero.
+    """Solve for static displacements, (n, m), and estimate their shares of rounding, (m,)."""
+    # The factors that serve the modes suffice unless many eigenvalues lie below σ. In the bending
+    # of a thin sheet many do, and K is factorised again with a shift closer to zero.
     solve = component.factors.solve
     u, settled = _conjugate_gradients(component, solve, forces, rigid)
     if not settled:
         solve = _near_zero(component).solve
         u, _ = _conjugate_gradients(component, solve, forces, rigid)
-    # What is missing still, and what it takes that each entry of K is a rounded one: of random
-    # sign, as an honest bound would be a hundred times too pessimistic.
+    # Errors are the remaining residual, and the rounding of each entry of K. Rounding is given
+    # random signs, as a strict bound would be a hundred times too pessimistic.
     stiffness = component.stiffness
     residual = forces - component.mass @ (rigid @ (rigid.T @ forces)) - stiffness @ u
     rounding = _ROUNDING * np.sqrt(stiffness.multiply(stiffness).tocsr() @ u**2)
@@ -307,7 +312,7 @@ def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, F
         lost += np.abs(np.einsum("nm,nm->m", force, moved))
     energy = np.abs(np.einsum("nm,nm->m", u, forces))
     share = np.sqrt(np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0))
-    if rigid.size:  # a force that only accelerates the body leaves nothing but rounding
+    if rigid.size:  # under a force that only accelerates the body the solution is rounding
         share[energy <= _CORRECTION * np.einsum("nm,nm->m", forces, solve(forces))] = 0.0
     if (share > _NO_DIGIT).any():
         raise SolverError(
@@ -319,7 +324,7 @@ def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, F
 
 
 def _near_zero(component: Pencil) -> Factors:
-    """Return factors of K + σM for the least σ that keeps it positive definite in float64."""
+    """Factorise K + σM with the least σ that keeps it positive definite in float64."""
     from spacemap_vtk.mechanics.factors import factorise
 
     ratio = component._fastest
@@ -336,13 +341,13 @@ def _near_zero(component: Pencil) -> Factors:
 def _conjugate_gradients(
     component: Pencil, solve: Solve, forces: Floats, rigid: Floats
 ) -> tuple[Floats, bool]:
-    """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled."""
-    # With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful
-    # of steps do. Columns are worked on side by side.
+    """Solve K u = f with (K + σM)⁻¹ as preconditioner; return whether all columns converged."""
+    # The preconditioned eigenvalues are λ/(λ + σ). All but the few below σ are close to one, so a
+    # handful of steps suffice. All columns are processed together.
     stiffness = component.stiffness
     pushed = component.mass @ rigid
     residual = forces - pushed @ (rigid.T @ forces)
-    # What rounding leaves of a force that only accelerates the body is no load.
+    # The remainder of a force that only accelerates the body is rounding, not a load.
     floor = np.einsum("nm,nm->m", forces, solve(forces)) if rigid.size else 0.0
     u = np.zeros_like(residual)
     direction, before = None, np.ones(residual.shape[1])
@@ -366,7 +371,7 @@ def _conjugate_gradients(
 
 
 def selection(free: Bools) -> sp.csc_matrix:
-    """Return the columns of the unit matrix for what is free, (3V, N)."""
+    """Select the columns of the unit matrix for the free components, (3V, N)."""
     import scipy.sparse as sp
 
     rows = np.flatnonzero(free)
@@ -376,7 +381,7 @@ def selection(free: Bools) -> sp.csc_matrix:
 
 
 def some(basis: sp.csc_matrix) -> sp.csc_matrix:
-    """Return a basis, or refuse that of nothing."""
+    """Return the basis; raise InputError if it has no columns."""
     if basis.shape[1] == 0:
         raise InputError(
             "every vertex of the cage is fixed, nothing can vibrate",

@@ -1,9 +1,9 @@
-"""Response of oscillators to a piecewise linear load, repeated or not, without stepping.
+"""Response of oscillators to a piecewise linear load, periodic or not, without time steps.
 
-The state (q, q̇) at the start of each piece is made once; any later time is then one evaluation
-away, however many pieces lie before it. A periodic load maps the state over a period as
-x → A x + b: after m periods it is Aᵐ x + (1 + A + … + Aᵐ⁻¹) b, the powers of A known in closed form
-and the sum built by doubling, which divides by nothing and so bears resonance.
+The state (q, q̇) at the start of each piece is computed once. Any later state then needs a single
+evaluation, however many pieces precede it. A periodic load maps the state over a period as
+x → A x + b: after m periods it is Aᵐ x + (1 + A + … + Aᵐ⁻¹) b. The powers of A have a closed form.
+The sum is built by doubling, which needs no division and therefore also works at resonance.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from spacemap_vtk.mechanics.oscillator import Kernels, kernels
 from spacemap_vtk.mechanics.timefunctions import Pieces
 from spacemap_vtk.ndarrays import Floats
 
-#: Kernels are made for so many numbers at once while the states at the pieces' starts are.
+#: Number of kernel values that are computed at once for the states at the starts of the pieces.
 CHUNK = 2_000_000
 
 
 def propagate(
     kernel: Kernels, stiffness: Floats, state: Floats, load: Floats, slope: Floats
 ) -> Floats:
-    """Return the state of oscillators after a while under a load that is linear in time."""
+    """Propagate the state of oscillators in time under a load that is linear in time."""
     q, rate = state
     return np.array(
         [
             q * kernel.free + rate * kernel.impulse + load * kernel.step + slope * kernel.ramp,
-            # Not through `free_rate` for the load: its own rates are kernels already.
+            # `free_rate` is not needed for the load, as the rates of its kernels are kernels.
             q * kernel.free_rate
             + rate * kernel.impulse_rate
             + load * kernel.impulse
@@ -39,7 +39,7 @@ def propagate(
 
 
 class Linear:
-    """Motion of oscillators under piecewise linear loads that act together."""
+    """Motion of oscillators under several piecewise linear loads."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Linear:
     ) -> None:
         self._stiffness, self._half, self._times = stiffness, half, times.tolist()
         self._values, self._slopes, self._gains = values, slopes, gains
-        #: The piece that was asked for last, and its load.
+        #: Number of the piece that was evaluated last, its load, and the slope of the load.
         self._last: tuple[int, Floats, Floats] | None = None
         count, size = len(times), len(stiffness)
         self._starts = np.empty((count, 2, size))
@@ -71,7 +71,7 @@ class Linear:
         return self._values[k] @ self._gains, self._slopes[k] @ self._gains
 
     def at(self, time: float) -> Floats:
-        """Return the state at a time, after a jump that happens just then."""
+        """Compute the state at a time, after any jump at that time."""
         k = bisect_right(self._times, time) - 1
         if time == self._times[k]:
             return self._starts[k]
@@ -95,13 +95,13 @@ class Repeated:
         rest = np.zeros_like(jumps[0])
         columns = function.values[:, None], function.slopes[:, None]
         self._inside = Linear(stiffness, half, function.times, *columns, gain[None, :], inner, rest)
-        #: What m = 1, 2, 4, … periods add to a state, and how they move it.
+        #: Change of the state from rest in m = 1, 2, 4, … periods, and the kernels of these spans.
         self.sums = [self._inside.at(self._period) + jumps[-1]]
         self._moves = [kernels(stiffness, half, self._period)]
         self._first = self._steady_state() if function.steady else jumps[0]
 
     def at(self, time: float) -> Floats:
-        """Return the state at a time, after a jump that happens just then."""
+        """Compute the state at a time, after any jump at that time."""
         count, rest = self._function.phase(time)
         state = self._first
         level = 0
@@ -119,16 +119,16 @@ class Repeated:
         return free + self._inside.at(rest)
 
     def _steady_state(self) -> Floats:
-        """Return x of x = A x + b."""
+        """Solve x = A x + b for the steady state x."""
         move, (q, rate) = self._moves[0], self.sums[0]
-        # (1 - A)⁻¹ by Cramer's rule, mode by mode, with 1 - C = λ S₂ and 1 - Ṡ = λ S₂ + 2h S: for
-        # a mode much slower than the period the differences would have no digits.
+        # (1 - A)⁻¹ by Cramer's rule, mode by mode, with 1 - C = λ S₂ and 1 - Ṡ = λ S₂ + 2h S: for a
+        # mode much slower than the period, the differences would lose all digits.
         a = self._stiffness * move.step
         d = a + 2 * self._half * move.impulse
         b, c = -move.impulse, self._stiffness * move.impulse
         determinant = a * d - b * c
         driven = (abs(q) > 0) | (abs(rate) > 0)
-        # Off resonance the determinant is of the order of min(1, λτ²), τ being the period.
+        # Off resonance the determinant is of the order of min(1, λτ²), where τ is the period.
         least = 1e-20 * np.minimum(1.0, self._stiffness * self._period**2)
         if (lost := driven & (determinant <= least)).any():
             raise InputError(

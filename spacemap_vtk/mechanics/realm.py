@@ -1,4 +1,4 @@
-"""How far a linear motion leaves the realm of small ones."""
+"""How far a linear motion exceeds the range of small displacements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
 class Realm(NamedTuple):
-    """The largest of what a motion does to any cell, over some times."""
+    """Largest rotation, stretch and change of volume of any cell over several times."""
 
     rotation: float
     """Half the curl of the displacement from rest, of a tetrahedron [rad]."""
@@ -31,9 +31,9 @@ class Realm(NamedTuple):
 
     @property
     def period(self) -> float:
-        """How many times as long a pendulum of that swing takes as one of a small swing."""
+        """Period of a pendulum of this amplitude, as a multiple of that of a small amplitude."""
         if self.rotation >= math.pi:
-            return math.inf  # from upside down it never comes back
+            return math.inf  # a pendulum released upside down never returns
         # 2 K(sin θ/2)/π as an arithmetic-geometric mean.
         one, other = 1.0, math.cos(self.rotation / 2)
         while abs(one - other) > 1e-12:
@@ -48,20 +48,20 @@ def realm(
     gradient: MeanGradient | LegGradient | None = None,
     surface: MidSurface | None = None,
 ) -> Realm:
-    """Return what a motion does at most over some times.
+    """Compute the largest rotation, stretch and change of volume in a motion.
 
     Parameters
     ----------
     motion : Motion
-        Of a cage.
+        Motion of a cage.
     rest : ndarray of float64, shape (V, 3)
-        Vertices where it is at rest: undeformed, or hung [m].
+        Vertices at rest, undeformed or in equilibrium [m].
     times : iterable of float
-        In s.
+        Times to evaluate [s].
     gradient : MeanGradient or LegGradient, optional
-        Of displacements from rest; by default that of each tetrahedron.
+        Gradient of displacements from rest; by default that of each tetrahedron.
     surface : MidSurface, optional
-        Of the sheet that the cage is.
+        Mid-surface, if the cage is a sheet.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def realm(
     cells = motion.cells
     gradient = MeanGradient(rest, cells) if gradient is None else gradient
     edges = cells[:, EDGES] if surface is None else surface.quads[:, _SIDES]
-    # Each once. Not `np.unique`, whose imports the window's first picture would wait for.
+    # Each edge once. Not by `np.unique`, whose imports would delay the window's first picture.
     one, other = np.sort(edges.reshape(-1, 2), axis=1).T
     keys = np.sort(one * len(rest) + other)
     first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))

@@ -1,9 +1,9 @@
-"""What a few modes leave out, and how to put it back.
+"""Residual vectors: the part of a static response that a few modes leave out.
 
-A load makes a static displacement K⁻¹f. The kept modes hold Σ φ φᵀf/λ of it; the rest, made
-M-orthogonal to them, is one more shape to move in, the residual vector of the load. With it the
-static response is exact whatever number of modes is kept. Source: Abaqus Theory Manual 2.5.5 and
-Benchmarks Manual 1.4.14; the method is also known as modal truncation augmentation.
+A load causes a static displacement K⁻¹f. The kept modes represent Σ φ φᵀf/λ of it. The rest, made
+M-orthogonal to the modes, is one more shape: the residual vector of the load. With it the static
+response is exact for any number of modes. Source: Abaqus Theory Manual 2.5.5 and Benchmarks
+Manual 1.4.14; the method is also known as modal truncation augmentation.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def residual_modes(
     loads: Floats,
     statics: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return shapes that make the static response to loads exact."""
-    from scipy import linalg as la  # with all it brings: a tenth of a second
+    """Compute shapes that make the static response to the loads exact."""
+    from scipy import linalg as la  # this import costs a tenth of a second
 
     elastic = eigenvalues > 0.0
     kept, values = shapes[elastic], eigenvalues[elastic]
@@ -47,8 +47,9 @@ def residual_modes(
         cancel.check()
         size = float(np.sqrt(max(static @ load, 0.0)))
         rest = static - ((kept @ load) / values) @ kept
-        # Twice, because once leaves rounding where little of the response is new. With exact modes
-        # M- and K-orthogonality are one; with computed ones the latter makes the statics exact.
+        # Twice, because once leaves rounding if little of the response is new. For exact modes M-
+        # and K-orthogonality are equivalent; for computed ones only K-orthogonality makes the
+        # static response exact.
         for _ in range(2):
             rest = rest - (inertia @ rest) @ shapes
             rest = rest - (springs @ rest) @ kept
@@ -70,12 +71,12 @@ def residual_modes(
 
 
 def movable_mass(assembly: Assembly, density: float, lumped: bool, free: Bools) -> Floats:
-    """Return the mass that a uniform acceleration along each axis can set in motion."""
-    # It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M
-    # r being the inertia forces. With a consistent mass matrix it is less than the whole by what
-    # the supports carry.
-    # The matrix is the same along each axis, and joins none of them: one row a vertex is enough,
-    # and its products need no scipy.
+    """Compute the mass that a uniform acceleration along each axis can set in motion."""
+    # It is the sum of the effective masses of all modes: bᵀ M⁻¹ b over the free components, where
+    # b = M r are the inertia forces. With a consistent mass matrix it is less than the total mass
+    # by the part that the supports carry.
+    # M is the same along each axis and does not couple them, so one row per vertex is enough, and
+    # its products need no scipy.
     count = len(assembly.lumps)
     rows = np.repeat(np.arange(count), np.diff(assembly.indptr))
     own = rows == assembly.indices
@@ -96,12 +97,12 @@ def movable_mass(assembly: Assembly, density: float, lumped: bool, free: Bools) 
 
 
 def moved_by(inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Floats) -> Floats:
-    """Return bᵀ M⁻¹ b for each column b of (N, m) loads, with M times a vector and its diagonal."""
+    """Compute bᵀ M⁻¹ b for each column b of (N, m) loads, from products with M and its diagonal."""
     result = np.zeros(loads.shape[1])
     for column, right in enumerate(loads.T):
         cancel.check()
-        # Conjugate gradients with M's own diagonal: a few dozen steps on any mesh, since the
-        # condition of a consistent mass matrix scaled by its diagonal does not grow with its size.
+        # Conjugate gradients, preconditioned with M's diagonal, need a few dozen steps on any mesh:
+        # the condition of a consistent mass matrix scaled like this does not grow with its size.
         x, r = np.zeros_like(right), right.copy()
         z = r / diagonal
         p, rho = z.copy(), float(r @ z)
@@ -121,6 +122,6 @@ def moved_by(inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Float
 
 
 def participation(shapes: Floats, nodal_mass: Floats) -> Floats:
-    """Return how far a uniform acceleration along each axis drives each mode."""
+    """Compute the participation of each mode in a uniform acceleration along each axis."""
     modes = shapes.reshape(len(shapes), -1, 3)
     return np.einsum("nvc,v->nc", modes, nodal_mass)

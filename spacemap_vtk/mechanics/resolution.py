@@ -1,4 +1,4 @@
-"""How well the cells of a sheet resolve what it does: its modes."""
+"""How well the cells of a sheet resolve its vibration modes."""
 
 from __future__ import annotations
 
@@ -10,37 +10,38 @@ import numpy as np
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Error of a mode's frequency, over (k c)², k its wave number and c the width of the cells: of one
-#: that bends the sheet, fitted to simply supported plates (π/12 to π/4 a cell: 0.11 to 0.12), and
-#: of one that stretches it, or that tension holds, where it is that of bilinear elements, 1/24.
+#: Error of a mode's frequency divided by (k c)², for wave number k and cell width c. BENDING is for
+#: modes that bend the sheet, fitted to simply supported plates (π/12 to π/4 per cell: 0.11 to
+#: 0.12). STRETCHING is for modes that stretch it or that tension stiffens; it is the error of
+#: bilinear elements, 1/24.
 BENDING, STRETCHING = 0.117, 1 / 24
 #: Estimated error of a mode's frequency above which the mode is reported as unresolved.
 UNRESOLVED = 0.1
 
 
 def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[float]:
-    """Estimate by which share the frequencies of a sheet's modes are too high.
+    """Estimate by what share the frequencies of a sheet's modes are too high.
 
     Parameters
     ----------
     model : Model
-        Of a sheet; the modes of solids are not estimated.
+        Model of a sheet; the modes of solids are not estimated.
     eigenvalues : ndarray of float64, shape (n,)
-        λ of its modes [1/s²].
+        Eigenvalues λ of the modes [1/s²].
     shapes : ndarray of float64, shape (n, 3V)
-        Mass-normalised [1/√kg].
+        Mass-normalised mode shapes [1/√kg].
 
     Yields
     ------
     float
-        Of each mode in turn; 0 of rigid ones, and of the modes of solids.
+        Error of each mode in turn; 0 for rigid modes, and for the modes of solids.
 
     Notes
     -----
-    A wave of numbers kx and ky along the cells has an error of (kx⁴ cx² + ky⁴ cy²)/(kx² + ky²)
-    times `BENDING` or `STRETCHING`, by the share that bending has in the mode's energy. For k⁴
-    stands the mean square of the sheet's curvature, or of second differences of the displacement;
-    for k² that of first differences. Waves shorter than four cells are further off than estimated.
+    A wave with numbers kx and ky along the cells has an error of (kx⁴ cx² + ky⁴ cy²)/(kx² + ky²)
+    times `BENDING` or `STRETCHING`, weighted by the share of bending in the mode's energy. k⁴ is
+    the mean square of the sheet's curvature, or of second differences of the displacement; k² is
+    that of first differences. Waves shorter than four cells have larger errors than estimated.
     """
     surface = model.pencil.surface
     if surface is None:
@@ -70,17 +71,18 @@ def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[f
 
 
 def unresolved_modes(errors: Sequence[float]) -> str:
-    """Return a clause that names the unresolved modes; empty if all are resolved.
+    """Describe the unresolved modes in a clause; empty if all are resolved.
 
     Parameters
     ----------
     errors : sequence of float
-        Of each mode, as `mode_errors` estimates them.
+        Error of each mode, as `mode_errors` estimates it.
 
     Returns
     -------
     str
-        Such as "modes 7 to 20 are shorter than the cage's cells resolve: …", without a full stop.
+        For example "modes 7 to 20 are shorter than the cage's cells resolve: …", without a full
+        stop.
     """
     large = {number: error for number, error in enumerate(errors, 1) if error > UNRESOLVED}
     if not large:
@@ -96,7 +98,7 @@ def unresolved_modes(errors: Sequence[float]) -> str:
 
 
 class _Lines:
-    """The lines of a sheet's cells in one of their two directions."""
+    """Lines along a sheet's cells in one of their two directions."""
 
     def __init__(self, quads: Ints, turn: int, rest: Floats) -> None:
         corners = np.roll(quads, -turn, axis=1)
@@ -106,11 +108,11 @@ class _Lines:
         first, last = self._edges.T
         #: Mean length of the edges [m].
         self.width = float(np.linalg.norm(rest[last] - rest[first], axis=1).mean())
-        #: Which places have a neighbour on both sides.
+        #: Whether each node has a neighbour on both sides.
         self._inner: Bools = np.bincount(self._edges.ravel(), minlength=len(rest)) == 2
 
     def differences(self, moved: Floats) -> tuple[float, float]:
-        """Return the sums of first differences squared, and of second ones, over the width²."""
+        """Sum the squares of first differences, and of second ones, both over the width²."""
         first, last = self._edges.T
         step = moved[last] - moved[first]
         second = np.zeros_like(moved)

@@ -1,8 +1,8 @@
-"""Response of a cage's modes to loads: displacement at any time, history, energies, frequencies.
+"""Response of a cage's modes to loads: motion over time, energies and frequency response.
 
-No time step exists: everything is a closed-form sum over modes (see `spacemap_vtk.mechanics.motion`
-for the modal coordinates). `Motion` is what plots and pictures need of it, and what another model
-of a motion, which may well step, can offer instead.
+There is no time step: every result is a closed-form sum over modes (for the modal coordinates see
+`spacemap_vtk.mechanics.motion`). `Motion` is the interface that plots and pictures use. Other
+models of a motion can implement it, including those that do step.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.timefunctions import is_constant
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: A static shape is warned of where rounding is more than this share of it.
+#: A warning is given if rounding is more than this share of a static shape.
 ROUNDING = 1e-4
-#: Of h t: what is left of a free swing then, 1e-3 of it, is nothing.
+#: Value of h t after which a free vibration has decayed, to 1e-3.
 _STILL = 7.0
 
-#: Share of the movable mass that the kept modes should hold along an axis with a load.
+#: Share of the movable mass that the kept modes should hold along a loaded axis.
 ENOUGH = 0.9
 
-#: Frequencies that are answered together: one by one Python takes most of the time.
+#: Number of frequencies that are computed together; one at a time, Python's overhead dominates.
 _TOGETHER = 256
 
 
 @runtime_checkable
 class Motion(Protocol):
-    """The motion of a cage: where its vertices are at any time, and its points."""
+    """Motion of a cage: the displacements of its vertices or of a point, and energies."""
 
     points: Floats
     """The vertices at rest [m], (V, 3)."""
@@ -46,46 +46,47 @@ class Motion(Protocol):
     """The tetrahedra, (T, 4) or (T, 10)."""
 
     def at(self, time: float) -> Floats:
-        """Return displacement [m] of the vertices, and its two rates [m/s, m/s²], (3, V, 3)."""
+        """Compute displacement, velocity and acceleration of vertices [m, m/s, m/s²], (3, V, 3)."""
 
     def history(self, weights: Floats, times: Floats) -> Floats:
-        """Return the same of a point over time [s], by its weights of the vertices, (3, t, 3)."""
+        """Compute the same for a point, given by its vertex weights, at times [s], (3, t, 3)."""
 
     def energies(self, times: Floats) -> Floats:
-        """Return kinetic, strain and dissipated energy and external work [J] over time, (t, 4)."""
+        """Compute kinetic, strain and dissipated energy and external work [J], (t, 4)."""
 
     def potential(self, times: Floats) -> Floats:
-        """Return the potential energy of loads that never change [J], 0 at t = 0, (t,)."""
+        """Compute the potential energy of loads that never change [J], 0 at t = 0, (t,)."""
 
 
 class Response(Motion):
-    """Motion of a cage as a sum over its modes, at any time from 0 on.
+    """Motion of a cage as a sum over its modes, at any time from t = 0 on.
 
     Parameters
     ----------
     modes : CageModes
-        Of the cage.
+        Modes of the cage.
     loads : sequence of LoadVector
-        What acts, made by `CageModes.vector`.
+        Loads, made by `CageModes.vector`.
     damping : Damping
-        Of the modes.
+        Damping of the modes.
     equilibrium : bool, optional
-        Whether it hangs at rest under the loads at t = 0; else it starts from rest, undeformed.
+        Whether the cage is in equilibrium under the loads at t = 0; otherwise it starts from rest,
+        undeformed.
     displacement, velocity : ndarray of float64, shape (V, 3), optional
-        Added to the state at t = 0 [m, m/s]; what is held stays.
+        Added to the state at t = 0 [m, m/s], except on held components.
     residual : bool, optional
-        Whether a residual vector for each load makes up for what the modes miss of its static
-        response.
+        Whether a residual vector for each load adds the part of its static response that the modes
+        leave out.
     statics : callable, optional
-        What solves for the static responses; by default the model itself.
+        Solver of the static responses; by default the model.
 
     Raises
     ------
     InputError
-        If there is no equilibrium, because a rigid mode is loaded or rounding has taken the shape,
-        or no steady state.
+        If there is no equilibrium because a rigid mode is loaded or rounding has destroyed the
+        shape, or if there is no steady state.
     SolverError
-        If no digit of a static response is left by rounding.
+        If no digit of a static response is correct.
 
     Notes
     -----
@@ -124,7 +125,7 @@ class Response(Motion):
         self.modes, self.loads, self.damping = modes, tuple(loads), damping
         self.points, self.cells = modes.model.points, modes.model.cells
         rest = modes.model.displacement
-        #: Displacement to the equilibrium that it moves about [m], (V, 3).
+        #: Displacement of the equilibrium about which the cage moves [m], (V, 3).
         self.rest = np.zeros_like(self.points) if rest is None else rest
         lost = int((modes.eigenvalue_rounding > LOST).sum())
         if equilibrium and lost:
@@ -140,7 +141,7 @@ class Response(Motion):
             Drive(self._shapes @ modes.force(p), p.function, p.moves_base is not None)
             for p in self.loads
         ]
-        #: What there is to say of its trustworthiness, in sentences.
+        #: Warnings about the accuracy, in sentences.
         self.warnings = _truncation(modes, self.loads, residual) + _rounding(modes, self.loads)
         self.warnings += [
             "a load falls on fixed vertices only, and moves nothing"
@@ -156,12 +157,12 @@ class Response(Motion):
             position=self._start(displacement, "displacement"),
             rate=self._start(velocity, "velocity"),
         )
-        #: What holds the equilibrium, on each mode: against it strain grows as the cage moves.
+        #: Forces on each mode that hold the equilibrium; their work is stored as strain energy.
         self._pull = self._shapes @ modes.model.forces
         self._kept: tuple[Floats, list[State]] | None = None
 
     def _start(self, field: Floats | None, what: str) -> Floats | None:
-        """Return a field in modal coordinates."""
+        """Convert a field to modal coordinates; warn if the modes miss much of it."""
         if field is None:
             return None
         moved = self.modes.model.pencil.movable(field.reshape(-1, 1))[:, 0]
@@ -181,24 +182,25 @@ class Response(Motion):
         return Account(self.modal)
 
     def at(self, time: float, state: State | None = None) -> Floats:
-        """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
+        """Compute the motion of the vertices; before 0 they rest in the initial state."""
         state = self.modal.at(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
 
     def lost_phases(self, time: float, state: State) -> int:
-        """Return how many modes still swing whose phase is rounding.
+        """Count the modes that still vibrate although rounding has destroyed their phase.
 
         Parameters
         ----------
         time : float
-            In s.
+            Time [s].
         state : State
-            Of the modal coordinates at that time.
+            Modal coordinates at that time.
 
         Returns
         -------
         int
-            A frequency has so many digits, and so has the time: after as many periods none is left.
+            Number of these modes. Frequency and time have a limited number of digits, so after
+            enough periods no digit of the phase is correct.
         """
         omega, lost, first = self._phases
         if time < first:
@@ -212,26 +214,26 @@ class Response(Motion):
 
     @cached_property
     def _phases(self) -> tuple[Floats, Floats, float]:
-        """Of each mode ω and the phase that rounding adds to in a second; when it first is all."""
+        """Each mode's ω and growth of phase error [rad/s], and when the first phase is lost [s]."""
         omega = np.sqrt(self.modal.stiffness[: len(self.modes.eigenvalues)])
         lost = omega * (self.modes.eigenvalue_rounding / 2 + 2.0**-53)
         return omega, lost, 1.0 / max(float(lost.max(initial=0.0)), 1e-300)
 
     def energy(self, time: float, state: State | None = None) -> Energy:
-        """Return the energies at a time [J], as `Account.at` does.
+        """Compute the energies at a time [J], as `Account.at` does.
 
         Parameters
         ----------
         time : float
-            In s; before 0 the initial state is held at rest.
+            Time [s]; before 0 the initial state is held at rest.
         state : State, optional
-            That of the modal coordinates at that time, where it is known already.
+            Modal coordinates at that time, if they are already known.
 
         Returns
         -------
         Energy
-            In J. Behind many thousand periods the work, and what of it was lost, are not a number.
-            What a hung cage has stored counts as strain, and as work.
+            Energies [J]. After many thousand periods, work and dissipated energy are NaN. Energy
+            stored in the equilibrium counts as strain and as work.
         """
         state = self.modal.at(time) if state is None else state
         found = self._account.at(time, state)
@@ -239,7 +241,7 @@ class Response(Motion):
         return found._replace(strain=found.strain + hung, work=found.work + hung)
 
     def history(self, weights: Floats, times: Floats) -> Floats:
-        """Return how a point moves over time."""
+        """Compute the motion of a point over time."""
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
         rest = (weights @ self.rest)[None]
@@ -249,13 +251,13 @@ class Response(Motion):
         return np.stack(rows, axis=1)
 
     def energies(self, times: Floats) -> Floats:
-        """Return where the energy is over time."""
+        """Compute the energies over time."""
         states = zip(times, self._states(times), strict=True)
         return np.array([self.energy(t, now) for t, now in states]).reshape(-1, 4)
 
     def potential(self, times: Floats) -> Floats:
-        """Return the potential energy of the loads that never change over time."""
-        # A hung cage's weight is among them, though it is no load of the modes.
+        """Compute the potential energy over time of the loads that never change."""
+        # In an equilibrium the weight is among them, though it is not a load of the modes.
         dead = self._pull.copy()
         for drive in self.modal.drives:
             if not drive.moves_base and is_constant(drive.function):
@@ -266,30 +268,30 @@ class Response(Motion):
         return result
 
     def _states(self, times: Floats) -> list[State]:
-        """Return the states at some times; the last are kept, for other curves over the same."""
+        """Compute the states at given times, and keep them for other curves over the same times."""
         if self._kept is None or not np.array_equal(self._kept[0], times):
             self._kept = times.copy(), [self.modal.at(t) for t in times]
         return self._kept[1]
 
     def frequency_response(self, weights: Floats, frequencies: Floats) -> NDArray[np.complex128]:
-        """Return how a point answers to the loads as sines, all in phase.
+        """Compute the frequency response of a point to the loads as sines, all in phase.
 
         Parameters
         ----------
         weights : ndarray of float64, shape (V,)
-            Of the vertices in the point's displacement.
+            Weights of the vertices in the point's displacement.
         frequencies : ndarray of float64, shape (f,)
-            Of the sines [Hz], above 0; loads have the sizes that they have, with factor 1.
+            Frequencies of the sines [Hz], above 0. The amplitude of each is the load at factor 1.
 
         Returns
         -------
         ndarray of complex128, shape (f, 3)
-            Displacement [m], its size and phase along x, y and z.
+            Displacement [m] as amplitude and phase, along x, y and z.
 
         Raises
         ------
         InputError
-            If an undamped mode is met at its own frequency.
+            If an undamped mode is excited at its natural frequency.
         """
         shapes = self._at_point(weights)
         result = np.zeros((len(frequencies), 3), dtype=np.complex128)
@@ -318,7 +320,7 @@ class Response(Motion):
 
 
 def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -> list[str]:
-    """Say along which loaded axes the modes hold too little of the mass."""
+    """List warnings for loaded axes along which the modes hold too little of the mass."""
     if modes.complete:
         return []
     held = modes.effective_masses.sum(axis=0) / modes.model.movable_mass

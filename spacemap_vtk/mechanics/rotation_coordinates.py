@@ -1,15 +1,16 @@
-"""Large rotations of a linear motion: rotation-strain coordinates.
+"""Rotation-strain coordinates: correct a linear motion for large rotations.
 
-A linear motion stretches what it turns. But in each element its gradient G still tells a strain
-ε = sym G and a rotation, the axial vector ω of skew G; the gradient that was meant is
+A linear motion stretches whatever it turns. In each element its gradient G still contains a strain
+ε = sym G and a rotation, the axial vector ω of skew G. The intended gradient is
 
     F = exp([ω]×) (I + ε)
 
-and the shape the one whose gradients are nearest to these, in least squares over the volume, with
-the held vertices where the motion has them. Time stays free: a cage is factorised once, and a time
-costs one back-substitution. Source: J. Huang, Y. Tong, K. Zhou, H. Bao, M. Desbrun, "Interactive
-shape interpolation through controllable dynamic deformation", IEEE Trans. Vis. Comput. Graph. 17
-(2011) 983; a sheet has its own legs here, two along its mid-surface and its director.
+The corrected shape has the gradients that are closest to F, in least squares over the volume; held
+vertices keep the positions of the linear motion. Times are independent of each other: a cage is
+factorised once, and each time costs one back-substitution. Source: J. Huang, Y. Tong, K. Zhou,
+H. Bao, M. Desbrun, "Interactive shape interpolation through controllable dynamic deformation", IEEE
+Trans. Vis. Comput. Graph. 17 (2011) 983. For a sheet, the gradient at a point follows from three
+vectors, its legs: two along the mid-surface, and the director.
 """
 
 from __future__ import annotations
@@ -30,25 +31,25 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
 
-#: Up to here a dense inverse is quicker than a back-substitution.
+#: Up to this size a dense inverse is faster than a back-substitution.
 _DENSE = 1000
 
 
 class RotationCoordinates:
-    """The shapes of a cage whose linear motion is given, without the stretch that turning brings.
+    """Shapes of a cage from its linear motion, without the stretch caused by rotation.
 
     Parameters
     ----------
     points : ndarray of float64, shape (V, 3)
-        Vertices where the motion is zero: undeformed, or hung [m].
+        Vertices where the motion is zero, undeformed or in equilibrium [m].
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
     held : ndarray of bool, shape (V, 3), or csc_matrix of float64, shape (3V, N)
-        Components that stay where the motion has them; or, of a cage that has a
-        `spacemap_vtk.mechanics.model.Model`, its pencil's basis. What nothing holds along an axis
-        keeps its middle there.
+        Components that keep the linear motion; or, for a cage with a
+        `spacemap_vtk.mechanics.model.Model`, the basis of its pencil. Along an axis where nothing
+        is held, the mean position is that of the linear motion.
     surface : MidSurface, optional
-        Of the sheet that the cage is, from `spacemap_vtk.mechanics.shell.mid_surface`.
+        Mid-surface from `spacemap_vtk.mechanics.shell.mid_surface`, if the cage is a sheet.
 
     Raises
     ------
@@ -84,34 +85,34 @@ class RotationCoordinates:
                 held = free_pairs(points, surface, held)
         self._held: csc_matrix = held
         self._nodal = self._of_nodes(points)
-        #: Legs of each place where the motion is zero, as columns, and their inverse.
+        #: Legs of each point where the motion is zero, as columns, and their inverse.
         self._rest = self._columns(self._nodal)
         self._inverse = np.linalg.inv(self._rest)
 
     @classmethod
     def of_mesh(cls, points: Floats, cells: Ints, held: Bools) -> RotationCoordinates:
-        """Return what rebuilds the shapes of a mesh of which no more is known than what it holds.
+        """Make the coordinates of a mesh of which only the held components are known.
 
         Parameters
         ----------
         points : ndarray of float64, shape (V, 3)
             Vertices [m].
         cells : ndarray of int64, shape (T, 4) or (T, 10)
-            Tetrahedra; a lattice of one layer of wide cells counts as a sheet.
+            Tetrahedra; a one-layer lattice of wide cells counts as a sheet.
         held : ndarray of bool, shape (V, 3)
-            Components that stay where the motion has them.
+            Components that keep the linear motion.
 
         Returns
         -------
         RotationCoordinates
-            Of this mesh.
+            Rotation-strain coordinates of this mesh.
         """
         thin = layer(points, cells)
         sheet = thin is not None and thin.aspect > THIN
         return cls(points, cells, held, mid_surface(points, cells) if sheet else None)
 
     def displacement(self, linear: Floats) -> Floats:
-        """Return where the vertices go.
+        """Compute the corrected displacement of the vertices.
 
         Parameters
         ----------
@@ -121,7 +122,7 @@ class RotationCoordinates:
         Returns
         -------
         ndarray of float64, shape (V, 3)
-            In m.
+            Corrected displacement [m].
         """
         moved = self._of_nodes(linear)
         gradients = self._columns(moved) @ self._inverse
@@ -129,7 +130,7 @@ class RotationCoordinates:
         return self._fitted(turn @ strain @ self._rest, self._nodal + moved) - self.points
 
     def largest(self, linear: Floats) -> tuple[float, float]:
-        """Return by how much an element turns at most, and is strained at most.
+        """Compute the largest rotation and the largest strain of any element.
 
         Parameters
         ----------
@@ -139,9 +140,9 @@ class RotationCoordinates:
         Returns
         -------
         angle : float
-            In rad; it grows with the displacement, and so does the strain.
+            Largest rotation [rad]; it and the strain grow with the displacement.
         strain : float
-            Largest principal one, of either sign.
+            Largest principal strain, of either sign.
         """
         gradients = self._columns(self._of_nodes(linear)) @ self._inverse
         strains = np.linalg.eigvalsh((gradients + gradients.swapaxes(1, 2)) / 2)
@@ -149,7 +150,7 @@ class RotationCoordinates:
         return float(angles.max()), float(abs(strains).max())
 
     def rotation(self, linear: Floats) -> float:
-        """Return by how much an element turns at most, less what a free cage turns as a whole.
+        """Compute the largest rotation of any element, without the rotation of a free cage.
 
         Parameters
         ----------
@@ -159,15 +160,15 @@ class RotationCoordinates:
         Returns
         -------
         float
-            In rad.
+            Largest rotation [rad].
         """
         turns = _axial(self._columns(self._of_nodes(linear)) @ self._inverse)
-        if len(self._loose) == 3:  # turning as a whole is exact
+        if len(self._loose) == 3:  # a rotation of the whole cage is exact
             turns -= np.average(turns, axis=0, weights=self._weights[::3])
         return float(np.sqrt(np.einsum("ni,ni->n", turns, turns).max()))
 
     def velocity(self, linear: Floats, rate: Floats) -> Floats:
-        """Return how fast the vertices go.
+        """Compute the corrected velocity of the vertices.
 
         Parameters
         ----------
@@ -177,7 +178,7 @@ class RotationCoordinates:
         Returns
         -------
         ndarray of float64, shape (V, 3)
-            In m/s, the exact rate of `displacement`.
+            Corrected velocity [m/s], the exact derivative of `displacement`.
         """
         moving = self._of_nodes(rate)
         gradients = self._columns(self._of_nodes(linear)) @ self._inverse
@@ -188,7 +189,7 @@ class RotationCoordinates:
         return self._fitted(meant @ self._rest, moving)
 
     def acceleration(self, linear: Floats, rate: Floats, second: Floats) -> Floats:
-        """Return the rate of `velocity`.
+        """Compute the corrected acceleration of the vertices.
 
         Parameters
         ----------
@@ -198,7 +199,7 @@ class RotationCoordinates:
         Returns
         -------
         ndarray of float64, shape (V, 3)
-            In m/s², by a central difference over so short a time that six digits hold.
+            Derivative of `velocity` [m/s²], by a central difference with six correct digits.
         """
         size = float(np.ptp(self.points, axis=0).max())
         fastest = max(float(abs(rate).max()), (size * float(abs(second).max())) ** 0.5)
@@ -212,17 +213,17 @@ class RotationCoordinates:
         return (ends[1] - ends[0]) / (2 * step)
 
     def motion(self, linear: Motion) -> Motion:
-        """Return a linear motion rebuilt at any time.
+        """Make the corrected motion from a linear motion.
 
         Parameters
         ----------
         linear : Motion
-            Of the cage, its displacements from the undeformed vertices.
+            Linear motion of the cage, with displacements from the undeformed vertices.
 
         Returns
         -------
         Motion
-            Energies are those of the linear one.
+            Corrected motion; its energies are those of the linear one.
         """
         return _Turned(linear, self)
 
@@ -230,11 +231,11 @@ class RotationCoordinates:
         return vertices if self.surface is None else self.surface.nodal(vertices)
 
     def _columns(self, nodal: Floats) -> Floats:
-        """Return the legs of each place as columns, (n, 3, 3)."""
+        """Compute the legs of each point as columns, (n, 3, 3)."""
         return (self._legs @ nodal).reshape(-1, 3, 3).swapaxes(1, 2)
 
     def _fitted(self, meant: Floats, given: Floats) -> Floats:
-        """Return the vertices with the nearest legs, held ones as given."""
+        """Fit the vertices to the intended legs, with held components as given."""
         load = self._pull @ meant.swapaxes(1, 2).reshape(-1, 3)
         result = np.empty_like(given)
         for axes, system in self._systems:
@@ -245,7 +246,7 @@ class RotationCoordinates:
 
     @cached_property
     def _loose(self) -> Ints:
-        """The axes along which nothing is held."""
+        """Axes along which nothing is held."""
         size = len(self.points) if self.surface is None else len(self.surface.pairs)
         places = np.arange(len(self.points)) < size
         push = (places[:, None, None] * np.eye(3)).reshape(-1, 3)
@@ -257,11 +258,12 @@ class RotationCoordinates:
 
     @cached_property
     def _systems(self) -> list[tuple[list[int], _System]]:
-        """Axes that can be solved for side by side, and their system."""
+        """Groups of axes that share a system, and the system of each group."""
         from scipy.sparse import eye, kron
 
         springs = (self._pull @ self._legs).tocsr()
-        # What nothing holds is solved for with one node held, and then put where its middle was.
+        # Along a free axis one node is anchored to solve, and the result is then moved so that its
+        # mean position is the given one.
         anchor = np.zeros(3)
         anchor[self._loose] = springs.diagonal().mean()
         basis = self._held
@@ -279,12 +281,12 @@ class RotationCoordinates:
 
 
 class _Turned(Motion):
-    """A linear motion, rebuilt at any time."""
+    """Corrected motion, computed from a linear motion at any time."""
 
     def __init__(self, linear: Motion, kernel: RotationCoordinates) -> None:
         self._linear, self._kernel = linear, kernel
         self.points, self.cells = linear.points, linear.cells
-        #: Where the motion is zero: hung.
+        #: Displacement of the equilibrium, where the motion is zero.
         self._rest = kernel.points - linear.points
 
     def at(self, time: float) -> Floats:
@@ -305,7 +307,7 @@ class _Turned(Motion):
 
 
 class _System:
-    """The nearest positions of nodes, of which some are held."""
+    """Least-squares system for the positions of nodes, some of which are held."""
 
     def __init__(self, springs: csr_matrix, basis: csc_matrix, anchor: Floats) -> None:
         self._springs, self._basis, self._anchor = springs, basis, anchor
@@ -315,7 +317,7 @@ class _System:
             self._solve = _solver((basis.T @ springs @ basis + fixed).tocsr())
 
     def solved(self, load: Floats, given: Floats) -> Floats:
-        """Return the positions of all nodes, (V, m), or along three axes that hang together."""
+        """Solve for the positions of all nodes, (V, m), or along three axes that are coupled."""
         basis, shape = self._basis, given.shape
         load, given = (part.reshape(basis.shape[0], -1) for part in (load, given))
         kept = given - basis @ (basis.T @ given)
@@ -327,7 +329,7 @@ class _System:
 
 
 def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
-    """Return the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
+    """Build the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
     from scipy.sparse import csr_matrix
 
     slopes, weights = sampled_slopes(points, cells)
@@ -339,13 +341,13 @@ def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
 
 
 def _axial(gradients: Floats) -> Floats:
-    """Return the axial vectors of their skew parts, (n, 3)."""
+    """Compute the axial vectors of the skew parts of gradients, (n, 3)."""
     turned = [gradients[:, j, i] - gradients[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack(turned, axis=1) / 2
 
 
 def _cross(vectors: Floats) -> Floats:
-    """Return the matrices [v]×, (n, 3, 3)."""
+    """Build the matrices [v]×, (n, 3, 3)."""
     result = np.zeros((len(vectors), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         result[:, k, j], result[:, j, k] = vectors[:, i], -vectors[:, i]
@@ -353,18 +355,18 @@ def _cross(vectors: Floats) -> Floats:
 
 
 def _parts(gradients: Floats) -> tuple[Floats, Floats]:
-    """Return exp([ω]×) and I + ε of each gradient."""
+    """Compute exp([ω]×) and I + ε of each gradient."""
     omega = _axial(gradients)
     angle = np.linalg.norm(omega, axis=1)[:, None, None]
     cross = _cross(omega)
-    # sin θ/θ and (1 - cos θ)/θ², which is sin²(θ/2)/2 over (θ/2)².
+    # sin θ/θ and (1 - cos θ)/θ²; the latter is sin²(θ/2)/2 over (θ/2)².
     half = np.sinc(angle / (2 * np.pi))
     turn = np.eye(3) + np.sinc(angle / np.pi) * cross + half**2 / 2 * (cross @ cross)
     return turn, np.eye(3) + (gradients + gradients.swapaxes(1, 2)) / 2
 
 
 def _spin(omega: Floats, rate: Floats) -> Floats:
-    """Return the angular velocity of exp([ω]×) where ω has a rate, (n, 3)."""
+    """Compute the angular velocity of exp([ω]×) from ω and its rate, (n, 3)."""
     # The left Jacobian of rotations: I + (1 - cos θ)/θ² [ω] + (θ - sin θ)/θ³ [ω]².
     angle = np.linalg.norm(omega, axis=1)[:, None]
     half = np.sinc(angle / (2 * np.pi)) ** 2 / 2
@@ -378,7 +380,7 @@ def _spin(omega: Floats, rate: Floats) -> Floats:
 
 
 def _solver(matrix: csr_matrix) -> Callable[[Floats], Floats]:
-    """Return what solves a definite system for some right-hand sides."""
+    """Factorise a definite matrix; return its solver."""
     if matrix.shape[0] <= _DENSE:
         inverse = np.linalg.inv(matrix.toarray())
         return lambda right: inverse @ right

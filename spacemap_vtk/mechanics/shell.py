@@ -1,8 +1,8 @@
-"""A sheet on a cage's own vertices: those of a one-layer lattice come in pairs.
+"""Shell elements on a cage's vertices: in a one-layer lattice the vertices form pairs.
 
-A pair is a mid-point p = (x⁺ + x⁻)/2 and half a thickness δ = (x⁺ - x⁻)/2, its director is
-d = 2 δ/h. On the quadrilaterals of the pairs all strains are quadratic in these, so that no
-rotation is ever a variable and nothing is linearised:
+A pair has a mid-point p = (x⁺ + x⁻)/2 and half a thickness δ = (x⁺ - x⁻)/2; its director is
+d = 2 δ/h. All strains on the quadrilaterals of pairs are quadratic in p and δ. No rotation is a
+variable, therefore, and nothing is linearised:
 
     membrane         e_ij = ½ (p,i · p,j - P,i · P,j)
     bending          k_ij = sym(p,i · d,j) - its reference
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
 
-#: Cells this many times wider than thick are those of a sheet: there even quadratic tetrahedra
-#: twist too stiffly (see `spacemap_vtk.mechanics.bending.locking`).
+#: Cells more than this many times wider than thick are treated as those of a sheet; even quadratic
+#: tetrahedra twist too stiffly there (see `spacemap_vtk.mechanics.bending.locking`).
 THIN = 4.0
 
-#: Corners of a quadrilateral, and its points of quadrature.
+#: Corners of a quadrilateral, and its quadrature points.
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _GAUSS = _CORNERS / 3**0.5
 
@@ -44,7 +44,7 @@ _MIDDLES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 
 
 class MidSurface(NamedTuple):
-    """The pairs of vertices of a one-layer lattice, and their quadrilaterals."""
+    """Pairs of vertices of a one-layer lattice, and its quadrilaterals of pairs."""
 
     pairs: Ints
     """(P, 2) vertices at the upper and the lower end of each."""
@@ -54,19 +54,19 @@ class MidSurface(NamedTuple):
     """The axis nearest to the direction across the layer."""
 
     def nodal(self, vertices: Floats) -> Floats:
-        """Return p of all pairs, then δ of all, of what vertices have, both (V, …)."""
+        """Convert values of the vertices to those of all p, followed by all δ, both (V, …)."""
         upper, lower = vertices[self.pairs.T]
         return np.concatenate([(upper + lower) / 2, (upper - lower) / 2])
 
     def vertices(self, nodal: Floats) -> Floats:
-        """Return what vertices have out of p and δ, both (V, …)."""
+        """Convert values of p and δ to those of the vertices, both (V, …)."""
         middle, half = nodal.reshape(2, len(self.pairs), *nodal.shape[1:])
         result = np.empty_like(nodal)
         result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
         return result
 
     def matrix(self) -> csr_matrix:
-        """Return what `nodal` does as a matrix, (3V, 3V)."""
+        """Build the matrix of `nodal`, (3V, 3V)."""
         from scipy.sparse import bmat, csr_matrix, eye, kron
 
         count = len(self.pairs)
@@ -77,7 +77,7 @@ class MidSurface(NamedTuple):
         return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
 
     def ends(self) -> tuple[Ints, Floats]:
-        """Return the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
+        """List the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
         count = len(self.pairs)
         nodes, signs = np.empty((2 * count, 2), dtype=np.int64), np.ones((2 * count, 2))
         nodes[self.pairs] = (np.arange(count)[:, None] + [0, count])[:, None]
@@ -85,18 +85,18 @@ class MidSurface(NamedTuple):
         return nodes, signs
 
     def thickness(self, points: Floats) -> Floats:
-        """Return the length of each pair [m], (P,)."""
+        """Compute the length of each pair [m], (P,)."""
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
 
     def taper(self, points: Floats, plate: Plate) -> Floats:
-        """Return the thickness that counts for a plate at each pair, over the mean, (P,)."""
+        """Compute the thickness of a plate at each pair, relative to the mean, (P,)."""
         own = self.thickness(points)
         return own / own.mean() if plate.local else np.ones(len(own))
 
 
 class Layer(NamedTuple):
-    """The measures of a lattice of one layer."""
+    """Dimensions of a one-layer lattice."""
 
     thickness: float
     """Mean length of the pairs [m]."""
@@ -109,7 +109,7 @@ class Layer(NamedTuple):
 
 
 def layer(points: Floats, cells: Ints) -> Layer | None:
-    """Return the measures of the sheet that a cage can be.
+    """Compute the dimensions of a cage that is a sheet.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def layer(points: Floats, cells: Ints) -> Layer | None:
     Returns
     -------
     Layer or None
-        None of what is no lattice of one layer, whole or carved, of linear tetrahedra.
+        None if the cage is not a one-layer lattice, whole or carved, of linear tetrahedra.
     """
     surface = mid_surface(points, cells)
     if surface is None:
@@ -134,7 +134,7 @@ def layer(points: Floats, cells: Ints) -> Layer | None:
 
 
 def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
-    """Return the mid-surface of a one-layer lattice, whole or carved.
+    """Find the mid-surface of a one-layer lattice, whole or carved.
 
     Parameters
     ----------
@@ -146,11 +146,11 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
     Returns
     -------
     MidSurface or None
-        A quadrilateral for each hexahedron, in their order; None of any other mesh.
+        One quadrilateral for each hexahedron, in their order; None for any other mesh.
     """
-    # It lies across the thinnest axis along which no two hexahedra meet.
+    # The mid-surface lies across the thinnest axis along which no two hexahedra are neighbours.
     corners = hexahedra(cells)
-    if corners is None or 2 * len(corners) >= len(points):  # of a sheet, P pairs have E < P
+    if corners is None or 2 * len(corners) >= len(points):  # a sheet of P pairs has E < P
         return None
     best, thin = None, np.inf
     for axis in range(3):
@@ -160,7 +160,7 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
         upper, lower = corners[:, lower | bit].ravel(), corners[:, lower].ravel()
         key, quads = np.unique(upper * len(points) + lower, return_inverse=True)
         pairs = np.stack(np.divmod(key, len(points)), axis=1)
-        # Each vertex in one pair, at one end of it: no two hexahedra lie above each other.
+        # Each vertex is at one end of one pair: no two hexahedra lie on top of each other.
         if len(pairs) * 2 == len(points) == len(np.unique(pairs)):
             across = points[pairs[:, 0]] - points[pairs[:, 1]]
             normal = int(abs(across.mean(axis=0)).argmax())
@@ -171,14 +171,14 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
 
 
 def of_quads(factors: Floats | None) -> Floats | None:
-    """Return the mean of what the tetrahedra of each quadrilateral have, (T,) as (E,)."""
-    # The first of the five is a third of the hexahedron, each other one a sixth.
+    """Average a factor of the tetrahedra over each quadrilateral, (T,) to (E,)."""
+    # The first of the five tetrahedra has a third of the hexahedron's volume, each other a sixth.
     shares = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6
     return None if factors is None else factors.reshape(-1, TETRAHEDRA_PER_CELL) @ shares
 
 
 def hexahedra(cells: Ints) -> Ints | None:
-    """Return the corners x + 2y + 4z of each hexahedron of a lattice, (E, 8); else None."""
+    """Find the corners x + 2y + 4z of each hexahedron of a lattice, (E, 8); None if it is none."""
     if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
         return None
     groups = cells.reshape(-1, 4 * TETRAHEDRA_PER_CELL)
@@ -195,13 +195,13 @@ def hexahedra(cells: Ints) -> Ints | None:
 def of_sheet(
     points: Floats, surface: MidSurface, plate: Plate, factors: Floats | None = None
 ) -> list[Strains]:
-    """Return the strains of a sheet: those of its quadrilaterals, and its pairs' thickness."""
-    # Over the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending 11, 22,
-    # 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 is, in the sheet's plane, the
-    # one that follows the normal in a circle: x of a sheet across z.
+    """Make the strains of a sheet: those of its quadrilaterals, and of its pairs' thickness."""
+    # They depend on the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending
+    # 11, 22, 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 lies in the sheet and
+    # follows the normal cyclically: it is x for a sheet across z.
     nodal, count = surface.nodal(points), len(surface.pairs)
     z = nodal[surface.quads]
-    # Of the director d = 2 δ/h.
+    # Factor from δ to the director d = 2 δ/h.
     scale = 2.0 / surface.thickness(points)
     director = scale[surface.quads]
     along, area = _axes(z, _GAUSS, surface.normal)
@@ -236,7 +236,7 @@ def of_sheet(
     stiffness[6:, 6:] = plate.shear
     nodes = np.concatenate([surface.quads, surface.quads + count], axis=1)
     rows = np.arange(count, 2 * count)[:, None]
-    # Stretch and shear are resisted by the thickness, bending by its cube.
+    # Membrane and shear stiffness grow with the thickness, bending stiffness with its cube.
     taper = surface.taper(points, plate)[surface.quads]
     there = taper @ np.stack([_shape(at) for at in _GAUSS]).T
     weights = there[..., None] ** np.array([1, 1, 1, 3, 3, 3, 1, 1])
@@ -251,8 +251,8 @@ def of_sheet(
 
 
 def of_pairs(points: Floats, surface: MidSurface, factors: Floats | None = None) -> Assembly:
-    """Return what a sheet contributes to M: the mid-points' ∫ N_a N_b h, and that of the rest."""
-    # The half thicknesses' is a third of it, as x = p + ζ δ with ζ from -1 to 1.
+    """Assemble the mass matrix of a sheet: ∫ N_a N_b h of the mid-points, and that of δ."""
+    # The mass of δ is a third of that of p, because x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
     area = _axes(surface.nodal(points)[surface.quads], _GAUSS, surface.normal)[1]
     shapes = np.stack([_shape(at) for at in _GAUSS])
@@ -281,11 +281,11 @@ def free_pairs(
     normals: Floats | None = None,
     bodies: Ints | None = None,
 ) -> csc_matrix:
-    """Return the basis (3V, N) of what supports and rigid bodies leave of p and δ of each pair."""
+    """Compute the basis (3V, N) of p and δ of each pair that supports and rigid bodies allow."""
     from scipy.sparse import hstack
 
-    # Where both ends are held alike, p and δ are as well: with bases of their own they keep their
-    # digits, however thin the sheet. Elsewhere the ends have bases, p ± δ = 0 where one is held.
+    # If both ends are held alike, so are p and δ. Their separate bases keep all digits, however
+    # thin the sheet. For other pairs the basis is that of the ends: p ± δ = 0 where one is held.
     upper, lower = surface.pairs.T
     both = np.concatenate([upper, upper])
     alike = (held[upper] == held[lower]).all(axis=1)
@@ -315,8 +315,8 @@ def _first(basis: csc_matrix) -> Ints:
 def of_middle(
     strains: list[Strains], positions: Floats, moved: Floats, surface: MidSurface, plate: Plate
 ) -> tuple[Floats, Floats]:
-    """Return strain and force per width [N/m] of each quadrilateral's middle, (E, 6) both."""
-    # Where p and δ move from positions, linear in that. As xx, yy, zz, yz, zx, xy of the cage.
+    """Compute strain and force per width [N/m] in the middle of each quadrilateral, (E, 6) both."""
+    # Both are linear in the move of p and δ. Components are xx, yy, zz, yz, zx, xy of the cage.
     found = []
     for part in strains:
         strain, gradients = part.strained(positions)
@@ -337,8 +337,8 @@ def of_middle(
 
 
 def legs_of(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
-    """Return the legs of a sheet as a matrix, (3 n, V), and the area that each row stands for."""
-    # Of p and δ, at four points of each quadrilateral: ∂p along both axes in its plane, and d.
+    """Build the legs of a sheet as a matrix, (3 n, V), and the area that belongs to each row."""
+    # At four points of each quadrilateral, from p and δ: ∂p along two axes in its plane, and d.
     from scipy.sparse import csr_matrix
 
     z, count = surface.nodal(points)[surface.quads], len(surface.pairs)
@@ -355,11 +355,11 @@ def legs_of(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
 
 
 class LegGradient:
-    """The gradient of displacement fields of a hung sheet, at four points of each quadrilateral."""
+    """Gradient of displacements of a sheet in equilibrium, at four points per quadrilateral."""
 
-    # Its folds can be tighter than it is thick, and as sharp as a cell: tetrahedra are inside out
-    # there, and legs lie in a plane. Cloth hardly stretches, and so legs are those of the flat
-    # sheet, turned.
+    # Folds in equilibrium can be tighter than the thickness, and as sharp as a cell: tetrahedra are
+    # inside out there, and the legs lie in a plane. Cloth hardly stretches, so the legs used here
+    # are those of the flat sheet, rotated.
     def __init__(
         self, points: Floats, surface: MidSurface, displacement: Floats | float = 0.0
     ) -> None:
@@ -368,7 +368,7 @@ class LegGradient:
         self._inverse = (left @ right).swapaxes(1, 2)
 
     def of(self, displacement: Floats) -> Floats:
-        """Return the gradients of a field, (3, 3, places)."""
+        """Compute the gradients of a displacement, (3, 3, points)."""
         return (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
 
     def _columns(self, vertices: Floats) -> Floats:
@@ -377,30 +377,30 @@ class LegGradient:
 
 
 def _unstrained(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
-    """Return strains that are zero in a shape."""
+    """Make strains that are zero in the given shape."""
     bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
     return Strains(nodes, forms, bare.strained(nodal)[0], stiffness)
 
 
 def _shape(at: Floats) -> Floats:
-    """Return the four bilinear shape functions at a place (ξ, η)."""
+    """Evaluate the four bilinear shape functions at a point (ξ, η)."""
     return (1 + _CORNERS * at).prod(axis=1) / 4
 
 
 def _slopes(at: Floats) -> Floats:
-    """Return their derivatives along ξ and η, (2, 4)."""
+    """Evaluate the derivatives of the shape functions along ξ and η, (2, 4)."""
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 
 def _axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
-    """Return ∂(ξ, η)/∂ the axes 1 and 2, (E, q, 2, 2), and the area each place stands for."""
+    """Compute ∂(ξ, η)/∂(axes 1 and 2), (E, q, 2, 2), and the area that belongs to each point."""
     tangents = np.stack([_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
     upward = np.cross(tangents[:, :, 0], tangents[:, :, 1])
     area: Floats = np.linalg.norm(upward, axis=2)
     upward /= area[..., None]
     one, two = ((normal + k) % 3 for k in (1, 2))
     first = np.eye(3)[one] - upward * upward[..., one, None]
-    # Where a sheet is turned so far that axis 1 stands on it, axis 2 leads.
+    # If a sheet is turned until axis 1 is nearly normal to it, axis 2 is used instead.
     second = np.eye(3)[two] - upward * upward[..., two, None]
     steep = abs(upward[..., one, None]) > abs(upward[..., two, None])
     first = np.where(steep, np.cross(second, upward), first)
@@ -413,7 +413,7 @@ def _axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
 
 
 def _wide(values: Floats, start: int) -> Floats:
-    """Return values of four mid-points (start 0) or directors (4) as those of all eight."""
+    """Extend values of four mid-points (start 0) or directors (4) to all eight nodes."""
     result = np.zeros((len(values), 8))
     result[:, start : start + 4] = values
     return result

@@ -1,6 +1,6 @@
-"""Strains that are quadratic in the positions: one kernel for cloth and solids, at any size.
+"""Strains that are quadratic in the positions: one kernel for cloth and solids at any deformation.
 
-With the positions z of an element's nodes each of its strains is
+Each strain of an element depends on the positions z of its nodes as
 
     ε_s = ½ Σ_ab b_sab z_a · z_b - ε⁰_s
 
@@ -8,9 +8,9 @@ with a constant symmetric form b. Energy, forces and their exact tangent are the
 
     W = ½ Σ ε C ε      f = Σ_s σ_s b_s z,  σ = C ε      K = Gᵀ C G + Σ_s σ_s b_s ⊗ I,  G_s = b_s z
 
-Where nothing is strained the second part of K, the geometric stiffness, is zero and K the linear
-one. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; the strains of a sheet are in
-`spacemap_vtk.mechanics.shell`.
+At zero strain the second part of K, the geometric stiffness, is zero, and K is the linear
+stiffness. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; the strains of a sheet
+are in `spacemap_vtk.mechanics.shell`.
 """
 
 from __future__ import annotations
@@ -26,50 +26,50 @@ from spacemap_vtk.mechanics.energy_terms import EnergyTerm, TermState, digest_of
 from spacemap_vtk.mechanics.kinematics import SAMPLES
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Axes of the strains xx, yy, zz, yz, zx, xy.
+#: Axes of the strain components xx, yy, zz, yz, zx, xy.
 _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 
-#: Share of a form's largest eigenvalue below which a negative one is rounding.
+#: A negative eigenvalue of a form is rounding if it is below this share of the largest one.
 _DEFINITE = 1e-9
 
-#: Largest rotation of a Newton step [rad].
+#: Largest rotation in a Newton step [rad].
 TURN = 0.5
 
-#: The least rotation that is told from none.
+#: Smallest rotation that is not zero; it avoids a division by zero.
 _LEAST_TURN = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, eq=False)
 class Strains(EnergyTerm):
-    """The strains of elements of one kind, at their points of quadrature, and their energy."""
+    """Strains of elements of one kind at their quadrature points, and their energy."""
 
-    #: (E, n) Rows of the positions that each of E elements has.
+    #: (E, n) Nodes of each of the E elements, as row numbers of the positions.
     nodes: Ints
-    #: (E, Q, s, n, n) b of s strains at each of Q points, symmetric.
+    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points.
     forms: Floats
     #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
     reference: Floats
-    #: (E, Q, s, s) C, weights of the quadrature included.
+    #: (E, Q, s, s) Elasticity C, multiplied by the quadrature weights.
     stiffness: Floats
-    #: (3, n) Weights of three vectors that have another handedness where it is inside out.
+    #: (3, n) Node weights of three vectors whose handedness changes if an element is inside out.
     frame: Floats | None = field(default=None, kw_only=True)
 
     @property
     def digest(self) -> str:
-        """Digest of the elements and of their material."""
+        """Digest of the elements and their material."""
         return digest_of(self.nodes, self.forms, self.reference, self.stiffness)
 
     def at(self, positions: Floats) -> StrainState:
-        """Return strains and stresses at positions (V, 3)."""
+        """Evaluate strains and stresses at positions (V, 3)."""
         return StrainState(self, positions)
 
     def strained(self, positions: Floats) -> tuple[Floats, Floats]:
-        """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
+        """Compute strains ε, (E, Q, s), at positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
         squares, gradients = self.squares(positions)
         return squares - self.reference, gradients
 
     def squares(self, positions: Floats) -> tuple[Floats, Floats]:
-        """Return ½ z b z, (E, Q, s), and G: what strains have of second order in a move z."""
+        """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and G."""
         z = positions[self.nodes]
         elements, nodes = self.nodes.shape
         gradients = (self.forms.reshape(elements, -1, nodes) @ z).reshape(*self.forms.shape[:4], 3)
@@ -77,21 +77,21 @@ class Strains(EnergyTerm):
         return 0.5 * flat.reshape(self.reference.shape), gradients
 
     def energy(self, positions: Floats) -> float:
-        """Return W = ½ Σ εᵀ C ε [J]."""
+        """Compute W = ½ Σ εᵀ C ε [J]."""
         strain = self.strained(positions)[0]
         return 0.5 * float(np.vdot(strain, self.stresses(strain)))
 
     def forces(self, positions: Floats) -> Floats:
-        """Return ∂W/∂z, (V, 3): what holds the shape [N]."""
+        """Compute ∂W/∂z, (V, 3): the forces that hold the shape [N]."""
         strain, gradients = self.strained(positions)
         return self.summed(self.stresses(strain), gradients, len(positions))
 
     def stresses(self, strain: Floats) -> Floats:
-        """Return C ε of strains (E, Q, s), weights of the quadrature included."""
+        """Compute C ε of strains (E, Q, s), quadrature weights included."""
         return (self.stiffness @ strain[..., None])[..., 0]
 
     def summed(self, stress: Floats, gradients: Floats, count: int) -> Floats:
-        """Return Σ_s σ_s G_s of each of `count` nodes, (count, 3)."""
+        """Sum σ_s G_s over the strains at each of `count` nodes, (count, 3)."""
         elements, nodes = self.nodes.shape
         force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
         force = force.reshape(-1, 3)
@@ -99,17 +99,17 @@ class Strains(EnergyTerm):
         return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
 
     def tangent(self, positions: Floats) -> Floats:
-        """Return ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
+        """Compute ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
         strain, gradients = self.strained(positions)
         return self.tangent_of(self.stresses(strain), gradients)
 
     def pulling(self, stress: Floats) -> Floats:
-        """Return of stresses (E, Q, s) those with which K is positive definite at any shape."""
-        # Not compression, nor stresses of strains whose form is itself indefinite.
+        """Keep only the stresses, (E, Q, s), with which K is positive definite at any shape."""
+        # Compression is removed, and so are stresses of strains whose form is indefinite.
         return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
 
     def changes(self, gradients: Floats, move: Floats) -> Floats:
-        """Return G Δz of a move (V, 3), (E, Q, s)."""
+        """Compute G Δz of a move (V, 3), (E, Q, s)."""
         elements, nodes = self.nodes.shape
         flat = gradients.reshape(elements, -1, 3 * nodes) @ move[self.nodes].reshape(
             elements, -1, 1
@@ -117,25 +117,25 @@ class Strains(EnergyTerm):
         return flat.reshape(self.reference.shape)
 
     def admits(self, start: Floats, positions: Floats) -> bool:
-        """Return whether no element is inside out, though its mirror image has the same energy."""
+        """Check that no element is inside out; its mirror image would have the same energy."""
         return bool((self._handedness(positions) * self._handedness(start) > 0).all())
 
     def _handedness(self, positions: Floats) -> Floats:
-        """Return the triple product of each element's frame, (E,)."""
+        """Compute the triple product of each element's frame, (E,)."""
         if self.frame is None:
             return np.ones(len(self.nodes))
         return np.linalg.det(self.frame @ positions[self.nodes])
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Return which multiple of a move (V, 3) turns no element by more than TURN."""
-        # To first order, in which a stretch counts as a rotation: a line whose end is moved by θ of
-        # its length, across it, has a strain of θ²/2.
+        """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
+        # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
+        # across it by θ of its length has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
         return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
     def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
-        """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
-        # `others` are what the stress changes by, in place of the second G.
+        """Compute Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
+        # `others` replaces the second G, if the stress changes by other strains than G Δz.
         elements, points, count, nodes, _ = gradients.shape
         flat = gradients.reshape(elements, points, count, 3 * nodes)
         right = flat if others is None else others.reshape(flat.shape)
@@ -149,9 +149,9 @@ class Strains(EnergyTerm):
         return result
 
     def products(self, positions: Floats, fields: Floats) -> Floats:
-        """Return φᵀ K φ of each two of the fields (m, V, 3), as a sum over strains, (m, m)."""
-        # Where K is a sum of large forces that cancel, as of a thin sheet that bends, this has more
-        # digits.
+        """Compute φᵀ K φ for each pair of the fields (m, V, 3), as a sum over strains, (m, m)."""
+        # If K is a sum of large forces that cancel, as for a thin sheet that bends, this sum keeps
+        # more digits.
         strain, gradients = self.strained(positions)
         stress = self.stresses(strain)
         elements, nodes = self.nodes.shape
@@ -168,49 +168,50 @@ class Strains(EnergyTerm):
         return (total + total.T) / 2
 
     def resisted(self) -> Floats:
-        """Return a matrix of each element, (E, 3 n, 3 n), that is zero for what no form sees."""
+        """Compute matrices, (E, 3 n, 3 n), that are zero for moves which strain no element."""
         rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
         seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
         return seen
 
     @cached_property
     def _stabilises(self) -> Bools:
-        """Strains whose stress, where it pulls, stiffens."""
+        """Strains whose tensile stress adds to the stiffness."""
         values = np.linalg.eigvalsh(self.forms)
         return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
 
 
 class StrainState(TermState):
-    """Elements of one kind at some positions."""
+    """Strains and stresses of elements of one kind at fixed positions."""
 
     def __init__(self, kind: Strains, positions: Floats) -> None:
         super().__init__(kind, positions)
         self.kind = kind
-        #: ε, (E, Q, s), and G, (E, Q, s, n, 3).
+        #: Strains ε, (E, Q, s), and gradients G, (E, Q, s, n, 3).
         self.strain, self.gradients = kind.strained(positions)
-        #: C ε, (E, Q, s).
+        #: Stresses C ε, (E, Q, s).
         self.stress = kind.stresses(self.strain)
         self._count = len(positions)
 
     @cached_property
     def energy(self) -> float:
-        """½ Σ ε C ε [J]."""
+        """Energy ½ Σ ε C ε [J]."""
         return float(np.vdot(self.strain, self.stress)) / 2
 
     @cached_property
     def forces(self) -> Floats:
-        """Σ σ G [N], (V, 3)."""
+        """Forces Σ σ G [N], (V, 3)."""
         return self.kind.summed(self.stress, self.gradients, self._count)
 
     def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
-        """Return the tangent, with the carried stress in place of its own where there is one."""
-        # Without the stresses that do not pull, or a share of them, it is definite.
+        """Compute the tangent, with the carried stress if one is given."""
+        # `firm` is the share that is removed of stresses that do not pull. If all of it is removed,
+        # the tangent is definite.
         stress = self.stress if carried is None else carried
         stress = stress + firm * (self.kind.pulling(stress) - stress)
         return self.kind.tangent_of(stress, self.gradients)
 
     def predicted(self, move: Floats, curve: Floats | None = None) -> Floats:
-        """Return the stress that a linear solution balances, without that of a spurious stretch."""
+        """Compute the stress that balances a linear solution, without that of spurious stretch."""
         # Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313 (2017) 986.
         strain = self.strain + self.kind.changes(self.gradients, move)
         if curve is not None:
@@ -221,28 +222,28 @@ class StrainState(TermState):
 
 @dataclass(frozen=True, eq=False)
 class Pulls(Strains):
-    """Displacements of vertices as strains: what springs between them and a base see."""
+    """Displacements of vertices as strains, which springs between vertices and a base resist."""
 
-    # ε = Σ_a w_a (z_a - Z_a) with numbers w_a, and so no forms.
+    # ε = Σ_a w_a (z_a - Z_a) is linear in the positions with scalar weights w_a: forms are zero.
 
-    #: (E, n) w.
+    #: (E, n) Weights w.
     weights: Floats
 
     def strained(self, positions: Floats) -> tuple[Floats, Floats]:
-        """Return displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
+        """Compute displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
         moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
         slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
         return moved[:, None] - self.reference, slopes[:, None]
 
     def resisted(self) -> Floats:
-        """Return a matrix of each spring that is zero for what it lets go, whatever its size."""
+        """Compute a matrix of each spring that is zero for moves which it does not resist."""
         size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
         alike = Pulls(self.nodes, self.forms, self.reference, self.stiffness / size, self.weights)
         return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
 
 
 def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> Pulls:
-    """Return the displacements Σ_a w_a z_a, (E, n), that springs (E, 3, 3) keep from growing."""
+    """Make springs (E, 3, 3) that resist the displacements Σ_a w_a z_a of nodes (E, n)."""
     forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
     reference = np.zeros((len(nodes), 1, 3))
     bare = Pulls(nodes, forms, reference, stiffness[:, None], weights)
@@ -252,7 +253,7 @@ def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> 
 def of_tetrahedra(
     points: Floats, cells: Ints, elasticity: Floats, factors: Floats | None = None
 ) -> Strains:
-    """Return the strains of linear or quadratic tetrahedra: Green's, xx, yy, zz, yz, zx, xy."""
+    """Make Green's strains of linear or quadratic tetrahedra: xx, yy, zz, yz, zx, xy."""
     slope, weights = sampled_slopes(points, cells)
     forms = np.stack([product(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
     forms[:, :, :3] /= 2
@@ -263,7 +264,7 @@ def of_tetrahedra(
 
 
 def sampled_slopes(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
-    """Return ∇N of tetrahedra at their points of quadrature, (T, Q, n, 3), and weights (T, Q)."""
+    """Compute ∇N of tetrahedra at their quadrature points, (T, Q, n, 3), and weights (T, Q)."""
     gradients, volume = barycentric_gradients(points, cells)
     slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
     weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
@@ -271,6 +272,6 @@ def sampled_slopes(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
 
 
 def product(left: Floats, right: Floats) -> Floats:
-    """Return the form whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
+    """Build the form b whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
     outer = left[..., :, None] * right[..., None, :]
     return outer + outer.swapaxes(-1, -2)

@@ -1,4 +1,4 @@
-"""Supports: what of a cage is held, along its axes or along any direction, or moves as one."""
+"""Supports that hold parts of a cage, along its axes or any direction, and rigid bodies."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 
-#: What a place of `rigid_bodies` is, in words.
+#: Name of the places of `rigid_bodies` in messages.
 BODY = "rigid place"
 
-#: Shares of an extent: what is flat but for rounding, and what is thin as a sheet.
+#: Shares of an extent: a slab below the first is flat up to rounding, a box below the second is as
+#: thin as a sheet.
 _FLAT, _THIN = 1e-3, 0.1
-#: Of the square of a motion: less than this share of it is held by rounding alone.
+#: A motion counts as held if the square of its part along held directions is more than this share.
 _HELD = 1e-10
 
 
 def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> Bools:
-    """Return which components of which vertices are held by supports that name no direction.
+    """Find the components of the vertices that supports without a direction hold.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     supports : iterable of str
-        As `spacemap_vtk.mechanics.places.parse` reads them; none hold nothing.
+        Texts for `spacemap_vtk.mechanics.places.parse`; without any, nothing is held.
     masks : callable, optional
-        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
+        Function from the name of a point array to its values, of shape (V,) or, for components,
+        (V, 3).
 
     Returns
     -------
@@ -44,7 +46,7 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
     Raises
     ------
     InputError
-        If a support catches no vertex, or nothing is left that could move.
+        If a support contains no vertex, or nothing is left that can move.
 
     Examples
     --------
@@ -67,12 +69,12 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
 
 
 def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> list[str]:
-    """Return the sides among supports that leave the cage free to turn, where all shall hold it.
+    """List the sides among the supports that should hold the cage but leave it free to turn.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     supports : iterable of str
         As for `held_components`.
     masks : callable, optional
@@ -81,7 +83,8 @@ def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None =
     Returns
     -------
     list of str
-        None if a support is meant to slide, or a cage that turns is held by other places alone.
+        Empty if the supports prevent any rotation, if one of them is meant to slide, or if no
+        support is a side.
 
     Examples
     --------
@@ -99,20 +102,20 @@ def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None =
 
 
 def resting(vertices: Floats, up: int) -> str:
-    """Return the place that an object is held by where nobody says.
+    """Choose the place at which an object is held by default.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Of its cage, in m.
+        Vertices of its cage [m].
     up : int
-        The axis that points up.
+        Axis that points up.
 
     Returns
     -------
     str
-        The lowest slab that cannot turn, a side where that is one; of what is thin the upper end,
-        or where it lies level its end.
+        The lowest slab in which the cage cannot turn, or a side if this slab is flat. For a thin
+        object its upper end; if the object lies level, the lower end of its longest axis.
 
     Examples
     --------
@@ -139,17 +142,17 @@ def resting(vertices: Floats, up: int) -> str:
 
 
 def is_thin(extent: Floats) -> bool:
-    """Return whether a box is thin as a sheet.
+    """Check whether a box is as thin as a sheet.
 
     Parameters
     ----------
     extent : ndarray of float64, shape (3,)
-        Of the box, in any unit.
+        Sides of the box, in any unit.
 
     Returns
     -------
     bool
-        By its two smaller sides, so that no bar is.
+        True if its smallest side is far below the second smallest, so a bar is not thin.
     """
     thin, narrow, _ = np.sort(extent)
     return bool(thin < _THIN * narrow)
@@ -158,12 +161,12 @@ def is_thin(extent: Floats) -> bool:
 def held_directions(
     vertices: Floats, supports: Iterable[str], masks: Masks | None = None
 ) -> Floats | None:
-    """Return what supports hold that name a direction.
+    """Compute the directions that supports with a direction hold.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     supports : iterable of str
         As for `held_components`.
     masks : callable, optional
@@ -172,12 +175,12 @@ def held_directions(
     Returns
     -------
     ndarray of float64, shape (V, 3, 3), or None
-        Σ n nᵀ over the directions n held at each vertex; None where no support names any.
+        Σ n nᵀ over the directions n held at each vertex; None if no support has a direction.
 
     Raises
     ------
     InputError
-        If a support catches no vertex.
+        If a support contains no vertex.
     """
     inclined = [place for text in supports for place in parse(text) if place.direction]
     if not inclined:
@@ -188,7 +191,7 @@ def held_directions(
 def rigid_bodies(
     vertices: Floats, places: Iterable[str], masks: Masks | None = None
 ) -> Ints | None:
-    """Return the number of each vertex's body, (V,), from 1 on, 0 of none; None without places."""
+    """Number the rigid body of each vertex, (V,), from 1, or 0 for none; None without places."""
     parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
     if not parsed:
         return None
@@ -208,9 +211,9 @@ def rigid_bodies(
 def free_motions(
     points: Floats, held: Bools, normals: Floats | None = None, bodies: Ints | None = None
 ) -> csc_matrix:
-    """Return T, (3V, n), of u = T q: what supports and rigid bodies leave of displacements u."""
-    # Its columns are orthonormal, unit vectors where a vertex is held along axes only, and stand in
-    # the order of the vertices, those of a body where its first is.
+    """Compute T, (3V, n), of u = T q: the displacements u that supports and rigid bodies allow."""
+    # The columns are orthonormal, and unit vectors for vertices held along axes only. They are in
+    # the order of the vertices; those of a body come at its first vertex.
     from scipy.sparse import csc_matrix
 
     count = len(points)
@@ -218,7 +221,8 @@ def free_motions(
     normal = np.zeros((count, 3, 3)) if normals is None else normals
     bound = held[:, :, None] * np.eye(3) + normal
     inclined = normal.any(axis=(1, 2)) & (body == 0)
-    # Blocks of columns, (3 vertices, columns) each, and their vertices.
+    # One block of columns for all vertices held along axes, one for inclined supports, and one for
+    # each body.
     axes = np.flatnonzero((~held & ~inclined[:, None] & (body == 0)[:, None]).ravel())
     blocks = [_Block(axes, np.arange(len(axes)), np.ones(len(axes)), axes)]
     alone = np.flatnonzero(inclined)
@@ -233,7 +237,7 @@ def free_motions(
         mine = np.flatnonzero(body == number)
         rows = (3 * mine[:, None] + np.arange(3)).ravel()
         left, sizes, _ = np.linalg.svd(six_motions(points[mine]), full_matrices=False)
-        basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has five
+        basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has only five motions
         each = basis.reshape(len(mine), 3, -1)
         kept, turn = np.linalg.eigh(np.einsum("vim,vij,vjn->mn", each, bound[mine], each))
         basis = basis @ turn[:, kept <= _HELD]
@@ -251,7 +255,7 @@ def free_motions(
 
 
 class _Block(NamedTuple):
-    """Entries of some columns of a matrix, and the first row of each of them."""
+    """Entries of several columns of a matrix, and the first row of each column."""
 
     rows: Ints
     columns: Ints
@@ -260,8 +264,8 @@ class _Block(NamedTuple):
 
 
 def six_motions(points: Floats, places: Bools | None = None) -> Floats:
-    """Return three shifts and three turns about the middle, (3V, 6), turns scaled to the size."""
-    # What is no place, as half thicknesses are none, only turns.
+    """Compute three translations and three rotations about the middle, (3V, 6), scaled to 1."""
+    # Nodes that are not positions, such as half thicknesses, only turn.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
     away = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
     away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
@@ -272,5 +276,5 @@ def six_motions(points: Floats, places: Bools | None = None) -> Floats:
 
 
 def turned(vectors: Floats) -> Floats:
-    """Return what turns about x, y and z add to vectors, (n, 3, 3)."""
+    """Compute the changes of vectors in small rotations about x, y and z, (n, 3, 3)."""
     return np.cross(np.eye(3)[None], vectors[:, None]).swapaxes(1, 2)
