@@ -1,7 +1,7 @@
 """Deform woven fabric and other intricate objects by space mapping, on VTK.
 
-The filters import from here; they are loaded when first named, so that a tool that needs
-one of them, or none, does not wait for VTK.
+The filters are imported from here. Each is loaded when it is first used, so that a tool that needs
+only one of them, or none, does not wait for VTK.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-#: The filters, and the modules they are in: all that the program knows of them. Scenes, the window,
-#: the command line and ParaView's plugin are made from this table, by what each class declares; of
-#: several with the same role a scene takes the first, unless it has the section of another.
+#: The filters and their modules. This table is all that the program knows of them: scenes, the
+#: window, the command line and ParaView's plugin are generated from what each class declares. If
+#: several filters have the same role, a scene uses the first, unless it has the section of another.
 FILTERS = {
     "WeaveSource": "spacemap_vtk.filters.weave_source",
     "ObjectSource": "spacemap_vtk.filters.object_source",
@@ -56,6 +56,6 @@ def __getattr__(name: str) -> object:
     module = {**FILTERS, "connect": "spacemap_vtk.filters.base"}.get(name)
     if module is not None:
         return getattr(importlib.import_module(module), name)
-    # With these Python says which name may have been meant.
+    # With name and obj, Python suggests the name that may have been meant.
     text = f"module {__name__!r} has no attribute {name!r}"
     raise AttributeError(text, name=name, obj=sys.modules[__name__])

@@ -1,7 +1,7 @@
-"""``mesh.spacemap``: space mapping on any pyvista mesh.
+"""Add ``mesh.spacemap`` to every pyvista mesh: deform the mesh with a cage.
 
-pyvista finds this module by its entry point group ``pyvista.accessors``, and imports it when
-``mesh.spacemap`` is first asked for; importing it by hand does the same.
+pyvista finds this module by its entry point group ``pyvista.accessors`` and imports it when
+``mesh.spacemap`` is first used. Importing it by hand has the same effect.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from spacemap_vtk.parameters import suggestion
 
 @pv.register_dataset_accessor("spacemap", pv.DataObject)
 class SpacemapAccessor:
-    """Space mapping on a mesh: the mesh rides along with a coarse cage that moves.
+    """Space mapping on a mesh: the mesh is embedded in a coarse cage and moves with it.
 
     Parameters
     ----------
     mesh : pyvista.DataSet or pyvista.MultiBlock
-        Any mesh; one without points of its own (an image) becomes an unstructured grid. Of several
-        blocks each rides along with the same cage.
+        Any mesh. A mesh without explicit points (an image) becomes an unstructured grid. The
+        blocks of a multi-block data set all move with the same cage.
 
     Examples
     --------
@@ -55,33 +55,33 @@ class SpacemapAccessor:
         displacement: str | ArrayLike | Callable[[Any], ArrayLike] = "displacement",
         **warp: Any,
     ) -> Any:
-        """Return the mesh, moved with a cage.
+        """Deform the mesh with a cage.
 
         Parameters
         ----------
         cage : pyvista.DataSet, pyvista.MultiBlock or vtkAlgorithm
-            A mesh with a volume, or a stage that makes one; cells that are no tetrahedra are split,
-            and blocks are joined.
+            A mesh with a volume, or a stage that makes one. Cells that are not tetrahedra are
+            split, and blocks are joined.
         displacement : str, array_like of shape (n_points, 3), or callable
-            Displacement of the cage's points, the name of the point array that holds it, or a
-            function that makes it of the points, an array of shape (n_points, 3).
+            Displacement of the cage's points in m; or the name of the point array that holds it;
+            or a function that computes it from the points, an array of shape (n_points, 3).
         **warp : object
             Parameters of `spacemap_vtk.BarycentricWarp`.
 
         Returns
         -------
         pyvista.DataSet or pyvista.MultiBlock
-            A new mesh with all arrays, turned normals, and a point array ``displacement``.
+            A new mesh with all arrays, rotated normals, and a point array ``displacement``.
 
         Raises
         ------
         InputError
-            If the cage is none, has no such array, or one of another size.
+            If the cage is not a mesh, or the displacement is missing or has the wrong size.
         GeometryError
             If the cage has no volume, or a point is not finite.
         """
         if isinstance(cage, vtkAlgorithm):
-            # A stage raises what goes wrong.
+            # Only Stage.update raises errors as exceptions.
             cage.update() if isinstance(cage, Stage) else cage.Update()
             cage = pv.wrap(cage.GetOutputDataObject(0))
         if not isinstance(cage, pv.DataObject):
@@ -117,11 +117,11 @@ class SpacemapAccessor:
         return pv.wrap(BarycentricWarp(**warp)(_with_points(self._mesh), moving))
 
     def modal(self, **parameters: Any) -> BarycentricWarp:
-        """Return a live pipeline in which the mesh swings in a cage round it.
+        """Connect a pipeline in which the mesh vibrates in a cage around it.
 
-        ``swing = mesh.spacemap.modal(fixed="-z")`` gives the last of four connected stages;
-        ``plotter.add_mesh(swing)`` draws it, ``swing.update(time=0.1)`` moves it, and
-        ``swing.upstream()`` yields the others.
+        ``swing = mesh.spacemap.modal(fixed="-z")`` returns the last of four connected stages.
+        ``plotter.add_mesh(swing)`` draws it, ``swing.update(time=0.1)`` sets its time, and
+        ``swing.upstream()`` yields the other stages.
 
         Parameters
         ----------
@@ -132,12 +132,12 @@ class SpacemapAccessor:
         Returns
         -------
         BarycentricWarp
-            Run once, at time 0.
+            The last stage, already updated at time 0.
 
         Raises
         ------
         UnknownNameError
-            If none of the four has a parameter of that name.
+            If none of the four stages has a parameter of that name.
         SpacemapError
             If a stage refuses its input.
         """
@@ -153,7 +153,9 @@ class SpacemapAccessor:
                     allowed=", ".join(known),
                     cure=suggestion(name, known),
                 )
-            # Gravity is what sets it swinging; ModalSolver's is what it hangs under before.
+            # Several stages may have the parameter; the last one gets it. So gravity goes to
+            # ModalResponse, where it sets the mesh swinging. In ModalSolver gravity would only
+            # prestress the cage.
             owners[-1].configure(**{name: value})
         source = vtkTrivialProducer()
         source.SetOutput(_with_points(self._mesh))

@@ -1,12 +1,13 @@
-"""Results kept on disk by content: what was solved once is not solved again.
+"""Cache of results on disk, addressed by content: nothing is solved twice.
 
-An entry is one file of arrays under a digest of all that they depend on, so that it is never out of
-date. It is written whole or not at all; one that cannot be read, or is not what was stored, counts
-as missing and is replaced: so nobody waits until the disk has it. The folder holds `LARGEST` bytes
-and little more: the entries longest unused go first. A cache that fails, on a full or read-only
-disk, is no reason for the program to.
+- An entry is one file of arrays. Its name is a digest of everything the arrays depend on, so an
+  entry never goes out of date.
+- An entry is written completely or not at all. A damaged entry counts as missing and is replaced,
+  so there is no need to wait until the disk has written it.
+- The folder holds little more than `LARGEST` bytes: the least recently used entries are removed.
+- The program goes on if the cache fails, for example on a full or read-only disk.
 
-The environment variable SPACEMAP_CACHE names another folder, or ``off``.
+The environment variable SPACEMAP_CACHE names another folder, or switches the cache off (``off``).
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ from spacemap_vtk.vanishing import vanishing_folder
 #: Environment variable that names the folder, or switches the cache off.
 VARIABLE = "SPACEMAP_CACHE"
 
-#: Bytes that all entries together may take.
+#: Limit on the bytes of all entries together.
 LARGEST = 2**30
 
-#: The folder is looked through when this share of `LARGEST` has been stored since: a drag in the
-#: window stores dozens of entries a second, and would look through thousands for each.
+#: The folder is scanned each time this share of `LARGEST` has been stored. Dragging a slider in the
+#: window stores dozens of entries a second, and a scan of thousands of files for each is too slow.
 _LOOK = 1 / 64
 _stored = {"bytes": float("inf")}
 
-#: Part of the names of entries: another one, when what is stored changes its meaning.
+#: Part of every entry's name. Change it when the meaning of stored arrays changes.
 _FORMAT = "1"
 
 
 def folder() -> Path | None:
-    """Return where entries lie."""
+    """Return the folder of the entries; None if the cache is off or there is no home folder."""
     chosen = os.environ.get(VARIABLE, "")
     if chosen.lower() in ("off", "0", "no", "false"):
         return None
@@ -59,16 +60,16 @@ def folder() -> Path | None:
 
 
 def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
-    """Return an entry's arrays: all, or some if they are of these shapes; -1 is any length."""
+    """Load all arrays of an entry, or those of the given shapes; -1 matches any length."""
     place = folder()
     if place is None:
         return None
     path = _path(place, key)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise ValueError(path)  # a pipe never ends
+            raise ValueError(path)  # reading from a pipe would never end
         with zipfile.ZipFile(path) as entry, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of an entry by another program
+            warnings.simplefilter("ignore")  # another program may have written the entry
             if sum(member.file_size for member in entry.infolist()) > LARGEST:
                 raise ValueError(path)
             every = {name.removesuffix(".npy"): None for name in entry.namelist()}
@@ -76,7 +77,7 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
         os.utime(path)
     except FileNotFoundError:
         return None
-    except Exception:  # whatever makes of damage, in its names, sizes, flags or codes
+    except Exception:  # a damaged file can raise almost any type of error
         with contextlib.suppress(OSError):
             path.unlink()
         return None
@@ -84,9 +85,11 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
 
 
 def _read(entry: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None) -> NDArray[Any]:
-    """Return an array; its checksum, at its end, is looked at even where its header says less."""
+    """Read one array and verify its checksum."""
     with entry.open(f"{name}.npy") as stream:
         array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+        # Reading past the array makes zipfile verify the checksum at the end of the member, also
+        # if a damaged header gives too small a size.
         if stream.read(1) or not (shape is None or _fits(array, shape)):
             raise ValueError(name)
     return array
@@ -98,7 +101,7 @@ def _fits(array: NDArray[Any], shape: tuple[int, ...]) -> bool:
 
 
 def store(key: str, **arrays: NDArray[Any]) -> None:
-    """Keep arrays, in place of an entry of the same key."""
+    """Store arrays; an entry with the same key is replaced."""
     place = folder()
     size = sum(array.nbytes for array in arrays.values())
     if place is None or size > LARGEST / 2:
@@ -120,7 +123,7 @@ def _path(place: Path, key: str) -> Path:
 
 
 def _shrink(place: Path) -> None:
-    """Remove the entries longest unused until the rest fits."""
+    """Remove the least recently used entries until the rest fits."""
     entries = []
     for path in [*place.glob("*.npz"), *place.glob("*.part")]:
         with contextlib.suppress(OSError):

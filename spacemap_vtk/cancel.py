@@ -1,8 +1,8 @@
-"""Stopping long work from another thread.
+"""Cancel long work from another thread.
 
-Whoever starts the work makes a `CancelToken` and runs the work while that is active. The work
-calls `check` between two blocks, and stops there once the token is cancelled. A single call into a
-library is waited for.
+The caller makes a `CancelToken` and runs the work while the token is active. The work calls `check`
+between blocks and stops there once the token is cancelled. A single call into a library is not
+interrupted.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from spacemap_vtk.errors import SpacemapError
 
 
 class Cancelled(SpacemapError, RuntimeError):
-    """The work was stopped before its end."""
+    """The work was cancelled before it finished."""
 
 
 class CancelToken:
-    """Tells one run whether it is to stop; cancelled once, it stays so."""
+    """Request to stop one run. It cannot be withdrawn."""
 
     def __init__(self) -> None:
         self.cancelled = False
 
     def cancel(self) -> None:
-        """Stop the work at its next check; called from any thread."""
+        """Stop the work at its next check. Any thread may call this."""
         self.cancelled = True
 
     def check(self) -> None:
-        """Raise Cancelled if the work is to stop."""
+        """Raise Cancelled if the token is cancelled."""
         if self.cancelled:
             raise Cancelled("the run was stopped")
 
     @contextmanager
     def active(self) -> Iterator[None]:
-        """Make `check` look at this token, in this thread, until the block ends."""
+        """Make this token the one that `check` tests in this thread, until the block ends."""
         before = _active.set(self)
         try:
             yield
@@ -43,16 +43,16 @@ class CancelToken:
             _active.reset(before)
 
 
-#: In force where nobody can stop the work.
+#: Default token, for work that nobody can cancel.
 _NEVER = CancelToken()
 _active: ContextVar[CancelToken] = ContextVar("cancel_token", default=_NEVER)
 
 
 def active_token() -> CancelToken:
-    """Return the token of this thread's work, to be handed to threads that share it."""
+    """Return this thread's token, to pass it to threads that share the work."""
     return _active.get()
 
 
 def check() -> None:
-    """Raise Cancelled if this thread's work is to stop; called between blocks of long work."""
+    """Raise Cancelled if this thread's work is to stop. Long work calls this between blocks."""
     _active.get().check()

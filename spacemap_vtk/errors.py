@@ -1,7 +1,7 @@
-"""The errors of spacemap_vtk: a small tree over the built-in ones, and its warnings.
+"""Errors of spacemap_vtk, derived from the built-in ones, and its warnings.
 
-Every message names the thing at fault, its value, what is allowed and the cure, so that whoever
-shows it (command line, window, ParaView) needs to add nothing.
+Every message names the item at fault, its value, what is allowed and a cure, so that the command
+line, the window and ParaView can show it unchanged.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: Packages whose frames are not the user's own.
+#: Packages whose frames are skipped when a warning looks for the user's line.
 _INSIDE = ("spacemap_vtk", "vtkmodules", "pyvista")
 
 
@@ -30,7 +30,7 @@ class SpacemapError(Exception):
     allowed : str, optional
         What would be accepted.
     cure : str, optional
-        What the user can do.
+        What the user can do about it.
     """
 
     def __init__(
@@ -48,14 +48,14 @@ class SpacemapError(Exception):
         self.value = value
         self.allowed = allowed
         self.cure = cure
-        #: Set by whoever knows them: the file at fault, and the section that `key` stands in.
+        #: Set where they are known: the file at fault, and the section that contains `key`.
         self.file: str | None = None
         self.section: str | None = None
 
     def __str__(self) -> str:
         where = f"{self.file}: " if self.file else ""
         if where and self.message.startswith(where):
-            where = ""  # a mesh in place of a scene: nobody has written the key
+            where = ""  # a mesh was given as a scene: the user wrote no key
         elif self.key is not None:
             where += _cut(f"{self.section}.{self.key}" if self.section else self.key, 160)
             where += ": " if self.value is None else f" = {shown(self.value)}: "
@@ -66,7 +66,7 @@ class SpacemapError(Exception):
 
 
 class InputError(SpacemapError, ValueError):
-    """A value that the program cannot work with."""
+    """A value that the program cannot use."""
 
 
 class UnknownNameError(InputError, AttributeError):
@@ -78,7 +78,7 @@ class GeometryError(InputError):
 
 
 class SizeError(InputError, MemoryError):
-    """A request that would not fit into memory, refused before any is taken."""
+    """A request that would not fit into memory, refused before any memory is allocated."""
 
 
 class SolverError(SpacemapError, RuntimeError):
@@ -90,17 +90,17 @@ class MissingLibraryError(SpacemapError, RuntimeError):
 
 
 class Remark(str):
-    """A sentence that only informs: `spacemap info` prints it, pictures do not warn of it."""
+    """A sentence that only informs. `spacemap info` prints it; pictures do not warn about it."""
 
     __slots__ = ()
 
 
 class SpacemapWarning(UserWarning):
-    """What a stage doubts about its own result; `warnings` of Python shows, hides or raises it."""
+    """A stage's doubt about its result; Python's `warnings` shows, hides or raises it."""
 
 
 def warn_user(text: str) -> None:
-    """Issue a `SpacemapWarning` at the line of whoever called the package, through VTK or not.
+    """Issue a `SpacemapWarning` at the user's line that called the package, also through VTK.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def warn_user(text: str) -> None:
     Raises
     ------
     SpacemapWarning
-        If a filter of `warnings` wants it as an error.
+        If a filter of `warnings` turns it into an error.
     """
     frame = sys._getframe(1)
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _INSIDE:
@@ -120,24 +120,24 @@ def warn_user(text: str) -> None:
         SpacemapWarning,
         frame.f_code.co_filename,
         frame.f_lineno,
-        frame.f_globals.get("__name__") or "<string>",  # None is not told at all
+        frame.f_globals.get("__name__") or "<string>",  # with None, Python drops the warning
         frame.f_globals.setdefault("__warningregistry__", {}),
     )
 
 
 @contextmanager
 def naming(key: str) -> Iterator[None]:
-    """Name the parameter by which a value came, in errors that name none.
+    """Add a parameter's name to errors that name no parameter.
 
     Parameters
     ----------
     key : str
-        Its name.
+        Name of the parameter.
 
     Yields
     ------
     None
-        While the value is used.
+        While the parameter's value is used.
     """
     try:
         yield
@@ -148,17 +148,17 @@ def naming(key: str) -> Iterator[None]:
 
 @contextmanager
 def naming_section(section: str) -> Iterator[None]:
-    """Name the section of a scene that the parameters at fault stand in.
+    """Add the name of the scene section to errors.
 
     Parameters
     ----------
     section : str
-        Its name.
+        Name of the section that contains the parameters at fault.
 
     Yields
     ------
     None
-        While they are used.
+        While the section's parameters are used.
     """
     try:
         yield
@@ -168,7 +168,7 @@ def naming_section(section: str) -> Iterator[None]:
 
 
 def shown(value: object) -> str:
-    """Return `value` as a user would write it, cut to a line.
+    """Format `value` as a user would write it, in one line.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def shown(value: object) -> str:
     Returns
     -------
     str
-        At most 80 characters, but for a path, whose end says most.
+        At most 80 characters. A path is not shortened, because its end says most.
     """
     if isinstance(value, Path):
         return f'"{value}"'
@@ -196,12 +196,12 @@ def one_line(error: BaseException) -> str:
     Parameters
     ----------
     error : BaseException
-        Also Python's own MemoryError, which says no more than a size, or nothing.
+        Any error, also Python's MemoryError, whose message is only a size or empty.
 
     Returns
     -------
     str
-        Its message, or the name of its type.
+        Its message, or the name of its type if the message is empty.
     """
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError) and not isinstance(error, SpacemapError):
@@ -210,19 +210,19 @@ def one_line(error: BaseException) -> str:
 
 
 def printable(text: str, keep: str = "") -> str:
-    """Return a text with codes in place of what is no letter, as a stranger's file may have.
+    """Replace unprintable characters, which a stranger's file may contain, by their codes.
 
     Parameters
     ----------
     text : str
-        Any: line ends hide what follows, and terminals obey other characters.
+        Any text. Line ends would hide what follows, and terminals obey control characters.
     keep : str
-        What stays, though it is none.
+        Unprintable characters that stay.
 
     Returns
     -------
     str
-        The same where all of it is letters.
+        The same text if all of it is printable.
     """
     if text.isprintable():
         return text

@@ -1,25 +1,25 @@
-"""The optional parts of the program, and parts that other packages add, by group and name.
+"""Optional parts of the program and parts that other packages add, by group and name.
 
-The core imports no optional part: it asks for a group here, and imports the members that it needs.
-Another package adds a member in its own metadata, as entry points:
+The core imports no optional part. It asks for a group here and imports the members that it needs.
+Another package adds a member in its metadata, as an entry point:
 
     [project.entry-points."spacemap_vtk.formats"]
     alphabet = "alphabet.files"
 
 The groups and what a member of each is:
 
-- ``commands``: "module:function", a command of the command line with the member's name; its
-  docstring is the help.
+- ``commands``: "module:function", a command of the command line with the member's name. The
+  function's docstring is the help.
 - ``formats``: "module", which registers readers and writers (`spacemap_vtk.io.registry`).
 - ``stages``: "module:class", a stage (`spacemap_vtk.filters.base.Stage`).
 - ``jobs``: "module:class", a kind of job (`spacemap_vtk.jobs.job.Job`) under ``register``.
-- ``maps``: "module:class", an interpolation from the vertices of a cage to points in it
+- ``maps``: "module:class", an interpolation from the vertices of a cage to the points inside it
   (`spacemap_vtk.embedding.interpolation.Riding`).
 - ``data``: "module:function", which returns data of a scene for a file format.
 - ``renderers``: "module:function", which draws a picture of a scene.
 
-The head of such a module imports neither numpy nor VTK where lists are made of it: commands and
-formats. A stage's may.
+Modules of commands and formats must not import numpy or VTK at their top, because they are imported
+to make lists. A stage's module may.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from typing import Any
 
 from spacemap_vtk.errors import MissingLibraryError
 
-#: With which the groups' names begin in the metadata of packages.
+#: Prefix of the groups' names in the metadata of packages.
 _PREFIX = "spacemap_vtk."
-#: The program's own optional parts. They are listed here and not in the package's metadata, which
-#: a checkout on PYTHONPATH does not have, for example in ParaView. Formats are not: all modules of
-#: `spacemap_vtk.io.formats` register themselves.
+#: The program's optional parts. They are listed here and not in the package's metadata, because
+#: a checkout on PYTHONPATH has no metadata, for example in ParaView. Formats are missing here: all
+#: modules of `spacemap_vtk.io.formats` register themselves.
 OWN = {
     "commands": {
         "serve": "spacemap_vtk.app.web.command:serve",
@@ -58,24 +58,24 @@ class Member:
     name: str
     #: As "module" or "module:attribute".
     value: str
-    #: The package that adds it; empty for the program's own.
+    #: The package that adds it; empty for this program.
     package: str = ""
 
     def load(self) -> Any:
-        """Import the module, and return it or its attribute."""
+        """Import the module and return it, or its attribute if one is named."""
         module, _, attribute = self.value.partition(":")
         found = import_module(module)
         return getattr(found, attribute) if attribute else found
 
 
 def members(group: str) -> list[Member]:
-    """Return the members of a group: the program's own, then those of installed packages."""
+    """Return the members of a group: this program's first, then those of installed packages."""
     own = [Member(name, value) for name, value in OWN.get(group, {}).items()]
     return [*own, *_installed().get(group, [])]
 
 
 def load(group: str, name: str) -> Any:
-    """Import one member of a group; the program's own comes before others of its name."""
+    """Import one member of a group. The program's member is preferred to others of that name."""
     for member in members(group):
         if member.name == name:
             return member.load()
@@ -83,7 +83,7 @@ def load(group: str, name: str) -> Any:
 
 
 def load_all(group: str) -> list[Any]:
-    """Import all members of a group; warn of a package that cannot be imported, and go on."""
+    """Import all members of a group; if a package fails to import, warn and go on."""
     found = []
     for member in members(group):
         try:
@@ -91,7 +91,7 @@ def load_all(group: str) -> list[Any]:
         except Exception as error:
             if not member.package:
                 raise
-            # Not a SpacemapWarning: commands hide those, which they print in their own way.
+            # Not a SpacemapWarning: commands hide those, because they print them in another way.
             warnings.warn(
                 f"the package {member.package} is left out: {member.value} cannot be loaded: "
                 f"{type(error).__name__}: {error}",
@@ -104,8 +104,8 @@ def load_all(group: str) -> list[Any]:
 @cache
 def _installed() -> dict[str, list[Member]]:
     """Return the members that other packages add, by group."""
-    # Every command asks, hardly any machine has such a package, and importlib.metadata takes as
-    # long to import as a tenth of the command line.
+    # Every command calls this, hardly any machine has such a package, and importing
+    # importlib.metadata takes a tenth of the command line's time.
     if not any(_has_our_groups(folder) for folder in sys.path):
         return {}
     from importlib.metadata import distributions
@@ -120,7 +120,7 @@ def _installed() -> dict[str, list[Member]]:
 
 
 def _has_our_groups(folder: str) -> bool:
-    """Return whether a folder of packages has one with a group of this program's."""
+    """Return whether a folder of packages contains a package with one of this program's groups."""
     with suppress(OSError), os.scandir(folder or ".") as entries:
         for entry in entries:
             if entry.name.endswith((".dist-info", ".egg-info")):

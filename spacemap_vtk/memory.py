@@ -1,7 +1,7 @@
-"""Sizes, estimated before memory is taken, and memory that is used again once nobody holds it.
+"""Estimate sizes before memory is allocated, and reuse memory that nothing refers to any more.
 
-A time step that writes its result into fresh memory pays for it twice: the operating system must
-clear every page first. For 90 MB that is 5 ms, a quarter of the whole step.
+Reuse saves time: the operating system clears each page of new memory before the program may
+write to it. For 90 MB that takes 5 ms, a quarter of a time step.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.errors import SizeError
 
-#: What takes less [bytes] is not refused: a machine that lacks it runs no program at all, and to
-#: ask takes 1 ms beside another thread, a tenth of a frame while a slider is dragged.
+#: Smaller requests [bytes] are never refused. A machine without this much memory runs no program
+#: at all, and asking takes 1 ms while another thread works: a tenth of a frame during a drag.
 SMALL = 2**24
-#: Bytes of a line of the processor's cache, and of its widest vectors.
+#: Bytes of a cache line, which is also the width of the widest vector registers.
 _LINE = 64
-#: Results of so many bytes do not stay in a cache until somebody reads them.
+#: Results of this many bytes leave the cache before they are read again.
 _STREAMED = 2**25
 
-#: Names of a control group's files, of version 2 and of version 1: the limit, what is used, and in
-#: memory.stat what of that is of files, which the kernel takes back first.
+#: Names of a control group's files, of version 2 and of version 1: the limit, the usage, and the
+#: rows of memory.stat that count cached files, which the kernel reclaims first.
 _GROUP_FILES = (
     ("memory.max", "memory.current", ("inactive_file", "active_file")),
     (
@@ -40,13 +40,13 @@ _GROUP_FILES = (
 
 
 def available() -> int | None:
-    """Return how much memory can still be taken."""
+    """Return the bytes that can still be allocated; None if unknown."""
     free = _left_in_machine(), left_in_group(), _left_in_process()
     return min((left for left in free if left is not None), default=None)
 
 
 def _left_in_process() -> int | None:
-    """Return what "ulimit -v" leaves to this process; None without a limit."""
+    """Return the bytes that "ulimit -v" leaves to this process; None without a limit."""
     try:
         import resource  # not on Windows
 
@@ -60,7 +60,8 @@ def _left_in_process() -> int | None:
 def _left_in_machine() -> int | None:
     try:
         for row in Path("/proc/meminfo").read_text().splitlines():
-            if row.startswith("MemAvailable:"):  # as psutil says, which takes long to import
+            # The same figure as psutil's, which takes long to import.
+            if row.startswith("MemAvailable:"):
                 return 1024 * int(row.split()[1])
     except OSError:
         pass
@@ -77,8 +78,9 @@ def _left_in_machine() -> int | None:
 def left_in_group(
     processes: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
 ) -> int | None:
-    """Return what the limits of the control groups that this process is in leave to it."""
-    # Who passes such a limit is killed, without a word: a machine's free memory does not tell.
+    """Return the bytes that this process's control groups leave to it; None without a limit."""
+    # A process that exceeds such a limit is killed without a message, although the machine may
+    # have free memory.
     try:
         lines = processes.read_text().splitlines()
     except OSError:
@@ -89,7 +91,7 @@ def left_in_group(
         if controllers in ("", "memory"):
             mount = root / controllers
             group = mount / name.lstrip("/")
-            # A container may see its own group as the root, and yet be told the host's name of it.
+            # A container may see its control group as the root, but under the host's name for it.
             for folder in (group, *group.parents):
                 left += _left_in(folder)
                 if folder == mount:
@@ -103,13 +105,13 @@ def _left_in(folder: Path) -> Iterator[int]:
             most, used = int((folder / limit).read_text()), int((folder / usage).read_text())
             rows = (row.split() for row in (folder / "memory.stat").read_text().splitlines())
             files = sum(int(row[1]) for row in rows if row[0] in reclaimable)
-        except (OSError, ValueError):  # not this version; or "max", which is none
+        except (OSError, ValueError):  # files of the other version, or "max", which means no limit
             continue
         yield max(most - used + files, 0)
 
 
 def fits(size: int) -> bool:
-    """Return whether so many bytes can be taken."""
+    """Return whether this many bytes can be allocated."""
     free = available() if size > SMALL else None
     return free is None or size <= free
 
@@ -122,7 +124,7 @@ def require(
     value: object = None,
     cure: str | Callable[[int], str] | None = None,
 ) -> None:
-    """Refuse what would not fit into memory."""
+    """Raise SizeError if a request would not fit into memory."""
     free = available() if size > SMALL else None
     if free is not None and size > free:
         raise SizeError(
@@ -135,13 +137,13 @@ def require(
 
 
 def is_streamed(*arrays: NDArray[Any]) -> bool:
-    """Return whether compiled loops write some results past the cache: large, aligned ones."""
+    """Return whether compiled loops write results past the cache: large and aligned arrays."""
     large = sum(array.nbytes for array in arrays) >= _STREAMED
     return large and all(array.ctypes.data % _LINE == 0 for array in arrays)
 
 
 def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """Return an uninitialised array that begins at a border of 64 bytes: a line of the cache."""
+    """Allocate an uninitialised array that begins at a cache line (64 bytes)."""
     kind = np.dtype(dtype)
     memory = np.empty(count * kind.itemsize + _LINE, np.uint8)
     begin = -memory.__array_interface__["data"][0] % _LINE
@@ -149,23 +151,23 @@ def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
 
 
 class Recycler:
-    """Uninitialised arrays from memory that earlier ones have left."""
+    """Pool of uninitialised arrays that reuse the memory of earlier ones."""
 
-    # It is safe to keep a returned array, or any view of it, for ever: memory comes back only when
-    # the last of them has died. This works because every view of an array keeps a reference to the
-    # array that owns the memory, or, as here, to the outermost one over a foreign buffer: NumPy
-    # shortens the chain of bases only through arrays. That outermost array is watched by a weak
-    # reference, the pool never holds it, and reference counts are never looked at.
-    # What happens when it dies is one call into C. An array may die within VTK's collector, which
-    # holds a lock of all threads: any line of Python may hand Python's own lock to a thread that
-    # then waits for VTK's, and both stand for ever.
+    # A returned array, or any view of it, may be kept for ever: its memory returns to the pool only
+    # when the last view has been deleted. This holds because every view keeps a reference to the
+    # array that owns the memory or, as here, to the outermost array over a foreign buffer: NumPy
+    # shortens chains of bases only through arrays. A weak reference watches that outermost array.
+    # The pool never holds it, and never looks at reference counts.
+    # The weak reference's callback must be a single C call (deque.append). An array may be deleted
+    # within VTK's garbage collector, which holds a lock of all threads. A line of Python there may
+    # release the interpreter's lock to a thread that then waits for VTK's: a deadlock.
 
     def __init__(self, keep: int = 2) -> None:
         self._keep = keep
         self.free: list[memoryview] = []
-        #: What is in use, by the identity of the reference that watches it.
+        #: Memory in use, by the identity of the weak reference that watches it.
         self._lent: dict[int, tuple[weakref.ref[NDArray[Any]], memoryview]] = {}
-        #: The references whose arrays have died.
+        #: The weak references whose arrays have been deleted.
         self._left: deque[weakref.ref[NDArray[Any]]] = deque()
 
     def empty(self, shape: Sequence[int], dtype: DTypeLike) -> NDArray[Any]:
@@ -184,18 +186,18 @@ class Recycler:
         self._collect()
         try:
             while (block := self.free.pop()).nbytes != size:
-                pass  # blocks of another size will hardly be asked for again
+                pass  # a block of another size will hardly be requested again
         except IndexError:
-            # np.empty asks for huge pages where the system grants them; bytearray would clear it
+            # np.empty requests huge pages where the system has them; bytearray would clear memory.
             return aligned(size, np.uint8).data
         return block
 
     def _collect(self) -> None:
-        """Take back what nobody holds any more."""
+        """Return memory to the pool that nothing refers to any more."""
         while self._left:
             try:
                 watch = self._left.popleft()
-            except IndexError:  # another thread was quicker
+            except IndexError:  # another thread was faster
                 return
             block = self._lent.pop(id(watch))[1]
             if len(self.free) < self._keep:

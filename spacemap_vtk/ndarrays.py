@@ -1,4 +1,4 @@
-"""Names of what signatures speak of: arrays by their type, and who is told how far work is."""
+"""Type aliases for signatures: arrays by their element type, and callbacks for progress."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-#: In single precision.
+#: Single precision.
 Singles = NDArray[np.float32]
-#: Of pixels and colours.
+#: Pixels and colours.
 Bytes = NDArray[np.uint8]
-#: In single or double precision.
+#: Single or double precision.
 AnyFloats = NDArray[np.floating[Any]]
-#: Of any width.
+#: Any width.
 AnyInts = NDArray[np.integer[Any]]
 
-#: Is told the share that is done, 0 to 1; may raise to stop.
+#: Receives the share of work that is done, 0 to 1; may raise to stop the work.
 Progress = Callable[[float], object]
-#: Is told how many steps are done, and of how many; may raise to stop.
+#: Receives the number of steps done and their total; may raise to stop the work.
 Tell = Callable[[int, int], object]
-#: Is told a sentence.
+#: Receives a message.
 Say = Callable[[str], object]

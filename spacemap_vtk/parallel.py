@@ -1,17 +1,20 @@
-"""Array work in a few threads, and in compiled loops where there is a compiler.
+"""Run array work in a few threads, and in compiled loops where Numba is installed.
 
-NumPy and SciPy release the interpreter's lock inside their loops, so plain threads use all cores as
-long as each call has some thousand elements to work on.
+NumPy and SciPy release the interpreter's lock inside their loops, so threads use all cores as long
+as each call handles some thousand elements.
 
-What NumPy does to a large fabric is bound by its intermediate results, which go to memory and come
-back: a step that reads and writes each byte once is out of its reach. A loop that Numba compiles
-keeps them in registers. So Numba comes with the program; only what is the same in every time step
-of a large fabric has such a loop, and beside it stands the NumPy code that gives the same numbers
-within rounding, for ParaView's own Python and wherever there is no Numba. Small fabrics do not wait
-for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds. Only
-the surface of one that takes about a thousand steps goes on with it, always from the same step on,
-so that who does the same again gets the same bits. With the environment variable SPACEMAP_COMPILED
-at ``always`` all loops are compiled from the first step on, and at ``never`` none is.
+NumPy code for a large fabric is limited by its intermediate results, which are written to memory
+and read back. A loop compiled by Numba keeps them in registers, so it reads and writes each byte
+once.
+
+- Only work that is repeated in every time step of a large fabric has a compiled loop. Each loop has
+  NumPy code with the same result within rounding, for ParaView's Python and wherever Numba is
+  missing.
+- Small fabrics do not use the compiler: loading it takes half a second, and compiling (once per
+  machine) some seconds. The exception is a surface that is evaluated about a thousand times. It
+  switches to compiled loops always at the same step, so that a repeated run gives the same bits.
+- With the environment variable SPACEMAP_COMPILED set to ``always`` all loops are compiled from the
+  first step on; with ``never``, none is.
 """
 
 from __future__ import annotations
@@ -28,24 +31,24 @@ from spacemap_vtk.cancel import active_token
 Task = TypeVar("Task")
 Function = TypeVar("Function", bound=Callable[..., object])
 
-#: Multiplications that OpenBLAS does in the calling thread. From about there on it starts threads
-#: of its own, which fight with ours: seconds, not ms.
+#: Multiplications that OpenBLAS does in the calling thread. From about this number on it starts
+#: threads, which compete with ours; a call then takes seconds instead of milliseconds.
 BLAS_SERIAL = 2**18
 
-#: Points of a surface, or points that ride along, from which a compiler pays, as threads do.
+#: Surface points or embedded points from which a compiler, or threads, save more than they cost.
 WORTHWHILE = 100_000
 
-# The work is bound by memory: more threads than this only wait for each other.
+# The work is limited by memory bandwidth: more threads only wait for each other.
 _MOST_THREADS = 8
 
 
 def thread_count() -> int:
-    """Return how many threads array work is spread over."""
+    """Return the number of threads for array work."""
     return min(core_count(), _MOST_THREADS)
 
 
 def core_count() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(cores())
 
 
@@ -58,20 +61,20 @@ def cores() -> list[int]:
 
 
 def blocks(count: int, size: int) -> list[slice]:
-    """Cut what is counted into slices of a size; the last one may be shorter."""
+    """Cut a range of `count` items into slices of `size`; the last one may be shorter."""
     return [slice(begin, min(begin + size, count)) for begin in range(0, count, size)]
 
 
 def for_each(
     jobs: Sequence[Task], worker: Callable[[], Callable[[Task], None]], threads: int | None = None
 ) -> None:
-    """Do every job, in any order, in a few threads; stop where the work is cancelled."""
-    # The threads live for one call: kept ones would be lost by a fork and hang the child.
+    """Run every job, in any order, in a few threads; stop if the work is cancelled."""
+    # Threads live for one call only: a fork would lose permanent ones, and the child would hang.
     if not jobs:
         return
     count = min(threads or thread_count(), len(jobs))
-    token = active_token()  # of this thread; the others have none
-    waiting = iter(jobs)  # next() of a list iterator is atomic: each job is taken once
+    token = active_token()  # of this thread; the other threads have none
+    waiting = iter(jobs)  # next() of a list iterator is atomic: each job runs once
 
     def run() -> None:
         do = worker()
@@ -94,20 +97,20 @@ def for_each(
             other.result()
 
 
-#: Modules whose machine code is kept in the user's cache folder, and not beside the package. Files
-#: that pip did not install stay behind when it uninstalls, and what is left then hides the editable
+#: Modules whose machine code goes into the user's cache folder instead of the package's folder. pip
+#: does not remove files that it did not install. What it leaves behind would hide the editable
 #: package of the README's second command.
 _IN_CACHE = ("spacemap_vtk.draw.raster_loops",)
 
 
 def compiled(function: Function) -> Function:
-    """Have a function compiled at its first call, for the types of its arguments."""
-    # The machine code is kept on disk, so that the compiler runs once on a machine.
+    """Return a function that is compiled at its first call, for the types of its arguments."""
+    # The machine code is stored on disk, so that the compiler runs only once per machine.
     from numba import config, njit
 
     from spacemap_vtk import cache
 
-    # A division by zero is infinite, as in NumPy; a product and a sum may be rounded once.
+    # Division by zero gives infinity, as in NumPy; a multiply-add may be rounded once (fused).
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     usual = config.CACHE_DIR
     try:
@@ -117,7 +120,7 @@ def compiled(function: Function) -> Function:
                 raise RuntimeError
             config.CACHE_DIR = str(place / "compiled")
         made: Function = njit(**options, cache=True)(function)
-    except RuntimeError:  # there is no folder to keep machine code in
+    except RuntimeError:  # there is no folder for machine code
         made = njit(**options)(function)
     finally:
         config.CACHE_DIR = usual
@@ -125,7 +128,7 @@ def compiled(function: Function) -> Function:
 
 
 def loops(name: str, many: bool) -> ModuleType | None:
-    """Return a module of compiled loops, where there are many points and a compiler."""
+    """Import a module of compiled loops; None if there are too few points or no compiler."""
     wish = os.environ.get("SPACEMAP_COMPILED")
     if wish == "never" or (wish != "always" and not many):
         return None

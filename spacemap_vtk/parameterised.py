@@ -1,29 +1,29 @@
-"""Parameters, declared once: what all kinds share, and the classes that have them.
+"""Parameters that are declared once: their base class, and the base class of their owners.
 
-A parameter is a descriptor on the class it belongs to. Its declaration (name, type, default, unit,
-range, choices, help) is all that the program knows of it: the Python keyword and property, the
-scene-file key, the command line's ``--set``, the reference text, the Qt widget and the ParaView
-property are made from it::
+A parameter is a descriptor of the class that it belongs to. The program knows a parameter only by
+its declaration (name, type, default, unit, range, choices, help). The Python keyword and property,
+the scene-file key, the command line's ``--set``, the reference text, the Qt widget and the ParaView
+property are generated from it::
 
     class ModalResponse(Stage):
         alpha = Real(1.0, "Damping proportional to mass.", unit="1/s", minimum=0.0)
 
-Parameters that belong together, and what follows from them alone, can be a class of their own, a
-parameter group. A stage inherits from its groups and from `Stage`; its parameters are those of the
-groups, in their order, and then its own::
+Parameters that belong together, with what follows from them alone, can form a class, a parameter
+group. A stage inherits from its groups and from `Stage`. Its parameters are those of the groups, in
+order, followed by those of its own class::
 
     class ModalSolver(CageMaterial, CageFittings, Stage):
         modes = Integer(30, "Number of modes.", minimum=1)
 
 Invariants that other code relies on:
 
-- A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
-- ``None`` is stored where a value is automatic; users write the word `AUTOMATIC` for it. So no code
-  asks whether a value equals its default: what depends on whether somebody has given a value has
-  ``None`` as its default, and `Parameterised.given` says what a scene has written.
+- A stored value has always been checked; it is in SI and in canonical form (`Parameter.check`).
+- ``None`` is stored for an automatic value; users write the word `AUTOMATIC`. No code tests whether
+  a value equals its default. Where it matters whether a user gave a value, the default is ``None``,
+  and `Parameterised.given` returns what a scene has set.
 - Assigning an equal value changes nothing and calls no hook.
-- A name that is not declared is refused, with the list of those that are: VTK objects would take
-  any misspelt attribute silently.
+- An undeclared name is refused with the list of declared names. VTK objects would silently accept
+  a misspelt attribute.
 """
 
 from __future__ import annotations
@@ -40,31 +40,32 @@ from spacemap_vtk.errors import InputError, UnknownNameError
 
 T = TypeVar("T")
 
-#: What a user writes, wherever a value can be written, for one that the program finds itself.
+#: The word that users write, in place of any value, to let the program choose it.
 AUTOMATIC = "auto"
 
 
 class Parameter(Generic[T]):
-    """One declared parameter: descriptor, check and description in one.
+    """One declared parameter: descriptor, check and description.
 
     Parameters
     ----------
     default : object
-        Value before any is set; None makes the parameter optional.
+        Value until one is set; None makes the parameter optional.
     help : str
-        One sentence for every surface that shows the parameter.
+        One sentence, shown wherever the parameter is shown.
     unit : str, optional
         SI unit, a key of `spacemap_vtk.units.UNITS`.
     automatic : str, optional
-        What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
-        write `AUTOMATIC`. Where the default is another value, that is for cloth: in a scene of
-        any other object it is automatic, see `usual`.
+        What ``None`` means, e.g. ``"the middle of the feasible interval"``. If given, users can
+        write `AUTOMATIC`. If the default is another value, that default is for cloth only: in a
+        scene of any other object the parameter is automatic, see `usual`.
     group : str, optional
-        Heading under which a window shows it.
+        Heading above the parameter in a window.
     when : mapping, optional
-        Other parameters of the class by name, each with the values for which this one counts; none
-        listed: any but ``None``. A parameter without it always counts. Everything that hides, greys
-        or refuses what does not count asks this, see `Parameterised.idle`.
+        Condition under which the parameter has an effect: names of other parameters of the class,
+        each with the values that enable this one; an empty list means any value but ``None``. A
+        parameter without it always has an effect. Everything that hides, disables or refuses
+        parameters without effect uses this, see `Parameterised.idle`.
     """
 
     kind = "value"
@@ -82,7 +83,7 @@ class Parameter(Generic[T]):
     ) -> None:
         self.group = group
         self.when = when
-        #: For which values of others this one counts, in words; empty for all.
+        #: The condition `when` in words; empty if the parameter always has an effect.
         self.counts = ""
         self.help = help
         self.unit = unit
@@ -110,12 +111,12 @@ class Parameter(Generic[T]):
             instance._parameter_changed()
 
     def check(self, value: Any) -> T:
-        """Return `value` in canonical form.
+        """Check `value` and convert it to canonical form.
 
         Parameters
         ----------
         value : object
-            Whatever a user gave.
+            Value from the user.
 
         Returns
         -------
@@ -125,7 +126,7 @@ class Parameter(Generic[T]):
         Raises
         ------
         InputError
-            If it is of the wrong type or out of range; the message says what is allowed.
+            If the value has the wrong type or is out of range; the message lists what is allowed.
         """
         if (value is None and (self.optional or self.automatic)) or self.is_automatic(value):
             return None  # type: ignore[return-value]
@@ -137,15 +138,15 @@ class Parameter(Generic[T]):
             ) from None
 
     def require_plausible(self, value: Any) -> None:
-        """Refuse a value as written in a scene that cannot be meant as it stands.
+        """Refuse a value in a scene that was probably meant in another unit.
 
-        Scenes, ``--set``, the window and ParaView ask this before they set a value; in Python a
-        number is SI, and any value in range is set.
+        Scenes, ``--set``, the window and ParaView call this before they set a value. In Python a
+        number is in SI, and any value in range is accepted.
 
         Parameters
         ----------
         value : object
-            Whatever a user wrote.
+            Value as the user wrote it.
 
         Raises
         ------
@@ -154,12 +155,12 @@ class Parameter(Generic[T]):
         """
 
     def convert(self, value: Any) -> T:
-        """Return a given value in canonical form.
+        """Convert a given value to canonical form.
 
         Parameters
         ----------
         value : object
-            Whatever a user gave, but None.
+            Value from the user; never None.
 
         Returns
         -------
@@ -169,80 +170,80 @@ class Parameter(Generic[T]):
         Raises
         ------
         InputError
-            If that cannot be done; `check` adds name, value and what is allowed.
+            If the value cannot be converted; `check` adds name, value and what is allowed.
         """
         raise NotImplementedError
 
     def within(self, value: Any, folder: Path) -> Any:
-        """Return a given value whose relative paths count from a folder.
+        """Resolve relative paths in a given value against a folder.
 
         Parameters
         ----------
         value : object
-            Whatever a user gave.
+            Value from the user.
         folder : Path
-            Of the file that it stands in.
+            Folder of the file that contains the value.
 
         Returns
         -------
         object
-            The value itself where it is no path.
+            The value itself if it is not a path.
         """
         return value
 
     @property
     def label(self) -> str:
-        """The name as people read it, with the apostrophe and the spelling that a key has not."""
+        """The name for people, with the apostrophe and spelling that a key cannot have."""
         words = self.name.replace("_", " ").replace("color", "colour").capitalize()
         return words.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
 
     @property
     def optional(self) -> bool:
-        """Whether ``None`` is a value."""
+        """Whether ``None`` is a valid value."""
         return self._default is None
 
     def usual(self, of_object: bool) -> T:
-        """Return what it is where nobody says: the default, but for cloth alone.
+        """Return the value used if none is given: the default, or None for objects but cloth.
 
         Parameters
         ----------
         of_object : bool
-            Whether the scene is one of an object that is no cloth.
+            Whether the scene shows an object that is not cloth.
 
         Returns
         -------
         T
-            None where that is automatic.
+            None if the value is automatic.
         """
         return None if of_object and self.automatic else self.default  # type: ignore[return-value]
 
     def is_automatic(self, value: Any) -> bool:
-        """Return whether a user's value is the word for an automatic one.
+        """Return whether a user's value is the word `AUTOMATIC`.
 
         Parameters
         ----------
         value : object
-            Whatever a user gave.
+            Value from the user.
 
         Returns
         -------
         bool
-            Never where nothing is automatic.
+            Always False if the parameter cannot be automatic.
         """
         return bool(self.automatic) and isinstance(value, str) and value.strip() == AUTOMATIC
 
     @property
     def allowed(self) -> str:
-        """What is accepted, in words."""
+        """The accepted values, in words."""
         return f'{self.form}, or "{AUTOMATIC}"' if self.automatic else self.form
 
     @property
     def form(self) -> str:
-        """What is accepted beside `AUTOMATIC`, in words."""
+        """The accepted values except `AUTOMATIC`, in words."""
         return self.annotation
 
     def show(self, value: T) -> str:
-        """Return a value as a user would write it.
+        """Format a value as a user would write it.
 
         Parameters
         ----------
@@ -252,14 +253,14 @@ class Parameter(Generic[T]):
         Returns
         -------
         str
-            With a handy unit; for None `AUTOMATIC`, and what it stands for.
+            With a suitable unit; for None, `AUTOMATIC` and its meaning.
         """
         if value is None:
             return f"{AUTOMATIC} ({self.automatic})" if self.automatic else ""
         return self.text(value)
 
     def text(self, value: T) -> str:
-        """Return a value that is not None as a user would write it.
+        """Format a value that is not None as a user would write it.
 
         Parameters
         ----------
@@ -269,32 +270,32 @@ class Parameter(Generic[T]):
         Returns
         -------
         str
-            With a handy unit.
+            With a suitable unit.
         """
         return str(value)
 
     def tell(self, value: T) -> str:
-        """Return a figure that was found, for people.
+        """Format a computed value for people.
 
         Parameters
         ----------
         value : T
-            As it would be stored.
+            In the form in which it would be stored.
 
         Returns
         -------
         str
-            As `show`; of a number to four digits, and in the unit of the trade beside.
+            As `show`, but a number has four digits and is also given in its trade unit.
         """
         return self.show(value)
 
     def join(self, others: Mapping[str, Parameter[Any]]) -> None:
-        """Say in words when this parameter counts, once all of its class are there.
+        """Set `counts` and the docstring, once all parameters of the class are known.
 
         Parameters
         ----------
         others : mapping of str to Parameter
-            By name.
+            The parameters of the class by name.
         """
         self.counts = " and ".join(
             f"{key} is {_listed(others[key], values)}" for key, values in self.when.items()
@@ -302,7 +303,7 @@ class Parameter(Generic[T]):
         self.__doc__ = self.describe()
 
     def describe(self) -> str:
-        """Return help, condition, range and default.
+        """Describe the parameter: help, condition, allowed values and default.
 
         Returns
         -------
@@ -314,27 +315,27 @@ class Parameter(Generic[T]):
 
     @property
     def usually(self) -> str:
-        """The default, in words."""
+        """The default in words."""
         of_object = f"; of an object {AUTOMATIC}" if self.automatic and not self.optional else ""
         return self.show(self.default) + of_object
 
 
 class Parameterised:
-    """A class with declared parameters: keyword-only constructor, checked properties, no others."""
+    """A class with declared parameters, which its constructor takes as keywords, and no others."""
 
     #: Name of the section of a scene file that configures this class.
     section: ClassVar[str] = ""
     #: The declared parameters by name, in the order of declaration.
     parameters: ClassVar[dict[str, Parameter[Any]]] = {}
-    #: Other names of parameters that users may write: the name of each parameter by its synonym.
+    #: Alternative names that users may write, each with the parameter's real name.
     synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
-    #: The values that automatic parameters got in the last run, by name.
+    #: The values of automatic parameters in the last run, by name.
     in_use: Mapping[str, Any] = MappingProxyType({})
 
-    #: The values that are not the defaults, by name.
+    #: The values that differ from the defaults, by name.
     _values: dict[str, Any]
-    #: The names that a scene has set, to whatever value.
+    #: The names that a scene has set, also if to their defaults.
     _written: set[str]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -361,7 +362,7 @@ class Parameterised:
         self.configure(**values)
 
     def configure(self, **values: Any) -> None:
-        """Set several parameters at once; if one of them is refused, none is set.
+        """Set several parameters at once; if one is refused, none is set.
 
         Parameters
         ----------
@@ -386,9 +387,9 @@ class Parameterised:
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the parameter.
         value : object
-            As a scene file has it; a number without a unit must be plausible in SI.
+            Value as in a scene file; a number without a unit must be plausible in SI.
         """
         self.parameter(name).require_plausible(value)
         self.configure(**{name: value})
@@ -396,8 +397,8 @@ class Parameterised:
 
     @property
     def given(self) -> dict[str, Any]:
-        """The values that somebody has given, by name: also defaults, where a scene says so."""
-        # In this order, whatever order they were set in.
+        """The values that were given, by name, including defaults that a scene sets."""
+        # In order of declaration, whatever order they were set in.
         names = [name for name in self.parameters if name in self._values or name in self._written]
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
@@ -409,7 +410,7 @@ class Parameterised:
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the parameter.
 
         Returns
         -------
@@ -419,7 +420,7 @@ class Parameterised:
         Raises
         ------
         UnknownNameError
-            If there is none of that name; the message lists those that are.
+            If there is no parameter of that name; the message lists the names.
         """
         name = cls.synonyms.get(name, name)
         if name not in cls.parameters:
@@ -433,7 +434,7 @@ class Parameterised:
 
     @classmethod
     def usual(cls, of_object: bool) -> dict[str, Any]:
-        """Return the values that are not the defaults where nobody says.
+        """Return the values used if none are given, where they differ from the defaults.
 
         Parameters
         ----------
@@ -449,17 +450,17 @@ class Parameterised:
         return {name: usual for name, (usual, default) in every.items() if usual != default}
 
     def idle(self, name: str) -> str:
-        """Return why a parameter counts for nothing at present.
+        """Return why a parameter has no effect at present.
 
         Parameters
         ----------
         name : str
-            Of the parameter.
+            Name of the parameter.
 
         Returns
         -------
         str
-            The value of another one that is to blame, in words; empty where it counts.
+            The value of the other parameter that disables it, in words; empty if it has an effect.
         """
         for key, values in self.parameter(name).when.items():
             value = getattr(self, key)
@@ -469,22 +470,22 @@ class Parameterised:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The value of every parameter, by name."""
+        """The values of all parameters, by name."""
         return {name: getattr(self, name) for name in self.parameters}
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # Private names are the class's own; public ones must exist, or a misspelt parameter
-        # would become a new attribute and be ignored.
+        # Private names belong to the class. A public name must exist; otherwise a misspelt
+        # parameter would become a new attribute and be ignored.
         if not name.startswith("_") and not hasattr(type(self), name):
             self.parameter(name)
         super().__setattr__(name, value)
 
     def _parameter_changed(self) -> None:
-        """Do what a changed parameter asks for; nothing by default."""
+        """React to a changed parameter. Does nothing by default."""
 
 
 def _listed(parameter: Parameter[Any], values: Sequence[Any]) -> str:
-    """Return values of a parameter in words: those left out, where these are fewer."""
+    """Put values of a parameter into words: as "not …" if fewer choices are left out."""
     if not values:
         return "given"
     choices = getattr(parameter, "choices", ())
@@ -503,14 +504,14 @@ def suggestion(name: str, names: Iterable[str]) -> str | None:
     Parameters
     ----------
     name : str
-        The name that is not known.
+        The unknown name.
     names : iterable of str
-        The known ones.
+        The known names.
 
     Returns
     -------
     str or None
-        The sentence; None where no known name is near.
+        The question; None if no known name is similar.
     """
     near = difflib.get_close_matches(name, list(names), n=1)
     return f'Did you mean "{near[0]}"?' if near else None

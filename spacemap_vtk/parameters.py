@@ -1,6 +1,6 @@
-"""The kinds of parameters: numbers, words, paths, colours and lists of them.
+"""Types of parameters: numbers, words, paths, colours and lists of them.
 
-What a declaration is made for stands in `spacemap_vtk.parameterised`, whose names are here, too.
+`spacemap_vtk.parameterised` explains declarations; its names can be imported from here, too.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from spacemap_vtk.parameterised import Parameterised as Parameterised
 from spacemap_vtk.parameterised import suggestion as suggestion
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity, split_quantity
 
-#: Of a number in SI. What is drawn is in single precision, which knows none beyond 3e38; products
-#: of a few such do not leave double precision.
+#: Largest number in SI. Drawing uses single precision, which ends at 3e38; a product of a few
+#: numbers up to this limit stays within double precision.
 _LARGEST = 1e36
 
 
@@ -31,20 +31,20 @@ class Real(Parameter[Any]):
     Parameters
     ----------
     default : object
-        Value before any is set; None makes the parameter optional.
+        Value until one is set; None makes the parameter optional.
     help : str
-        One sentence for every surface that shows the parameter.
+        One sentence, shown wherever the parameter is shown.
     minimum, maximum : float, optional
-        Ends of the range, allowed themselves.
+        Limits of the range, inclusive.
     above, below : float, optional
-        Ends of the range, not allowed themselves.
+        Limits of the range, exclusive.
     trade : str, optional
-        The unit that the trade writes it in, one of those of `unit`, for figures that are told.
+        Customary unit of the trade, one of those of `unit`, for computed figures.
     plausible : tuple of float, optional
-        Between which values, in SI, a number may be written without its unit in a scene: a number
-        beyond was meant in another unit. A number with its unit only has to be in range.
+        Range in SI in which a scene may give a number without a unit. A number outside was
+        probably meant in another unit. A number with a unit only has to be in range.
     usual_units : str, optional
-        The units, with commas, that such a number was probably meant in.
+        The units, separated by commas, that an implausible number was probably meant in.
     **rest : object
         As for `Parameter`.
     """
@@ -72,7 +72,7 @@ class Real(Parameter[Any]):
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
 
     def convert(self, value: Any) -> Any:
-        """Return a finite float in range."""
+        """Convert to a finite float in range."""
         if isinstance(value, str):
             value = self.parse(value)
         if isinstance(value, (bool, np.bool_)) or not isinstance(
@@ -91,25 +91,25 @@ class Real(Parameter[Any]):
         return number
 
     def parse(self, text: str) -> float:
-        """Return a written number in SI.
+        """Convert a written number to SI.
 
         Parameters
         ----------
         text : str
-            With its unit or without.
+            A number, with or without a unit.
 
         Returns
         -------
         float
-            In SI.
+            The number in SI.
         """
         return parse_quantity(text, self.unit)
 
     def require_plausible(self, value: Any) -> None:
-        """Refuse a number without a unit that is implausible in SI, and name the unit it lacks."""
+        """Refuse a number without a unit that is implausible in SI, and suggest units."""
         number = bare_number(value)
         if self.plausible is None or number is None or number <= 0.0:
-            return  # what is no number, or too small, is refused when it is set
+            return  # not a number, or out of range: `check` refuses it when it is set
         low, high = self.plausible
         if low <= number <= high:
             return
@@ -139,7 +139,7 @@ class Real(Parameter[Any]):
 
     @property
     def range(self) -> str:
-        """The range in words, with its unit; empty where there is none."""
+        """The range in words, with its unit; empty if there is none."""
         bounds = [
             ("at least", self.minimum),
             ("greater than", self.above),
@@ -163,15 +163,15 @@ class Real(Parameter[Any]):
 
     @property
     def units(self) -> list[str]:
-        """The units that a number may be written with."""
+        """The units that the user may write."""
         return list(UNITS[self.unit])
 
     def text(self, value: Any) -> str:
-        """Return the value with a handy unit."""
+        """Format the value with a suitable unit."""
         return format_quantity(value, self.unit)
 
     def tell(self, value: Any) -> str:
-        """Return the value to four digits with a handy unit, and in that of the trade."""
+        """Format the value to four digits, with a suitable unit and in the trade's unit."""
         text = format_quantity(value, self.unit, 4)
         if not self.trade:
             return text
@@ -179,7 +179,7 @@ class Real(Parameter[Any]):
 
 
 def bare_number(value: Any) -> float | None:
-    """Return the number that a user wrote without a unit.
+    """Return the number in a value that has no unit.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def bare_number(value: Any) -> float | None:
     Returns
     -------
     float or None
-        None for what is no number, or has a unit.
+        None if the value is not a number, or has a unit.
     """
     if isinstance(value, str):
         found = split_quantity(value)
@@ -205,14 +205,14 @@ class Integer(Real):
     annotation = "int"
 
     def convert(self, value: Any) -> Any:
-        """Return an int in range."""
+        """Convert to an int in range."""
         number = super().convert(value)
         if number != int(number):
             raise InputError("not a whole number")
         return int(number)
 
     def text(self, value: Any) -> str:
-        """Return the digits, all of them."""
+        """Format the number with all its digits."""
         return str(value)
 
 
@@ -224,13 +224,13 @@ class Flag(Parameter[bool]):
     form = "true or false"
 
     def convert(self, value: Any) -> bool:
-        """Return a bool; no other type is taken for one."""
+        """Return the bool; other types are refused."""
         if not isinstance(value, (bool, np.bool_)):
             raise InputError("neither true nor false")
         return bool(value)
 
     def text(self, value: bool) -> str:
-        """Return TOML's spelling."""
+        """Format the value as in TOML."""
         return str(value).lower()
 
 
@@ -240,11 +240,11 @@ class Choice(Parameter[str]):
     Parameters
     ----------
     default : str or None
-        Value before any is set; None makes the parameter optional.
+        Value until one is set; None makes the parameter optional.
     help : str
-        One sentence for every surface that shows the parameter.
+        One sentence, shown wherever the parameter is shown.
     choices : sequence of str
-        The words, the commonest first.
+        The words, the most common first.
     **rest : object
         As for `Parameter`.
     """
@@ -257,7 +257,7 @@ class Choice(Parameter[str]):
         self.choices = tuple(choices)
 
     def convert(self, value: Any) -> str:
-        """Return the word."""
+        """Return the word if it is one of the choices."""
         if value not in self.choices:
             raise InputError("not one of the choices", cure=suggestion(str(value), self.choices))
         return str(value)
@@ -269,16 +269,16 @@ class Choice(Parameter[str]):
 
 
 class Vector(Parameter[tuple[Any, ...]]):
-    """A fixed number of components, each checked by a component parameter.
+    """A fixed number of components, each checked by a parameter.
 
     Parameters
     ----------
     default : object
-        Value before any is set; None makes the parameter optional.
+        Value until one is set; None makes the parameter optional.
     help : str
-        One sentence for every surface that shows the parameter.
+        One sentence, shown wherever the parameter is shown.
     component : Real
-        What each component must be.
+        Parameter that checks each component.
     labels : sequence of str
         A letter or name for each component.
     **rest : object
@@ -302,7 +302,7 @@ class Vector(Parameter[tuple[Any, ...]]):
         self.annotation = f"sequence of {len(labels)} {component.annotation}"
 
     def convert(self, value: Any) -> tuple[Any, ...]:
-        """Return a tuple of checked components."""
+        """Convert to a tuple of checked components."""
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise InputError(f"not a list of {len(self.labels)}")
         components = tuple(value)
@@ -316,7 +316,7 @@ class Vector(Parameter[tuple[Any, ...]]):
         return f"a list [{', '.join(self.labels)}], each {self.component.form}"
 
     def text(self, value: tuple[Any, ...]) -> str:
-        """Return TOML's spelling, in SI."""
+        """Format the components as in TOML, in SI."""
         return "[" + ", ".join(f"{v:g}" for v in value) + "]" + f" {self.unit}".rstrip()
 
 
@@ -339,20 +339,20 @@ class Text(Parameter[str]):
 
 
 class FilePath(Parameter[Any]):
-    """A file to read. A scene resolves it against its own folder."""
+    """A file to read. A relative path in a scene starts from the scene's folder."""
 
     kind = "file"
     annotation = "str or path-like"
     form = "the path of a file"
 
     def convert(self, value: Any) -> Path:
-        """Return a Path; whether the file is there is seen when it is read."""
+        """Convert to a Path. Whether the file exists is checked when it is read."""
         if not isinstance(value, (str, Path)) or str(value) == "":
             raise InputError("not a path")
         return Path(value)
 
     def within(self, value: Any, folder: Path) -> Any:
-        """Return the path, from the folder on; the word for an automatic one is none."""
+        """Join the folder and the path; `AUTOMATIC` is not a path."""
         if not isinstance(value, str) or not value or self.is_automatic(value):
             return value
         require_near(value, key=self.name)
@@ -360,24 +360,25 @@ class FilePath(Parameter[Any]):
 
 
 def require_near(word: str, by: Path | None = None, key: str = "file") -> None:
-    """Refuse the word by which a file names one that another machine would be asked for.
+    """Refuse a file name that refers to another machine.
 
     Parameters
     ----------
     word : str
-        As it stands in the file.
+        The file name, as written in a file.
     by : Path, optional
-        The file; by default a scene, which the error names by its key.
+        The file that contains the name; by default a scene, whose key the error names.
     key : str
-        Of the scene.
+        Key of the scene.
 
     Raises
     ------
     InputError
-        If it begins with a machine's name, as in ``//machine/folder/file``.
+        If the name begins with a machine's name, as in ``//machine/folder/file``.
     """
-    # On Windows to look whether it is there is to send the user's name and the hash of the
-    # password. On all systems alike: a scene that is made here is opened there.
+    # On Windows, even a test whether such a file exists sends the user's name and the hash of the
+    # password to that machine. All systems refuse it, because a scene made on one is opened on
+    # others.
     if PureWindowsPath(word).drive.startswith("\\\\"):
         raise InputError(
             f"{by} names {word}, on another machine" if by else "it is on another machine",
@@ -395,7 +396,7 @@ class Color(Parameter[Any]):
     form = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
 
     def convert(self, value: Any) -> tuple[int, int, int]:
-        """Return red, green, blue from 0 to 255."""
+        """Convert to red, green and blue from 0 to 255."""
         if isinstance(value, str):
             digits = re.fullmatch(r"#?([0-9a-fA-F]{6})", value)
             if digits is None:
@@ -412,7 +413,7 @@ class Color(Parameter[Any]):
         return int(rgb[0]), int(rgb[1]), int(rgb[2])
 
     def text(self, value: Any) -> str:
-        """Return ``#rrggbb``."""
+        """Format the colour as ``#rrggbb``."""
         return "#{:02x}{:02x}{:02x}".format(*value)
 
 
@@ -422,17 +423,17 @@ class Series(Parameter[Any]):
     Parameters
     ----------
     component : Parameter
-        What each value must be, with the help.
+        Parameter that checks each value; its help is used.
     automatic : str
         As for `Parameter`.
     **rest : object
         As for `Parameter`.
     """
 
-    # Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
+    # Text fields may show and accept a list with commas: ``"0.3 mm, 0.2 mm"``.
 
     kind = "series"
-    #: What a list is for, in words.
+    #: What a list means, in words.
     each = ""
 
     def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
@@ -445,12 +446,12 @@ class Series(Parameter[Any]):
         super().__set_name__(owner, name)
 
     def convert(self, value: Any) -> Any:
-        """Return a checked value, or a tuple of several."""
+        """Convert to a checked value, or to a tuple of several."""
         value = _listed(value)
         try:
             return self.component.convert(value)
         except InputError:
-            # a list of one value is none; three numbers are one colour
+            # A list of one item is not a value of the component, but three numbers are one colour.
             if isinstance(value, str) or not isinstance(value, Iterable):
                 raise
         items = []
@@ -465,23 +466,23 @@ class Series(Parameter[Any]):
         return items[0] if len(set(items)) == 1 else tuple(items)
 
     def require_plausible(self, value: Any) -> None:
-        """Refuse a value, or one of a list, that its component finds implausible."""
+        """Refuse a value, or an item of a list, that the component finds implausible."""
         value = _listed(value)
         for item in value if isinstance(value, (list, tuple)) else [value]:
             self.component.require_plausible(item)
 
     @property
     def form(self) -> str:
-        """What each value may be."""
+        """The form of each value, in words."""
         return f"{self.component.form}; or a list of such, {self.each}"
 
     def text(self, value: Any) -> str:
-        """Return the value, or the list with commas."""
+        """Format the value, or the list with commas."""
         several = self.several(value)
         return ", ".join(self.component.show(item) for item in several or (value,))
 
     def several(self, value: Any) -> tuple[Any, ...] | None:
-        """Return the values where they are a list.
+        """Return the values if they are a list.
 
         Parameters
         ----------
@@ -493,7 +494,7 @@ class Series(Parameter[Any]):
         tuple or None
             None for a single value.
         """
-        # a colour is a tuple itself
+        # A single colour is stored as a tuple of numbers.
         is_list = isinstance(value, tuple) and not (
             isinstance(self.component, Color) and isinstance(value[0], int)
         )
@@ -501,7 +502,7 @@ class Series(Parameter[Any]):
 
 
 def _listed(value: Any) -> Any:
-    """Return the items of a text with commas, anything else as it is."""
+    """Split a text at commas; return anything else unchanged."""
     if isinstance(value, str) and "," in value:
         return [item.strip() for item in value.split(",")]
     return value

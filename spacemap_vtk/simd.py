@@ -1,13 +1,14 @@
-"""Vector instructions for compiled loops: what Numba's own loops do not turn into any.
+"""Vector instructions for compiled loops that Numba does not vectorise.
 
 Each function here is inlined into a loop under `spacemap_vtk.parallel.compiled` as a few LLVM
-instructions. Arrays are flat and contiguous, and nothing is checked: the caller keeps to the
-bounds that each function states. Points are read and written with their three coordinates in four
-lanes of a vector; the fourth is never read from an array of points, because it may lie behind the
-end of the memory.
+instructions.
 
-Numba's cache of machine code looks only at the file of the loop that calls these functions: after
-a change here, delete ``__pycache__``.
+- Arrays are flat and contiguous. Nothing is checked: the caller must keep to the bounds that each
+  function states.
+- A point occupies the first three of four lanes of a vector. The fourth number is never read from
+  an array of points, because it may lie beyond the end of the memory.
+- Numba's cache of machine code depends only on the file of the loop that calls these functions.
+  After a change here, delete ``__pycache__``.
 """
 
 from __future__ import annotations
@@ -18,34 +19,34 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-#: Bytes of a line of the cache.
+#: Bytes of a cache line.
 LINE = 64
 
 _INT32, _INT64 = ir.IntType(32), ir.IntType(64)
-#: A product and a sum may be rounded once, as `spacemap_vtk.parallel.compiled` allows.
+#: A multiply-add may be rounded once (fused), as `spacemap_vtk.parallel.compiled` allows.
 _CONTRACT = ("contract",)
 
 
 class _Emitter:
-    """Emits instructions for one call of an intrinsic function."""
+    """Emits the instructions for one call of an intrinsic function."""
 
     def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any) -> None:
         self._context, self._builder = context, builder
         self._types, self._arguments = signature.args, arguments
 
     def number_type(self, place: int) -> Any:
-        """Return the type of the numbers of an array argument."""
+        """Return the type of an array argument's numbers."""
         return self._context.get_data_type(self._types[place].dtype)
 
     def address(self, place: int, index: Any, kind: Any) -> Any:
-        """Return where an array argument has some number, as a pointer to a type."""
+        """Return the address of one number of an array argument, as a pointer to a type."""
         array = self._context.make_array(self._types[place])
         data = array(self._context, self._builder, self._arguments[place]).data
         return self._builder.bitcast(self._builder.gep(data, [index]), kind.as_pointer())
 
     def load_point(self, place: int, index: Any) -> Any:
-        """Load three numbers into a vector of four; the fourth is the third once more."""
-        # Two loads: a masked one of all three takes three times as long on AMD's Zen 5.
+        """Load three numbers into a vector of four; the fourth repeats the third."""
+        # Two loads, because one masked load takes three times as long on AMD's Zen 5.
         number = self.number_type(place)
         kind = ir.VectorType(number, 2)
         low = self._builder.load(self.address(place, index, kind), align=_size(number))
@@ -68,7 +69,7 @@ class _Emitter:
         self._builder.store(vector, pointer, align=_size(number))
 
     def cast(self, vector: Any, number: Any) -> Any:
-        """Return a vector of four in another precision."""
+        """Convert a vector of four to another precision."""
         if vector.type.element == number:
             return vector
         kind = ir.VectorType(number, 4)
@@ -76,7 +77,7 @@ class _Emitter:
         return (self._builder.fpext if wider else self._builder.fptrunc)(vector, kind)
 
     def lane(self, vector: Any, which: int) -> Any:
-        """Return a vector of four times the same number."""
+        """Return a vector that repeats one lane four times."""
         mask = ir.Constant(ir.VectorType(_INT32, 4), [which] * 4)
         return self._builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
 
@@ -89,9 +90,9 @@ def _size(number: Any) -> int:
 def subtract_point(
     _context: Any, points: Any, i: Any, origins: Any, j: Any, result: Any, k: Any
 ) -> Any:
-    """Write ``points[i : i + 3] - origins[j : j + 3]`` to ``result[k]`` on, and one number more."""
-    # `origins` is of the type of `points`, and has a number at ``j + 3``. The difference is taken
-    # in the precision of the points, and then rounded.
+    """Write ``points[i : i + 3] - origins[j : j + 3]`` to ``result[k : k + 3]``."""
+    # ``result[k + 3]`` is overwritten, too. `origins` has the type of `points`, and ``j + 3`` must
+    # be a valid index. The difference is computed in the precision of the points, then rounded.
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         on = _Emitter(context, builder, signature, arguments)
@@ -106,10 +107,10 @@ def subtract_point(
 def map_point(
     _context: Any, maps: Any, row: Any, points: Any, i: Any, shift: Any, moved: Any, k: Any
 ) -> Any:
-    """Write the displacement and new place of ``points[i : i + 3]``, and one number more each."""
+    """Write the displacement and the new position of ``points[i : i + 3]``."""
     # A row of `maps` has 20 numbers in double precision: the origin, the displacement there, and
-    # what this gains along x, y and z, each with a zero behind it. `shift` and `moved` are of the
-    # type of `points`, and written from `k` up to ``k + 3``.
+    # the derivatives of the displacement along x, y and z, each followed by a zero. `shift` and
+    # `moved` have the type of `points`, and are overwritten from `k` to ``k + 3`` inclusive.
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         on = _Emitter(context, builder, signature, arguments)
@@ -124,7 +125,7 @@ def map_point(
         for axis, slope in enumerate(slopes):
             gain = builder.fmul(slope, on.lane(away, axis), flags=_CONTRACT)
             total = builder.fadd(total, gain, flags=_CONTRACT)
-        # The place follows from the rounded displacement, so that the two agree to the last bit.
+        # The position is computed from the rounded displacement, so that both agree exactly.
         rounded = on.cast(total, number)
         on.store(rounded, 4, arguments[6])
         on.store(builder.fadd(point, rounded), 5, arguments[6])
@@ -136,11 +137,11 @@ def map_point(
 
 @intrinsic
 def stream_line(_context: Any, target: Any, i: Any, source: Any, j: Any) -> Any:
-    """Copy 64 bytes from ``source[j]`` on to memory past the cache, from ``target[i]`` on."""
-    # They must begin at a border of 64 bytes in `target`: the processor ends the program otherwise.
-    # It need not read the line before it writes it, and keeps in the cache what was there. Other
-    # threads see what was written once this one has released a lock, as each thread does that
-    # returns from a compiled loop to Python.
+    """Copy 64 bytes, from ``source[j]`` on, to ``target[i]`` on, past the cache."""
+    # The bytes in `target` must begin at a multiple of 64: otherwise the processor ends the
+    # program. The processor need not read the line before it writes it, and the cache keeps its
+    # contents. Other threads see the bytes once this thread has released a lock, which happens
+    # whenever a compiled loop returns to Python.
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         on = _Emitter(context, builder, signature, arguments)

@@ -1,4 +1,4 @@
-"""Physical units: values such as ``"0.3 mm"``, turned into SI and back."""
+"""Physical units: convert values like ``"0.3 mm"`` to SI and back."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from spacemap_vtk.errors import InputError
 
 _INCH = 0.0254
-#: In a radian.
+#: Degrees in a radian.
 _DEGREES = 57.29577951308232
-#: Standard gravity [m/s²], by which a weight on Earth is a force.
+#: Standard gravity [m/s²], the ratio of an object's weight to its mass.
 GRAVITY = 9.80665
-#: A gram's and a pound's weight [N].
+#: Weight of a gram and of a pound [N].
 _GF, _LBF = 1e-3 * GRAVITY, 0.45359237 * GRAVITY
 
-#: For each SI unit that a parameter may have: the units a user may write, and their size in SI.
+#: For each SI unit of a parameter: the units that a user may write, and their size in SI.
 UNITS: dict[str, dict[str, float]] = {
     "m": {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9, "km": 1e3},
@@ -27,7 +27,7 @@ UNITS: dict[str, dict[str, float]] = {
         **{"N/mm2": 1e6, "psi": 6894.757293168361},
     },
     "kg/m": {"kg/m": 1.0, "tex": 1e-6, "dtex": 1e-7, "den": 1e-6 / 9},
-    # Threads in a length: handweavers write ends and picks per inch.
+    # Yarns per length: handweavers write ends and picks per inch.
     "1/m": {
         **{"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
         **{"epi": 1 / _INCH, "ppi": 1 / _INCH},
@@ -38,7 +38,7 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
     "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": GRAVITY},
     "": {"%": 0.01},
-    # What a fabric resists stretching and shearing with, per width; Kawabata's shear is per degree.
+    # Stretching and shear stiffness of a fabric, per width. Kawabata gives shear per degree.
     "N/m": {
         "N/m": 1.0,
         "mN/m": 1e-3,
@@ -50,7 +50,7 @@ UNITS: dict[str, dict[str, float]] = {
         "gf/cm.deg": _GF * 100 * _DEGREES,
         "lbf/in": _LBF / _INCH,
     },
-    # Likewise bending: a moment per width and curvature, which Kawabata writes out.
+    # Bending stiffness of a fabric: moment per width and curvature. Kawabata writes both out.
     "N.m": {
         "N.m": 1.0,
         "mN.m": 1e-3,
@@ -61,7 +61,7 @@ UNITS: dict[str, dict[str, float]] = {
         "gf.cm": _GF * 1e-2,
         "gf.cm2/cm": _GF * 1e-2,
     },
-    # What a yarn resists bending with, and stretching with over its count.
+    # Bending stiffness of a yarn; below, its stretching stiffness over its count.
     "N.m2": {
         "N.m2": 1.0,
         "uN.m2": 1e-6,
@@ -89,15 +89,15 @@ _SPELLINGS = str.maketrans(
 #: "per degree" at the end of a unit: "/cm/deg", "/(cm.degree)".
 _PER_DEGREE = re.compile(r"[./]deg(?:rees?)?$")
 
-# What follows the number takes whatever is there: of a long text that does not match there would be
-# many ways to try.
+# The unit matches any text. A stricter pattern would backtrack for long on a long text that does
+# not match.
 _QUANTITY = re.compile(
     r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*)", re.DOTALL
 )
 
 
 def split_quantity(text: str) -> tuple[float, str] | None:
-    """Split a text into number and unit, which may be empty; None where it has no number."""
+    """Split a text into number and unit, which may be empty; None if it has no number."""
     match = _QUANTITY.fullmatch(text.strip())
     if match is None:
         return None
@@ -107,7 +107,7 @@ def split_quantity(text: str) -> tuple[float, str] | None:
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """Read a number with an optional unit."""
+    """Convert a text, a number with an optional unit, to SI."""
     found = split_quantity(text)
     known = UNITS.get(unit, {})
     if found is None:
@@ -131,14 +131,14 @@ def _example(unit: str) -> str:
 
 
 def pretty(text: str) -> str:
-    """Write units as they are set in print: m/s², N·m."""
+    """Write units as in print: m/s², N·m."""
     return re.sub(
         r"(?<![a-zA-Z])((?:[kmcuµ]?m|s|yd))([23])\b", lambda m: m[1] + "²³"[int(m[2]) - 2], text
     ).replace("N.m", "N·m")
 
 
 def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
-    """Write numbers with as many decimals each as give the least that many digits."""
+    """Format numbers with equally many decimals, so that the smallest has `digits` digits."""
     numbers = list(values)
     least = min((abs(number) for number in numbers if number), default=1.0)
     decimals = min(max(digits - 1 - math.floor(math.log10(least)), 0), 6)
@@ -146,12 +146,12 @@ def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
 
 
 def metres(value: float) -> str:
-    """Write a length."""
+    """Format a length given in m."""
     return format_quantity(value, "m")
 
 
 def format_quantity(value: float, unit: str, digits: int = 17) -> str:
-    """Write a rounded value in the unit that gives it one to three digits before the point."""
+    """Round a value and format it in the unit that leaves one to three digits before the point."""
     value = float(f"{value:.{digits}g}")
     scales = {
         "m": ("nm", "µm", "mm", "m", "km"),

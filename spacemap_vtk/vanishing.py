@@ -1,10 +1,10 @@
-"""Files and folders that go, however the program is ended: by an error, Ctrl-C or a signal.
+"""Temporary files and folders, removed however the program ends: by an error, Ctrl-C or a signal.
 
-A signal is answered by Python in between two of its instructions, not while VTK or ffmpeg works:
-so what takes long inside a library should be done before there is anything to be removed.
+Python handles a signal only between two of its instructions, not while VTK or ffmpeg works. So do
+long work inside a library before there is anything to remove.
 
-A process that is killed leaves its folders. The next one that makes such a folder there removes
-them: the system tells which of them nobody holds any more.
+A killed process leaves its folders. The next process that makes such a folder in the same place
+removes them: a lock shows which folders are in use.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-#: By which a program is asked to end; SIGHUP by a terminal that is closed.
+#: Signals that ask a program to end. A terminal that is closed sends SIGHUP.
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-#: Seconds in which what goes must have gone.
+#: Longest time for removing a file or folder [s].
 _PATIENCE = 10.0
-#: With which hidden folders begin.
+#: Prefix of the names of hidden folders.
 _NAME = ".spacemap-"
 
 
 @contextmanager
 def vanishing(path: Path) -> Iterator[Path]:
     """Remove a file or folder when the block ends, however it ends."""
-    # Meanwhile SIGTERM and SIGHUP, where nobody else answers them, end the program by
-    # ``SystemExit`` with the status that a shell gives it, 128 and the signal's number.
-    # Where Python code that VTK calls is interrupted, VTK exits: no "finally" is reached then.
+    # Until then SIGTERM and SIGHUP, if nothing else handles them, raise ``SystemExit`` with the
+    # status that a shell would give: 128 plus the signal's number. atexit is needed, too: if Python
+    # code that VTK calls is interrupted, VTK exits and no "finally" block runs.
     last = partial(_remove, path)
     atexit.register(last)
     with ended_by_exceptions():
@@ -56,47 +56,49 @@ def vanishing(path: Path) -> Iterator[Path]:
 
 
 def hidden(place: Path) -> Path:
-    """Return a name in a folder that nobody has."""
+    """Return an unused path for a hidden file or folder in a folder."""
     return place / f"{_NAME}{os.urandom(6).hex()}"
 
 
 @contextmanager
 def vanishing_folder(place: Path | None = None, look: bool = True) -> Iterator[Path]:
-    """Yield a new folder that goes, with all in it, when the block ends, however it ends."""
+    """Yield a new folder that is removed with its contents when the block ends, however it ends."""
     place = Path(tempfile.gettempdir()) if place is None else place
     if look:
         clear(place)
-    # held until it has gone
+    # The lock is released only after the folder has been removed.
     with ExitStack() as held, vanishing(hidden(place)) as folder:
         hold(folder, held)
         yield folder
 
 
 def hold(folder: Path, held: ExitStack) -> None:
-    """Make a folder that is in use for as long as this process lives, or until it is let go."""
+    """Make a folder and lock it until `held` is closed or this process ends."""
     while True:
         folder.mkdir(mode=0o700, exist_ok=True)
         try:
             if taken(folder, held):
                 return
         except (BlockingIOError, FileNotFoundError):
-            pass  # another has just taken it for a dead one's
+            pass  # another process has just removed it, because it was not locked yet
         except OSError:
-            return  # a disk that knows no locks: there nobody clears anything
+            return  # a disk without locks; no process clears folders there
 
 
 if sys.platform == "win32":
 
     def taken(folder: Path, held: ExitStack) -> bool:
-        """Lock a folder, unless another process has; return whether it is there still."""
-        # By a file beside it, open to nobody else, that goes when it is closed, at the latest as
-        # this process ends: a folder that is open itself can be neither moved nor removed.
+        """Lock a folder, unless another process has; return whether it still exists."""
+        # The lock is a file next to the folder that no other process can open. Windows deletes it
+        # when it is closed, at the latest when this process ends. An open handle on the folder
+        # would prevent moving and removing it.
         delete, to_others, make, hidden_and_going = 0x00010000, 0, 4, 0x04000002
         name = f"{folder}.held"
         try:
             handle = _winapi.CreateFile(name, delete, to_others, 0, make, hidden_and_going, 0)
         except OSError as error:
-            if error.winerror == 32:  # another has it open
+            # Error 32, sharing violation: another process has it open.
+            if error.winerror == 32:
                 raise BlockingIOError from error
             raise
         held.callback(_winapi.CloseHandle, handle)
@@ -105,7 +107,7 @@ if sys.platform == "win32":
 else:
 
     def taken(folder: Path, held: ExitStack) -> bool:
-        """Lock a folder, unless another process has; return whether it is there still."""
+        """Lock a folder, unless another process has; return whether it still exists."""
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         with ExitStack() as closed:
             closed.callback(os.close, handle)
@@ -115,7 +117,7 @@ else:
 
 
 def clear(place: Path) -> None:
-    """Remove the folders of processes that were killed."""
+    """Remove the folders that killed processes have left."""
     with suppress(OSError):
         for name in os.listdir(place):
             with suppress(OSError), ExitStack() as held:
@@ -123,7 +125,7 @@ def clear(place: Path) -> None:
                     continue
                 folder = place / name
                 known = folder.lstat()
-                # Another user could let files appear here in this one's name.
+                # In a shared place another user can make folders of such a name: leave those alone.
                 own = sys.platform == "win32" or known.st_uid == os.getuid()
                 if own and stat.S_ISDIR(known.st_mode):
                     taken(folder, held)
@@ -132,11 +134,12 @@ def clear(place: Path) -> None:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Let no signal cut off what takes a moment; one that comes meanwhile is heard afterwards."""
+    """Delay signals while a short block runs, and deliver the first of them afterwards."""
     handlers, heard = {}, []
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, *ENDING):
-            if signal.getsignal(number) is not None:  # set by Python, which can set it again
+            # Only a handler that Python has set can be restored.
+            if signal.getsignal(number) is not None:
                 handlers[number] = signal.signal(number, lambda number, _: heard.append(number))
     try:
         yield
@@ -149,7 +152,7 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def ended_by_exceptions() -> Iterator[None]:
-    """Let a signal that ends the program do so by an exception."""
+    """Let the signals that end the program raise SystemExit during the block."""
     answered = []
     if threading.current_thread() is threading.main_thread():
         answered = [each for each in ENDING if signal.getsignal(each) == signal.SIG_DFL]
@@ -174,4 +177,4 @@ def _remove(path: Path) -> None:
             path.unlink()
         if not os.path.lexists(path) or time.monotonic() > end:
             return
-        time.sleep(0.05)  # a process that has been ended may write into it until it is
+        time.sleep(0.05)  # a process that was told to end may still write into it

@@ -1,9 +1,9 @@
-"""Work shared among processes, each of which can be ended at any moment, or on a Dask cluster.
+"""Share work among processes, each of which may die at any moment, or on a Dask cluster.
 
-Processes, not threads: one that is killed for its memory takes one piece of work with it and not
-all, and what VTK draws in one process it draws one after another. They are started as a program of
-their own (``python -m spacemap_vtk.workers module:function``), so that a script that asks for them
-needs no ``if __name__ == "__main__"``.
+Processes are used, not threads: if the system kills one for its memory, only one piece of work is
+lost, and within one process VTK draws only one picture at a time. Each is started as a separate
+program (``python -m spacemap_vtk.workers module:function``), so that the calling script needs no
+``if __name__ == "__main__"``.
 """
 
 from __future__ import annotations
@@ -26,35 +26,36 @@ from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.memory import available, require
 from spacemap_vtk.parallel import core_count
 
-#: The variable by which a process knows that it is one of these.
+#: Environment variable that is set in worker processes.
 EXPENDABLE = "SPACEMAP_EXPENDABLE"
-#: Bytes that a process takes before it does anything.
+#: Bytes that a process needs before it does any work.
 _PYTHON = 300_000_000
-#: Seconds after which Ctrl-C is looked for: on Windows it does not end a wait.
+#: Seconds between two checks for Ctrl-C, which on Windows does not interrupt a wait.
 _PATIENCE = 0.5
-#: Seconds for a scheduler's answer.
+#: Longest time to wait for a scheduler's answer [s].
 _ANSWER = 10
-#: Of addresses, beside tcp and tls.
+#: Other valid schemes of a scheduler's address, besides tcp and tls.
 _SCHEMES = ("inproc", "ucx", "ws", "wss")
-#: Why a process has ended, where only its status tells.
+#: Probable causes of an exit status.
 _ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
 
 
 class EndedError(SpacemapError, RuntimeError):
-    """A process has ended before its work, as one does that is killed."""
+    """A process ended before it finished its work, for example because it was killed."""
 
 
 def in_processes(
     function: str, tasks: Sequence[Any], count: int
 ) -> Generator[tuple[int, Any | Exception]]:
-    """Yield the number of each task and what a function makes of it, or why not, as they end."""
-    # `function` is "module:name"; tasks and results are pickled. Leaving the loop early, by Ctrl-C
-    # or any error, ends all processes. Each serves several tasks: what it keeps is there for more.
+    """Yield, as tasks end, the number of each and its result or error."""
+    # `function` is "module:name"; tasks and results are pickled. If the loop is left early, by
+    # Ctrl-C or any error, all processes are ended. A process serves several tasks, so that what it
+    # has loaded is reused.
     waiting, lock = iter(enumerate(tasks)), threading.Lock()
     done: SimpleQueue[tuple[int, Any | Exception]] = SimpleQueue()
     children: list[subprocess.Popen[bytes]] = []
     count = max(1, min(count, len(tasks)))
-    # Software OpenGL takes as many threads as there are cores, in each process.
+    # Software OpenGL starts as many threads as there are cores, in each process.
     threads = str(max(1, core_count() // count))
 
     def started() -> subprocess.Popen[bytes]:
@@ -64,7 +65,7 @@ def in_processes(
     def serve() -> None:
         child: subprocess.Popen[bytes] | None = None
         while True:
-            with lock:  # so that none is started once all have been ended
+            with lock:  # so that no process is started after all have been ended
                 number, task = next(waiting, (-1, None))
                 if number < 0:
                     break
@@ -98,8 +99,9 @@ def in_processes(
 
 
 def process_count(jobs: int, worth: int, need: int, asked: int | None) -> int:
-    """Return how many processes there is work and memory for; refuse more that are asked for."""
-    # At most `worth` by themselves; each takes so many bytes beside a Python of its own.
+    """Return how many processes to start; raise SizeError if the number asked for does not fit."""
+    # `worth` limits the number if none is asked for. Each process needs `need` bytes in addition to
+    # the Python interpreter.
     need, free = need + _PYTHON, available()
     fits = jobs if free is None else max(1, free // need)
     if asked is None:
@@ -113,7 +115,7 @@ def process_count(jobs: int, worth: int, need: int, asked: int | None) -> int:
 def on_cluster(
     address: str, function: Callable[[Any], Any], tasks: Sequence[Any]
 ) -> Generator[tuple[int, Any | Exception]]:
-    """Yield what `in_processes` does, worked out by the workers of a Dask cluster."""
+    """Yield the same as `in_processes`, computed by the workers of a Dask cluster."""
     try:
         from distributed import Client, as_completed
     except ImportError:
@@ -129,7 +131,7 @@ def on_cluster(
         cure='Start one by "dask scheduler", and workers by "dask worker ADDRESS".',
     )
     try:
-        # Asked first: a client that has found none tries again when it is let go, for long.
+        # Test the address first: a client without a scheduler retries for long when it is closed.
         place = urlsplit(address if "://" in address else f"tcp://{address}")
         if place.scheme in ("tcp", "tls"):
             create_connection((place.hostname, place.port or 0), _ANSWER).close()
@@ -159,8 +161,9 @@ def on_cluster(
 
 
 def start(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
-    """Start a process that answers with what "module:name" makes of the tasks that it is sent."""
-    # Not with modules of the folder that this one runs in, which may be that of a stranger's scene.
+    """Start a process that applies the function "module:name" to each task that it receives."""
+    # Without the empty entry, which is the current folder: it may be the folder of a stranger's
+    # scene, whose modules must not be imported.
     paths = os.pathsep.join(path for path in sys.path if path)
     return subprocess.Popen(
         [sys.executable, "-m", "spacemap_vtk.workers", function],
@@ -174,7 +177,7 @@ def start(function: str, environment: Mapping[str, str], **more: Any) -> subproc
 def ask(
     child: subprocess.Popen[bytes], task: Any
 ) -> tuple[Any | Exception, subprocess.Popen[bytes] | None]:
-    """Return what a process makes of a task, and the process if it lives."""
+    """Return a process's result for a task, and the process if it is still alive."""
     assert child.stdin is not None
     assert child.stdout is not None
     try:
@@ -189,16 +192,16 @@ def ask(
 
 
 def end(child: subprocess.Popen[bytes]) -> None:
-    """Let a process go: it ends when nobody asks it any more."""
+    """Close a process's streams, which makes it end, and wait for it."""
     for stream in (child.stdin, child.stdout):
         assert stream is not None
-        with suppress(OSError):  # what was written has not arrived
+        with suppress(OSError):  # the process died before it read everything
             stream.close()
     child.wait()
 
 
 def told(error: BaseException) -> bytes:
-    """Return an error as bytes, its words alone where it is one that no bytes bring back."""
+    """Pickle an error; one that cannot be unpickled is replaced by its message."""
     try:
         answer = pickle.dumps(error)
         pickle.loads(answer)
@@ -208,16 +211,17 @@ def told(error: BaseException) -> bytes:
 
 
 def named(function: str) -> Callable[[Any], Any]:
-    """Return the function that "module:name" names."""
+    """Return the function named by "module:name"."""
     module, _, name = function.partition(":")
     return getattr(import_module(module), name)
 
 
 def main() -> None:
-    """Answer what comes by standard input until that is closed."""
-    # Ctrl-C reaches all processes of a terminal: the one that has started this one ends it.
+    """Answer tasks from standard input until it is closed."""
+    # Ctrl-C reaches all processes of a terminal, but only the parent process must act on it: it
+    # ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What a library prints is no answer.
+    # Text that a library prints must not mix with the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     function = named(sys.argv[1])
@@ -233,7 +237,7 @@ def main() -> None:
         try:
             answers.write(answer)
             answers.flush()
-        except OSError:  # nobody waits for it
+        except OSError:  # the parent process no longer reads
             return
 
 
