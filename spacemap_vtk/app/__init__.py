@@ -1,11 +1,13 @@
-"""The window: ``spacemap gui``. Every module here but `requirements` imports Qt.
+"""The window: ``spacemap gui``. Every module here except `requirements` may import Qt.
 
-Invariants that the parts rely on:
+Invariants:
 
-- Two scenes exist. The document's is never run: it checks what the user asks for. The engine's
-  belongs to its thread, which alone configures and runs it. What is drawn is a `Frame`, a copy.
-- VTK renders in the interface thread only.
-- Nothing lists parameters: fields are made from ``sections()`` and each class's ``parameters``.
-- Signals that cross threads end in bound methods of QObjects: Qt would call a plain function in
-  the sender's thread.
+- There are two scenes. The document's scene only checks the user's input and never runs. The
+  engine's scene belongs to the engine's thread; no other thread configures or runs it. The view
+  draws a `Frame`, which is a copy.
+- VTK renders only in the interface thread.
+- No list of parameters is written by hand: ``sections()`` and each class's ``parameters`` define
+  the fields.
+- A signal that crosses threads is connected to a bound method of a QObject. Qt would call a plain
+  function in the sender's thread.
 """

@@ -1,4 +1,4 @@
-"""What the window shows as words to be used elsewhere: a command, a script."""
+"""Convert what the window shows into a command or a Python script."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from spacemap_vtk.scenes.scene import Scene
 
 def as_command(document: Document, time: float) -> str:
     """Return the command that draws what the window shows."""
-    # A scene that was never saved is told as what it changes of the one that everyone has.
+    # A scene without a file is described by its differences from a scene that every installation
+    # has.
     name = "plain_weave" if document.source is None else str(document.source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
     before, here = Scene.read(name), document.scene
@@ -45,8 +46,8 @@ def as_command(document: Document, time: float) -> str:
 
 
 def as_script(document: Document, time: float) -> str:
-    """Return a Python script that makes the surface that the window shows."""
-    # Indented below the brace of the first line.
+    """Return a Python script that computes the surface shown in the window."""
+    # Align the lines below the opening brace.
     values = pprint.pformat(document.values, width=87, sort_dicts=False)
     values = values.replace("\n", "\n" + " " * len("values = "))
     return (

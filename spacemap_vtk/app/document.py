@@ -1,4 +1,4 @@
-"""The document: a scene's text, what it says, and the way back."""
+"""The document of the window: a scene's text, the scene itself and the undo history."""
 
 from __future__ import annotations
 
@@ -26,51 +26,52 @@ from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
-#: A longer list is written with a line for each value.
+#: Lists with more values are written one value per line.
 _LINE = 8
-#: What of a weave a file of its draft holds: all that the draft tab edits.
+#: Weave parameters that a draft file stores; the draft tab edits exactly these.
 DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
-#: Milliseconds that a change of a drag waits at most.
+#: Longest time that a change made by a drag waits, in ms.
 _LATEST = 50
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
-#: Section, values, burst and name, as for `Document.set_many`.
+#: Section, values, burst and name, as in `Document.set_many`.
 _Change = tuple[str, dict[str, Any], int, str]
 
 
 class Document(QObject):
-    """A scene as its file has it, with comments, and its undo stack."""
+    """A scene as the text of a scene file, comments included, with its undo stack."""
 
-    # Only accepted values are in it: a refused one raises and changes nothing.
+    # The document contains only valid values: an invalid one raises an error and changes nothing.
 
-    #: A value is another; undo and redo too.
+    #: A value has changed, also by undo or redo.
     changed = Signal()
-    #: Another scene is here.
+    #: Another scene has been opened.
     replaced = Signal()
-    #: What else a change has changed, in words: other stages, or what colours show.
+    #: A message about side effects of a change: other stages, or another colouring.
     told_beside = Signal(str)
-    #: Undo or redo has led to a scene that is refused; all stays as it was.
+    #: Undo or redo would lead to an invalid scene; nothing was changed.
     failed = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.undo = History(self)
-        #: The file that "save" writes, a scene or a draft; None before the first "save as".
+        #: Scene or draft file that "Save" writes; None before the first "Save as".
         self.file: Path | None = None
-        #: The file that the scene was read from, a draft or a scene of the program's among them.
+        #: File that was opened; it can also be a draft or one of the program's own scenes.
         self.source: Path | None = None
-        #: Drafts that are edited and in no file of the user's yet.
+        #: Edited drafts that the user has not saved yet.
         self.drafts = KeptDrafts()
         self._saved_draft: Path | None = None
-        #: What the sections of stages that are off had in them, and whether each went with others.
+        #: Former content of each section that was switched off, and whether that happened together
+        #: with other sections.
         self._off: dict[str, tuple[Any, bool]] = {}
-        # Drafts that were written over, and copies of what was in them.
+        # Draft files that were overwritten, each with a copy of its former content.
         self._overwritten: list[tuple[Path, Path]] = []
         self._folder = Path.cwd()
-        # Made when they are asked for, once for each change.
+        # Caches, filled on demand after each change.
         self._text: str | None = None
         self._values: dict[str, Any] | None = None
-        #: Whether more frames are asked for than are made: the changes of a drag then wait, and
-        #: of those that come meanwhile the last one counts. Each would cost a tenth of a frame.
+        #: Whether frames are requested faster than they are computed. The changes of a drag then
+        #: wait, and a newer one replaces the waiting one. Each change costs a tenth of a frame.
         self.crowded: Callable[[], bool] = lambda: False
         self._waiting: _Change | None = None
         self._latest = later(self, self.catch_up, _LATEST)
@@ -79,26 +80,26 @@ class Document(QObject):
         self._clean = self._settings()
 
     def open(self, name: str | Path) -> None:
-        """Read a scene, a draft, or a scene that comes with the program."""
+        """Open a scene, a draft, or one of the program's own scenes."""
         path = library.find(name).resolve()
         read = Scene.read(path)
         scene = registry.kind_of(path) in ("scene", None)
         if scene:
             text = path.read_text(encoding="utf-8")
         else:
-            # A new scene of the draft: what Scene.read makes of it is not yet a text.
+            # A draft has no scene text yet: write the scene that Scene.read made from it as TOML.
             text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
         own = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
         self._replace(text, path.parent, read)
 
     def new(self) -> None:
-        """Begin a scene: a plain weave that hangs by its top edge."""
+        """Start a new scene: a plain weave that hangs from its top edge."""
         self.file = self.source = None
         self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n')
 
     def save(self, path: Path | None = None, time: float | None = None) -> list[str]:
-        """Write the scene, comments and all, or its draft; return what the file cannot hold."""
+        """Save the scene with its comments, or its draft; return what the file cannot store."""
         target = path or self.file
         if target is None:
             raise InputError("this scene has no file yet", cure='Use "Save as".')
@@ -130,7 +131,8 @@ class Document(QObject):
         return []
 
     def save_draft(self, path: Path, adopt: bool = False) -> list[str]:
-        """Write the draft, refer to its file if it had none; return what is lost or unsaved."""
+        """Save the draft; return what the file cannot store and what remains unsaved."""
+        # If the draft had no file of the user's yet, the scene refers to this file from now on.
         path = path.resolve()
         check_output(path, registry.written("draft"))
         draft, format_ = self.scene.draft, registry.writer(path, "draft")
@@ -158,23 +160,23 @@ class Document(QObject):
 
     @property
     def opened_draft(self) -> Path | None:
-        """The draft that was opened, whose file has what the scene says of it; None: a scene."""
+        """The draft file that was opened; None if a scene was opened."""
         drafted = self.source is not None and registry.kind_of(self.source) == "draft"
         return self.source if drafted else None
 
     @property
     def example(self) -> str | None:
-        """The name of the program's own scene that was opened; None: another one was."""
+        """Name of the opened scene if it is one of the program's own; otherwise None."""
         if self.source is None or self.source.parent != library.folder().resolve():
             return None
         return self.source.stem
 
     def told(self, file: Path) -> str:
-        """Return what to call a file: one beside the scene as the scene may."""
+        """Return the name to show for a file; without a folder if it lies in the scene's folder."""
         return file.name if file.parent == self._folder else self.drafts.told(file)
 
     def proposed(self, ending: str) -> str:
-        """Return a name for a file of this scene, beside its own if that is the user's."""
+        """Propose a file name for this scene; in its folder, unless it is the program's own."""
         if self.source is None:
             return "_".join(re.findall(r"\w+", self.name.lower())) + ending
         own = self.source.parent != library.folder().resolve()
@@ -196,12 +198,12 @@ class Document(QObject):
 
     @property
     def version(self) -> Version:
-        """The present text, and what its paths mean."""
+        """The present text, with the data that give its relative paths their meaning."""
         return Version(self.text, self._folder, len(self._overwritten))
 
     @property
     def values(self) -> dict[str, Any]:
-        """The scene as plain dictionaries; others after each change, and not to be changed."""
+        """The scene as plain dictionaries. Do not modify them; each change makes new ones."""
         self.catch_up()
         if self._values is None:
             self._values = self._toml.unwrap()
@@ -209,28 +211,28 @@ class Document(QObject):
 
     @property
     def base(self) -> Path:
-        """A file in the folder that relative paths count from."""
+        """A file in the folder that is the base of relative paths."""
         if self.file is None or self.opened_draft:
             return self._folder / "scene.toml"
         return self.file
 
     @property
     def name(self) -> str:
-        """What to call the scene in a title bar."""
+        """Name of the scene in the title bar."""
         return self.file.name if self.file else self.scene.title or "New fabric"
 
     def written(self, section: str, key: str) -> Any:
-        """Return a value as the file has it."""
+        """Return a value as it is written in the scene file; None if it is not written."""
         return self.values.get(section, {}).get(key)
 
     def set(self, section: str, key: str, written: Any, burst: int = 0) -> None:
-        """Change a value; can be undone."""
+        """Change a value, undoably."""
         self.set_many(section, {key: written}, burst)
 
     def set_many(
         self, section: str, written: Mapping[str, Any], burst: int = 0, name: str = ""
     ) -> None:
-        """Change values that belong together; undone as one."""
+        """Change several values of a section in one undo step."""
         change = section, dict(written), burst, name
         if self._waiting is not None and not _replaces(change, self._waiting):
             self.catch_up()
@@ -245,11 +247,12 @@ class Document(QObject):
         try:
             self._make(section, written, burst, name)
         except InputError:
-            self._waiting = waiting  # it had been accepted
+            # The waiting change is valid; the new one does not replace it.
+            self._waiting = waiting
             raise
 
     def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NOTHING) -> None:
-        """Switch a stage on, as it was before it was switched off, or off; what it needs, too."""
+        """Switch a stage on, with its former values, or off; switch the stages it needs as well."""
         scene, given = self.scene, self.values.keys() - {"title"}
         if on == (scene.parts[section] in scene.stages) and not values:
             return
@@ -276,7 +279,7 @@ class Document(QObject):
             for key, value in values.items():
                 self._put(section, key, value)
             if on and not scene.moves and "show" not in self.values.get("view", {}):
-                self._put("view", "show", "both")  # what has come in is seen
+                self._put("view", "show", "both")  # show what the change adds
 
         self._change(
             change, f"{words_of(type(scene.parts[section]).__name__)} {'on' if on else 'off'}"
@@ -292,7 +295,7 @@ class Document(QObject):
             self.told_beside.emit(words)
 
     def _take_over(self, section: str, former: str) -> None:
-        """Give a stage the values of the one of its role whose place it takes, by their names."""
+        """Copy values of the same name from a stage to the stage that replaces it in its role."""
         new, old = (self._scene.parts[name] for name in (section, former))
         if isinstance(new, Stage) and isinstance(old, Stage) and new.role == old.role:
             table = self._off[former][0]
@@ -300,7 +303,7 @@ class Document(QObject):
                 self._put(section, key, table.get(key))
 
     def remembers(self, section: str) -> bool:
-        """Return whether a stage is off that has been on."""
+        """Return whether a stage was on before and is now off."""
         return section in self._off
 
     def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
@@ -317,7 +320,7 @@ class Document(QObject):
         try:
             self._scene = Scene(self.values, self.base)
             if (lost := self._scene.view.color) in colors and lost not in self._scene.colorings:
-                # What it showed has just gone: a run would be refused until it is reset.
+                # The quantity shown by colour has just gone; a run would fail until it is reset.
                 self._put("view", "color", None)
                 self._scene = Scene(self.values, self.base)
                 label = COLORINGS[lost].label
@@ -331,17 +334,17 @@ class Document(QObject):
             self.changed.emit()
 
     def catch_up(self) -> None:
-        """Make the change that waits, if one does; whoever reads the document need not ask."""
+        """Apply the change that waits, if there is one; the properties of this class call this."""
         if self._waiting is None:
             return
         waiting, self._waiting = self._waiting, None
         try:
             self._make(*waiting)
-        except InputError as error:  # it had been checked, but a file can go
+        except InputError as error:  # it was checked, but a file can be deleted meanwhile
             self.failed.emit(error)
 
     def restore(self, version: Version) -> None:
-        """Take an earlier text; for undo and redo. Its paths lead to what they led to."""
+        """Restore an earlier text (undo, redo); its paths refer to the same content as then."""
         before = self.text
         self._parse(version.text)
         draft = self.values.get("weave", {}).get("draft")
@@ -352,24 +355,24 @@ class Document(QObject):
         self._move_from(version.folder, self._folder)
         try:
             self._scene = Scene(self.values, self.base)
-        except InputError as error:  # a file that it names is gone
+        except InputError as error:  # a file that it names does not exist any more
             self._parse(before)
             self.failed.emit(error)
         else:
             self.changed.emit()
 
     def remember(self, draft: Path) -> None:
-        """Keep what a draft holds before it is written over: undo leads back to it."""
+        """Copy a draft file before it is overwritten, so that undo can restore it."""
         if draft.exists():
             self._overwritten.append((draft, self.drafts.keep_file(draft)))
 
     def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
-        """Whether a scene surely takes values that are not yet in it."""
+        """Return whether the values are valid for certain."""
         if section not in self._scene.parts or None in written.values():
             return False
         values = self._values if self._values is not None else self._toml.unwrap()
         if section not in values:
-            return False  # it may exclude another one
+            return False  # a new section may exclude another one
         try:
             for key, value in written.items():
                 parameter = self._scene.parts[section].parameter(key)
@@ -383,7 +386,7 @@ class Document(QObject):
         self._folder = folder or Path.cwd()
         self._parse(text)
         self._scene = read or Scene(self.values, self.base)
-        self._scene.file = self.base  # a draft's is not the scene's
+        self._scene.file = self.base  # if a draft was opened, Scene.read has set the draft's file
         self._saved_draft = self.scene.draft_file if self.file else None
         self._clean = self._settings()
         self._overwritten.clear()
@@ -392,7 +395,7 @@ class Document(QObject):
         self.replaced.emit()
 
     def _settings(self) -> dict[str, dict[str, Any]]:
-        """Return the values of every section, by which it is told whether anything is unsaved."""
+        """Return the values of every section, to find unsaved changes by comparison."""
         settings = self.scene.settings
         draft = settings["weave"]["draft"]
         settings["weave"]["draft"] = draft and draft.resolve()
@@ -409,7 +412,7 @@ class Document(QObject):
             if key in there:
                 del there[key]
         elif isinstance(there.get(key), AoT) and len(there[key]) == len(written):
-            # Key by key, so that the comments between them stay.
+            # Key by key, to keep the comments between the keys.
             declared: Any = self._scene.parts[section].parameters[key]
             for table, wanted in zip(there[key], written, strict=True):
                 for name in [name for name in table if name not in wanted]:
@@ -428,8 +431,8 @@ class Document(QObject):
                 long.multiline(True)
 
     def _same(self, here: Any, wanted: Any, parameter: Any) -> bool:
-        """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
-        # A path, too, is the same file where an editor gives the whole of it.
+        """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""
+        # Likewise for paths: an editor gives the absolute path.
         one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
         try:
             return bool(parameter.check(one) == parameter.check(other))
@@ -437,11 +440,11 @@ class Document(QObject):
             return False
 
     def _save_draft(self, target: Path, folder: Path) -> None:
-        """Let an edited draft lie beside the scene that is being saved, by way of a folder."""
+        """Write an edited draft into the folder of files that are saved with the scene."""
         draft = self.scene.draft_file
         if draft is None or not self.drafts.holds(draft):
             return
-        # Only the scene's own draft is written over, never another file of that name.
+        # Overwrite only the draft that this scene has saved, never another file of that name.
         beside = free = target.with_suffix(".wif")
         number = 2
         while free.exists() and free != self._saved_draft:
@@ -451,7 +454,7 @@ class Document(QObject):
         self._put("weave", "draft", free.name)
 
     def _move_from(self, old: Path, new: Path) -> None:
-        """Let relative paths lead to the same files from another folder."""
+        """Change relative paths so that they refer to the same files from another folder."""
         if old == new:
             return
         for section, table in self.values.items():
@@ -462,10 +465,10 @@ class Document(QObject):
 
 
 def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
-    """Return a value whose paths, also those in its records, count from another folder."""
+    """Return a value with its paths, also those in records, relative to another folder."""
     if isinstance(parameter, FilePath) and isinstance(value, str):
         there = parameter.within(value, old)
-        # The word for an automatic one is no path; a whole path needs no folder.
+        # The word for an automatic path is not a path, and an absolute path stays.
         return value if there == value or Path(value).is_absolute() else os.path.relpath(there, new)
     if isinstance(value, list) and hasattr(parameter, "record"):
         return [_moved(item, parameter, old, new) for item in value]
@@ -476,12 +479,12 @@ def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
 
 
 def _in_draft(section: str, key: str) -> bool:
-    """Whether a draft's file holds a value; how it is looked at is no matter of a draft."""
+    """Return whether a value needs no scene file: a draft stores it, or it belongs to the view."""
     return section == "view" or (section == "weave" and key in DRAFTED)
 
 
 def _replaces(change: _Change, former: _Change) -> bool:
-    """Whether the newer of two changes of a drag makes the former needless."""
+    """Return whether a newer change of a drag makes the former one unnecessary."""
     section, written, *rest = change
     return section == former[0] and written.keys() == former[1].keys() and rest == [*former[2:]]
 

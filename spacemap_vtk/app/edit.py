@@ -1,4 +1,4 @@
-"""Changes of the document that can be undone."""
+"""Undoable changes of the document."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from PySide6.QtGui import QUndoCommand, QUndoStack
 
 
 class Version(NamedTuple):
-    """A text that a document had: what its paths mean depends on when that was."""
+    """A text of the document, with the data that give its relative paths their meaning."""
 
     text: str
     folder: Path
@@ -21,7 +21,7 @@ class Version(NamedTuple):
 
 
 class Edit(QUndoCommand):
-    """A change, kept as the text before and after: comments come back exactly."""
+    """A change, stored as the text before and after, so that undo restores comments exactly."""
 
     def __init__(
         self,
@@ -32,17 +32,17 @@ class Edit(QUndoCommand):
         burst: int,
     ) -> None:
         super().__init__(name)
-        # Weak: the document has the stack that this lies on.
+        # A weak reference: the document owns the undo stack that owns this edit.
         self._restore = WeakMethod(restore)
         self._before, self._after, self._burst = before, after, burst
         self._done = True
 
     def id(self) -> int:
-        """Return the number that lets Qt offer edits for merging."""
+        """Return a number by which Qt decides which edits it offers for merging."""
         return 1 if self._burst else -1
 
     def mergeWith(self, other: QUndoCommand) -> bool:
-        """Take in a later edit of the same drag."""
+        """Merge a later edit of the same drag into this one."""
         if not isinstance(other, Edit) or other._burst != self._burst:
             return False
         if other.text() != self.text():
@@ -51,7 +51,7 @@ class Edit(QUndoCommand):
         return True
 
     def redo(self) -> None:
-        """Do it again; the first time it is done already."""
+        """Apply the edit again; Qt's first call does nothing, as the edit is already applied."""
         if not self._done:
             self._go_to(self._after)
         self._done = True
@@ -67,7 +67,7 @@ class Edit(QUndoCommand):
 
 
 class History(QUndoStack):
-    """The edits of a `Document`, its parent: what still waits there is taken in before."""
+    """Undo stack of a `Document`, its parent; applies a waiting change before undo and redo."""
 
     def undo(self) -> None:
         self.parent().catch_up()
@@ -78,6 +78,6 @@ class History(QUndoStack):
         super().redo()
 
     def isClean(self) -> bool:
-        """Return whether the document is as it was saved."""
+        """Return whether the document equals its saved state."""
         self.parent().catch_up()
         return super().isClean()

@@ -1,4 +1,4 @@
-"""The engine: runs the pipeline in its own thread, always for the latest wish."""
+"""The engine: a thread that runs the pipeline, always for the latest job."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.scenes.scene import Scene
 
-#: A run that has taken no longer is one of a drag's.
+#: A run shorter than this, in s, is assumed to belong to a drag.
 _SHORT = 0.1
-#: Seconds between two reports of how far the work beside is.
+#: Time between two progress reports of background work, in s.
 _REPORT_INTERVAL = 0.1
 
 
 class Engine(QThread):
-    """A thread that turns jobs into frames. Of several waiting jobs it does the last."""
+    """A thread that turns jobs into frames. A new job replaces one that is still waiting."""
 
-    #: A frame is there: `take` it.
+    #: A frame is ready; `take` returns it.
     ready = Signal()
     #: Section, seconds, executions.
     stage_ran = Signal(str, float, int)
-    #: Section, share done, and the step of it that is being done, if it has some; at first 0, "".
+    #: Section, progress from 0 to 1, and name of the current step or ""; first (section, 0, "").
     progressed = Signal(str, float, str)
     #: The exception, whose `section` names the stage, and the job.
     failed = Signal(object, object)
     cancelled = Signal()
-    #: Nothing is left to do.
+    #: No job is left.
     idle = Signal()
-    #: The share of the work asked for with `ask_beside` that is done, 0 to 1, now and then.
+    #: Progress of the background work from `ask_beside`, 0 to 1; emitted at intervals.
     beside_progressed = Signal(float)
-    #: What the work that was asked for with `ask_beside` has come to, or its exception.
+    #: Result of the background work from `ask_beside`, or its exception.
     beside_ready = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -51,7 +51,7 @@ class Engine(QThread):
         self._running_values: dict[str, Any] = {}
         self.beside: Generator[float | None, None, Any] | None = None
         self._reported = 0.0
-        # The pipeline must not keep the thread object alive that owns it.
+        # A weak reference: the pipeline must not keep the engine alive, which owns it.
         me = weakref.proxy(self)
         self.pipeline = Pipeline(
             lambda section, seconds, runs: me.stage_ran.emit(section, seconds, runs),
@@ -59,10 +59,10 @@ class Engine(QThread):
         )
 
     def ask(self, job: Job) -> None:
-        """Ask for a frame; replaces a job that has not begun."""
+        """Request a frame; this replaces a job that has not started."""
         with self._condition:
             self._job = job
-            # For another time of the same scene the run goes on: all it prepares is needed.
+            # A run for another time of the same scene continues: the new job needs its results.
             late = (
                 self._begun is not None
                 and time.perf_counter() - self._begun > PATIENCE
@@ -75,27 +75,27 @@ class Engine(QThread):
     def ask_beside(
         self, work: Callable[[Scene], Generator[float | None, None, Any]] | None
     ) -> None:
-        """Ask for work on the scene that is done while no frame is asked for; None gives it up."""
-        # It yields the share that is done, or None where it does not know that.
+        """Request background work, done while no job waits; None cancels the present work."""
+        # The work yields its progress from 0 to 1, or None if its progress is unknown.
         with self._condition:
             scene = self.pipeline.scene
             self.beside = None if work is None or scene is None else work(scene)
             self._condition.notify()
 
     def take(self) -> Frame | None:
-        """Return the latest frame once; None if it was taken."""
+        """Return the latest frame, or None if it was already taken."""
         with self._condition:
             frame, self.waiting_frame = self.waiting_frame, None
         return frame
 
     @property
     def busy(self) -> bool:
-        """Whether a job waits or runs."""
+        """Whether a job is waiting or running."""
         return self._job is not None or self._begun is not None
 
     @property
     def crowded(self) -> bool:
-        """Whether a job waits for a run that will end soon: newer wishes can wait, too."""
+        """Whether a job waits for a run that will end soon, so that newer changes can wait too."""
         with self._condition:
             begun = self._begun
             return (
@@ -103,7 +103,7 @@ class Engine(QThread):
             )
 
     def cancel(self) -> None:
-        """Give up what is asked for and what runs."""
+        """Cancel the waiting and the running job."""
         with self._condition:
             self._job = None
             self.pipeline.token.cancel()
@@ -119,7 +119,7 @@ class Engine(QThread):
         self.waiting_frame = None
 
     def run(self) -> None:
-        """Do one job after the other; the thread's own function."""
+        """Process jobs one after another; this is the thread's main function."""
         while True:
             with self._condition:
                 while self._job is None and self.beside is None and not self.ending:
@@ -131,8 +131,8 @@ class Engine(QThread):
                 if job is not None:
                     self._begun = time.perf_counter()
                     self._running_values = job.values
-                    # Here, not where the run begins: a cancel holds for the job that is taken, from
-                    # this moment until the next one is. Whoever cancels holds the condition, too.
+                    # The token is made here, under the condition that `cancel` also holds, and not
+                    # when the run starts: a cancellation between the two would be lost.
                     self.pipeline.token = CancelToken()
             if job is None:
                 self._go_on(beside)
@@ -150,7 +150,7 @@ class Engine(QThread):
         except Cancelled:
             self.cancelled.emit()
         except Exception as error:
-            # Without its traceback, which would keep the frames of the run and all that is in them.
+            # The traceback would keep the stack frames of the run and all their data alive.
             self.failed.emit(error.with_traceback(None), job)
         else:
             with self._condition:
@@ -158,7 +158,7 @@ class Engine(QThread):
             self.ready.emit()
 
     def _go_on(self, beside: Generator[float | None, None, Any] | None) -> None:
-        """Do a little of the work beside."""
+        """Do one step of the background work."""
         if beside is None:
             return
         try:
@@ -166,7 +166,7 @@ class Engine(QThread):
         except StopIteration as end:
             self.beside_ready.emit(end.value)
         except Exception as error:
-            # No stage has failed: who asked is told.
+            # No stage has failed, so the exception goes to the object that requested the work.
             self.beside_ready.emit(error.with_traceback(None))
         else:
             now = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Where a picture or film goes, how large it is, from where it is seen; a series' times."""
+"""Dialog for file, size and camera of a picture or film, and for the times of a series."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from spacemap_vtk.io.registry import endings_with_alpha
 from spacemap_vtk.scenes.settings import Animation
 from spacemap_vtk.units import format_quantity, parse_quantity
 
-#: Sizes in pixels, by name; that of the window and that of the scene stand before them.
+#: Sizes in pixels, by name. The list starts with the sizes of the window and of the scene.
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
 _OTHER, _KEPT = "Other", "export/size"
-#: From where a picture is seen, and what that means.
+#: Choices of the camera, each with an explanation.
 _SEEN = {
     "As in the window": "All that the view shows is written, as large as it fits into this size, "
     "from the same place, with the same parts and the same background.",
@@ -40,23 +40,23 @@ _SEEN = {
 
 @dataclass
 class Drawn:
-    """What is to be known before it is asked where a picture or film goes."""
+    """Data that the dialog needs for a picture or a film."""
 
     #: A key of `spacemap_vtk.io.registry.DRAWN`.
     kind: str
     proposal: Path
     filters: str
-    #: By name.
+    #: Width and height in pixels, by name.
     sizes: dict[str, tuple[int, int]]
     transparent: bool
-    #: What there is to say of it beforehand.
+    #: Remark for the user.
     note: str
-    #: Refuses what cannot be written: file, size, and how many frames.
+    #: Raises an error if file, size and number of frames cannot be written.
     check: Callable[[Path, tuple[int, int], int], None]
 
 
 class ExportDialog(QDialog):
-    """Asks for file, size and camera, or for times as a film has them, or for both."""
+    """Ask for file, size and camera, or for the times of a film, or for both."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class ExportDialog(QDialog):
         super().__init__(parent, windowTitle=title)
         self._drawn = drawn
         self._chosen = ""
-        #: The times that are chosen, in s; empty: there are none.
+        #: Chosen times in s; empty if the dialog asks for none.
         self.times: list[float] = []
         self.lines: dict[str, QLineEdit] = {}
         form = QFormLayout(self)
@@ -82,7 +82,7 @@ class ExportDialog(QDialog):
         self.save = buttons.button(box.Save)
         if drawn is not None:
             self._ask_drawn(form, drawn)
-        #: What is typed of a film's times; None: it is not asked for.
+        #: Times of the film as typed; None if the dialog does not ask for them.
         self.animation = None if animation is None else Animation(**animation.settings)
         if animation is not None:
             self._ask_times(form, animation)
@@ -92,7 +92,7 @@ class ExportDialog(QDialog):
 
     @property
     def file(self) -> Path:
-        """The file that is to be written."""
+        """The file to write."""
         return Path(self.line.text())
 
     @property
@@ -102,18 +102,18 @@ class ExportDialog(QDialog):
 
     @property
     def as_window(self) -> bool:
-        """Whether camera and parts are those of the window."""
+        """Whether to use the camera and the parts of the window."""
         return self.camera.currentIndex() == 0
 
     @property
     def clear(self) -> bool:
-        """Whether there is to be no background."""
+        """Whether the background is transparent."""
         return self.transparent.isEnabled() and self.transparent.isChecked()
 
     def accept(self) -> None:
-        """Take what is chosen, if nobody minds that a file is written over."""
+        """Accept the dialog, after asking about an existing file."""
         if self._drawn is not None:
-            # The dialog of files has asked already.
+            # For a name from the file dialog, that dialog has already asked.
             if self.line.text() != self._chosen and not may_write_over(self, self.file):
                 return
             kept = self.preset.currentText()
@@ -184,7 +184,7 @@ class ExportDialog(QDialog):
             box.setValue(side)
 
     def _change(self) -> None:
-        """Tell what is chosen, or why it cannot be."""
+        """Describe the present choice, or explain why it is not possible."""
         words, bad = "", False
         try:
             if self.animation is not None:
@@ -212,7 +212,7 @@ class ExportDialog(QDialog):
         self.transparent.setText("None: transparent" + ("" if ending in able else why))
 
     def _read_times(self, animation: Animation) -> str:
-        """Take the times that are typed, and return what they are."""
+        """Read the typed times, and return a sentence that describes them."""
         self.times = []
         typed = {name: line.text() for name, line in self.lines.items()}
         duration = typed.pop("duration", None)

@@ -1,4 +1,4 @@
-"""Writing pictures, films and data: asks where and how, shows how far it is, and can be stopped."""
+"""Export pictures, films and data: dialogs, progress and cancelling."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import PictureRequest
 from spacemap_vtk.scenes.level_of_detail import choose_level
 
-#: Letters of a name at the foot of the window, at most.
+#: Most letters of a file name in the status line.
 _LONGEST = 16
-#: Parameters of a scene's view that a window may have otherwise: it can be dark, and has axes and a
-#: scale bar of its own.
+#: Parameters of a scene's view that the window can override: it has a dark mode, and its own
+#: switches for axes and scale bar.
 _WINDOW = ("background", "background_top", "triad", "scale_bar")
-#: What keeps the folder of the last export.
+#: Settings key for the folder of the last export.
 _FOLDER = "export/folder"
 
 
 class Exports(QObject):
-    """What the menu "Export" does. Each job runs in a process of its own, one at a time."""
+    """Export commands of the menu "File". Each job runs in a child process, one at a time."""
 
-    #: The file that was written, with what there is to tell of it.
+    #: Name of the written file, and a sentence about it.
     written = Signal(str)
     failed = Signal(object)
-    #: What the file that was written could not hold, in words.
+    #: Sentences about data that the written file could not store.
     lost = Signal(str)
 
     def __init__(self, window: QWidget, document: Document, times: TimeBar, view: View3D) -> None:
         super().__init__(window)
         self._window, self._document, self._times, self._view = window, document, times, view
-        #: How far it is, and what ends it; hidden while nothing is written.
+        #: Progress bar with a button to cancel; hidden while nothing is written.
         self.progress, self.bar, self._words = QWidget(), QProgressBar(), QLabel()
         self.bar.setFixedWidth(90)
         tip = "Stop writing; nothing of it stays"
@@ -60,22 +60,22 @@ class Exports(QObject):
         row(self.progress, self._words, self.bar, self.stopping, spacing=6)
         self.progress.hide()
         self._process: JobProcess | None = None
-        #: What the file cannot hold, in sentences.
+        #: Sentences about data that the file cannot store.
         self._losses: list[str] = []
 
     def picture(self) -> None:
-        """Ask for a picture's file and size, and write it."""
+        """Ask for the file and size of a picture, and write it."""
         self._drawn("picture", name_filter("Pictures", written("picture")), ".png")
 
     def film(self) -> None:
-        """Ask for a film's file and size, and write it."""
+        """Ask for the file and size of a film, and write it."""
         endings = writable("film")
         frames = name_filter("Numbered frames", written("frames"))
         filters = f"{name_filter('Films', endings)};;{frames}"
         self._drawn("film", filters, endings[0])
 
     def data(self) -> None:
-        """Ask for a file, and write what its format holds."""
+        """Ask for a data file, and write what its format stores."""
         if not self._free():
             return
         filters = written_filters()
@@ -118,7 +118,7 @@ class Exports(QObject):
         more: Mapping[str, Mapping[str, Any]] | None = None,
         **fields: Any,
     ) -> None:
-        """Start a job of some kind, with other values of the scene's, if need be."""
+        """Start a job; `more` replaces values of the scene."""
         if not self._free():
             return
         path = _numbered(kind, path)
@@ -144,11 +144,11 @@ class Exports(QObject):
 
     @property
     def busy(self) -> bool:
-        """Whether something is being written."""
+        """Whether a file is being written."""
         return self._process is not None
 
     def cancel(self) -> None:
-        """End the work; nothing of it stays."""
+        """Cancel the job and delete its output."""
         if self._process is not None:
             self._process.cancel()
 
@@ -158,7 +158,7 @@ class Exports(QObject):
             self._process.stop()
 
     def may_leave(self) -> bool:
-        """Ask whether what is being written may be lost."""
+        """Ask whether a running export may be cancelled; return whether the window may close."""
         if self._process is None:
             return True
         text = f"{self._process.target.name} is being written. Close, and give it up?"
@@ -209,7 +209,7 @@ class Exports(QObject):
         if kind == "picture":
             fields["time"] = self._times.time
         if dialog.as_window:
-            shown = view.settings  # with the background of a dark window
+            shown = view.settings  # includes the background of a dark window
             more["view"] |= {key: shown[key] for key in _WINDOW}
             fields["panels"] = view.panels(scene)
             fields["place"] = view.place_for(size)
@@ -235,6 +235,6 @@ def _shortened(name: str) -> str:
 
 
 def _numbered(kind: str, path: Path) -> Path:
-    """Return the path of a film; where its frames are files, with a number in their names."""
+    """Return the path of the output; for a film of single files, with ``%04d`` in the name."""
     frames = kind == "film" and path.suffix.lower() in written("frames")
     return path.with_name(f"{path.stem}-%04d.png") if frames and "%" not in path.name else path

@@ -1,4 +1,4 @@
-"""Opening, saving, and the question about unsaved changes."""
+"""Open and save files, and ask about unsaved changes."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _RECENT = 8
 
 
 class Files(QObject):
-    """What the menu "File" does."""
+    """Commands of the menu "File"."""
 
-    #: The files used lately are others: these.
+    #: The list of recent files has changed; this is the new list.
     remembered = Signal(list)
 
     def __init__(
@@ -39,7 +39,7 @@ class Files(QObject):
 
     @property
     def recent(self) -> list[str]:
-        """Files opened or saved lately, the last one first, that still exist."""
+        """Files opened or saved recently that still exist, the latest first."""
         kept = QSettings().value("recent") or []
         kept = [kept] if isinstance(kept, str) else list(kept)
         return [name for name in kept if Path(name).is_file()]
@@ -49,7 +49,7 @@ class Files(QObject):
             self._document.new()
 
     def open(self) -> None:
-        """Ask for a file, and open it."""
+        """Ask for a file and open it."""
         if self.may_leave():
             name = ask_opened(self._window, "Open", opened_filters())
             if name:
@@ -67,12 +67,12 @@ class Files(QObject):
         return True
 
     def leave_for(self, name: str) -> None:
-        """Open another scene, if the present one can be left."""
+        """Open another scene, unless the user decides to stay with the present one."""
         if self.may_leave():
             self.load(name)
 
     def save(self) -> bool:
-        """Save, asking for a name where there is none, or none of a file that can be written."""
+        """Save; ask for a file name if there is none or if its format cannot be written."""
         file = self._document.file
         draft = self._document.opened_draft
         if file is None or (draft is not None and draft.suffix.lower() not in _drafts()):
@@ -80,7 +80,7 @@ class Files(QObject):
         return self._save(None)
 
     def save_as(self) -> bool:
-        """Save under another name: a scene, or what was opened as a draft as a draft."""
+        """Ask for a file name and save the scene; an opened draft is saved as a draft."""
         title, ending, filters = "Save as", ".toml", "Scenes (*.toml)"
         draft = self._document.opened_draft
         if draft is not None:
@@ -94,7 +94,7 @@ class Files(QObject):
         return path is not None and self._save(path)
 
     def save_draft(self) -> None:
-        """Ask for a name, and write the draft of the cloth."""
+        """Ask for a file name and write the draft of the cloth."""
         if self._document.opened_draft is not None:
             self.save_as()
             return
@@ -104,7 +104,7 @@ class Files(QObject):
             self._write(partial(self._document.save_draft, path))
 
     def save_picture(self, view: View3D) -> None:
-        """Ask for a name, and save what the view shows."""
+        """Ask for a file name and save a picture of the view."""
         endings = written("picture")
         filters, first = name_filter("Pictures", endings), next(iter(endings))
         path = ask_file(
@@ -122,7 +122,7 @@ class Files(QObject):
         self._write(save, "picture")
 
     def _record(self, path: Path, view: View3D) -> Record | None:
-        """Return how a picture of that size, seen so, is made again; of an edited draft nothing."""
+        """Return the provenance of a picture of the view; None if an unsaved draft is shown."""
         scene = self._document.scene
         if view.frame is None or self._document.drafts.holds(scene.draft_file):
             return None
@@ -144,7 +144,7 @@ class Files(QObject):
             scene.adopt({"view": before})
 
     def may_leave(self) -> bool:
-        """Ask what becomes of unsaved changes."""
+        """Ask whether to save unsaved changes; return whether the document may be closed."""
         if self._document.undo.isClean():
             return True
         box = QMessageBox.StandardButton
@@ -181,5 +181,5 @@ class Files(QObject):
 
 
 def _drafts() -> list[str]:
-    """Return the endings of drafts that are opened and written."""
+    """Return the file endings of draft formats that can be both read and written."""
     return [ending for ending in written("draft") if kind_of(Path(f"a{ending}")) == "draft"]

@@ -1,4 +1,4 @@
-"""What window and browser ask their engines for."""
+"""Requests from the window and the browser to their engines."""
 
 from __future__ import annotations
 
@@ -8,51 +8,51 @@ from typing import Any
 
 from spacemap_vtk.draw.camera import Seen
 
-#: Seconds after which a run is given up for a newer wish; a shorter one ends, or a drag whose
-#: wishes come faster than runs end would show nothing.
+#: A run that has taken longer, in s, is cancelled when a newer job arrives. Shorter runs are
+#: finished: a drag that sends jobs faster than runs end would otherwise show no frame at all.
 PATIENCE = 0.5
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A mode to be shown in place of the motion."""
+    """One vibration mode, shown instead of the motion."""
 
-    #: Its number.
+    #: Index of the mode, from 0.
     mode: int
-    #: Largest displacement, as a share of the cage's largest side.
+    #: Largest displacement, as a fraction of the cage's longest side.
     amplitude: float
-    #: In whole swings.
+    #: Phase in periods.
     phase: float
-    #: The largest angle that it turns by [rad], in place of that, where turning is rebuilt.
+    #: Largest rotation in rad; used instead of `amplitude` if the scene reconstructs rotations.
     angle: float | None = None
 
 
 @dataclass(frozen=True)
 class Pull:
-    """The cloth stretched alike everywhere, in place of the motion."""
+    """A uniform stretch of the cloth, shown instead of the motion."""
 
-    #: Stretches of space along warp and weft, 1 at rest.
+    #: Stretch ratios of the cage along warp and weft; 1 at rest.
     warp: float
     weft: float
 
 
 @dataclass(frozen=True)
 class Job:
-    """A picture wanted."""
+    """A request for one frame."""
 
-    #: The scene, as a file has it.
+    #: The scene as in a scene file.
     values: dict[str, Any]
-    #: Relative paths count from its folder.
+    #: File whose folder is the base of relative paths.
     base: Path
-    #: The values of every section's parameters, checked and in SI, as `values` have them.
+    #: Parameter values of every section, checked and in SI units; they correspond to `values`.
     settings: dict[str, dict[str, Any]]
-    #: Another number for another scene.
+    #: Changes when another scene is opened.
     generation: int
-    #: In s.
+    #: Time in s.
     time: float
-    #: Whether speed counts for more than smoothness.
+    #: Whether to draw fewer facets, to be faster.
     coarse: bool = False
-    #: The mode, or the stretch, to show in place of the motion.
+    #: Mode or stretch to show instead of the motion.
     swing: Swing | Pull | None = field(default=None)
-    #: What the view looks at; None before it has been aimed.
+    #: Camera and size of the view; None before the camera is aimed.
     seen: Seen | None = None

@@ -1,4 +1,4 @@
-"""A job that runs in a process of its own, and how far it is."""
+"""Run a job in a child process, and report its progress."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.jobs.worker import error_from_json, request
 
-#: Milliseconds that a process which is ended has for ending its own.
+#: Time that a terminated process has to end its child processes, in ms.
 _PATIENCE = 500
 
 
 class JobProcess(QObject):
-    """Runs a job in a child process, which cancelling ends."""
+    """Run a job in a child process that can be cancelled."""
 
-    # The child writes into a hidden folder. Its files appear when it has ended well; otherwise they
-    # are removed.
+    # The child process writes into a hidden folder. If it succeeds, the files move to their final
+    # place; otherwise they are deleted.
 
-    #: Steps done, and all steps.
+    #: Number of finished steps, and of all steps.
     progress = Signal(int, int)
-    #: What the file cannot hold, in a sentence.
+    #: A sentence about data that the file format cannot hold.
     lost = Signal(str)
-    #: The file, and the sentence that the job returns.
+    #: Name of the file, and the sentence that the job returns.
     succeeded = Signal(str)
     failed = Signal(object)
-    #: The process has ended, by itself or cancelled.
+    #: Emitted when the process has ended or was cancelled.
     ended = Signal()
 
     def __init__(self, parent: QObject, job: Job) -> None:
-        """Make a hidden folder for the output of a job; refuse one that is not possible."""
+        """Create a hidden folder for the job's output; raise an error if it cannot be created."""
         super().__init__(parent)
-        #: The file that appears.
+        #: Final path of the output file.
         self.target = job.output.absolute()
         self._files = ExitStack()
         folder = self._files.enter_context(whole_folder(job.output))
@@ -53,14 +53,15 @@ class JobProcess(QObject):
         self._process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
         environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
-        environment.insert("PYTHONSAFEPATH", "1")  # as for `workers.start`
+        # As in `workers.start`.
+        environment.insert("PYTHONSAFEPATH", "1")
         self._process.setProcessEnvironment(environment)
         self._process.readyReadStandardOutput.connect(self._read)
         self._process.finished.connect(self._finish)
         self._process.errorOccurred.connect(self._fail_to_start)
 
     def start(self, values: Mapping[str, Any], base: Path) -> None:
-        """Start the process with the values of a scene, whose relative paths count from `base`."""
+        """Start the process with a scene's values; relative paths are resolved from file `base`."""
         process = self._process
         process.start(sys.executable, ["-m", "spacemap_vtk.jobs.worker"])
         if process.state() != QProcess.ProcessState.NotRunning:
@@ -68,9 +69,9 @@ class JobProcess(QObject):
             process.closeWriteChannel()
 
     def cancel(self) -> None:
-        """End the process; nothing of the output stays."""
+        """End the process and delete its output."""
         self._error = Cancelled("the export was stopped")
-        # Asked first: processes of its own, which draw and encode, it ends itself.
+        # Terminate before killing: the process ends its child processes, which draw and encode.
         self._process.terminate()
         QTimer.singleShot(_PATIENCE, self._process, self._process.kill)
 
@@ -87,7 +88,7 @@ class JobProcess(QObject):
             try:
                 message = json.loads(text)
             except json.JSONDecodeError:
-                continue  # something that a library prints
+                continue  # a line that a library printed
             if "error" in message:
                 self._error = error_from_json(message["error"])
             elif "lost" in message:
@@ -98,7 +99,7 @@ class JobProcess(QObject):
                 self.progress.emit(message["done"], message["of"])
 
     def _fail_to_start(self, failure: QProcess.ProcessError) -> None:
-        # Qt reports the end of a process that has begun by `finished`, too.
+        # All other failures also emit `finished`.
         if failure == QProcess.ProcessError.FailedToStart:
             error = SpacemapError(
                 f"{self.target.name} could not be written: {self._process.program()} "
@@ -117,7 +118,7 @@ class JobProcess(QObject):
         self._end(error)
 
     def _end(self, error: BaseException | None) -> None:
-        """Let the files appear, or remove them after an error."""
+        """Move the files to their final place, or delete them after an error."""
         if self._has_ended:
             return
         self._has_ended = True

@@ -1,4 +1,4 @@
-"""Drafts that are being edited, each version in a file of its own."""
+"""Versions of edited drafts, each in a temporary file."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from spacemap_vtk.vanishing import clear, hidden, hold
 
 
 class KeptDrafts:
-    """A folder of drafts, named by their content, that goes when this object goes."""
+    """A temporary folder of draft files named by their content; deleted with this object."""
 
-    # A scene refers to a draft by its file. With a file for each version, undo and redo of an
-    # edited draft are those of the scene's text, and the pipeline sees nothing but another file.
+    # A scene refers to a draft by its file. Because each version has a separate file, undo and redo
+    # of the scene's text also undo and redo edits of the draft, and for the pipeline an edited
+    # draft is just another file.
 
     def __init__(self) -> None:
         self._folder: Path | None = None
-        #: What a user is told in place of a file's name.
+        #: Name shown to the user for each file.
         self._names: dict[str, str] = {}
 
     def keep(self, draft: Draft, former: Path | None = None) -> Path:
-        """Write a draft that was made of a former file's."""
+        """Write a draft that was edited from the draft in a former file."""
         told = "drawn here" if former is None else f"{former.name}, edited"
         if former is not None and self.holds(former):
             told = self._names[former.name]
         return self._keep(format_wif(draft), ".wif", told)
 
     def keep_file(self, file: Path) -> Path:
-        """Write a copy of a draft's file."""
+        """Copy a draft file into the folder."""
         return self._keep(file.read_bytes(), file.suffix, f"{file.name}, as it was")
 
     def _keep(self, data: bytes, suffix: str, told: str) -> Path:
@@ -53,7 +54,8 @@ class KeptDrafts:
                 try:
                     write(path, [data])
                 except OSError:
-                    path.unlink(missing_ok=True)  # half of it would be taken for all
+                    # An incomplete file would later be used as a complete one.
+                    path.unlink(missing_ok=True)
                     raise
             self._names.setdefault(path.name, told)
         except OSError as error:
@@ -65,11 +67,11 @@ class KeptDrafts:
         return path
 
     def holds(self, path: Path | None) -> bool:
-        """Return whether a file is one of these."""
+        """Return whether a file lies in this folder."""
         return path is not None and self._folder is not None and path.parent == self._folder
 
     def told(self, text: object) -> str:
-        """Return what a user is told."""
+        """Replace the paths of kept drafts in a text by the names that users see."""
         if self._folder is None:
             return str(text)
         kept = rf"{re.escape(str(self._folder))}[/\\](\w+\.\w+)"

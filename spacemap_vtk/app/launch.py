@@ -33,17 +33,18 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
     try:
         window.start(scene)
     except BaseException:
-        # The engine's thread works already: Qt would abort the process that leaves it.
+        # The engine's thread is running. Qt aborts the process if it exits with that thread alive.
         window.discard()
         raise
     window.show()
     window.director.drawn.connect(_prepare, Qt.ConnectionType.SingleShotConnection)
-    # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.
+    # An idle Qt event loop runs no Python code, so Ctrl-C would have no effect until the next
+    # click. The timer lets Python handle signals.
     signal.signal(signal.SIGINT, lambda *_: window.close())
     ended: list[int] = []
 
     def end(number: int, _frame: object) -> None:
-        # As by the window's own cross, without a question: of what is written nothing stays.
+        # Close the window without questions; unfinished exports leave no files.
         ended.append(number)
         window.discard()
         app.quit()
@@ -52,7 +53,7 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, end)
     timer = QTimer(window)
-    timer.timeout.connect(lambda: None)  # back in Python, it handles signals
+    timer.timeout.connect(lambda: None)
     timer.start(200)
     app.exec()
     if ended:
@@ -60,7 +61,7 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
 
 
 def _require_drawing() -> None:
-    """Refuse a machine whose OpenGL draws nothing: the window would stay grey, and Qt print why."""
+    """Raise an error if OpenGL has no driver; otherwise the window would stay grey."""
     usual = qInstallMessageHandler(lambda *_: None)
     try:
         able = QOpenGLContext().create()
@@ -71,6 +72,6 @@ def _require_drawing() -> None:
 
 
 def _prepare(_frame: object) -> None:
-    """Bring what solves, which the first drag would wait for, once the first picture is there."""
+    """Import the eigensolver after the first picture, or else the first drag would wait for it."""
     bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.eigen",))
     QTimer.singleShot(500, bring.start)

@@ -1,4 +1,4 @@
-"""A small picture of a scene, over the view until the scene itself is drawn."""
+"""A thumbnail of a scene that covers the view until the scene is drawn."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from PySide6.QtWidgets import QWidget
 
 from spacemap_vtk.app.widgets import later
 
-#: Milliseconds after which a scene that is not drawn yet shows its picture: most are quicker.
+#: Delay before the thumbnail appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
 _CAPTION = "A small picture of the scene, shown until it is computed"
-#: Share of the view that the picture leaves free.
+#: Free margin around the thumbnail, as a fraction of the view.
 _MARGIN = 0.06
 
 
 class Preview(QWidget):
-    """Covers the view with a picture, which the mouse does not feel."""
+    """Cover the view with a thumbnail that lets mouse events through."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -28,14 +28,14 @@ class Preview(QWidget):
         self._appear = later(self, self._show, _DELAY)
 
     def begin(self, file: Path | None) -> None:
-        """Show a picture soon, unless `end` comes first; without a file show nothing."""
+        """Show a thumbnail after a delay, unless `end` is called first; None shows nothing."""
         self.end()
         self._picture = QPixmap() if file is None else QPixmap(str(file))
         if not self._picture.isNull():
             self._appear.start()
 
     def end(self) -> None:
-        """Show nothing: the scene is drawn, or will not be."""
+        """Hide the thumbnail: the scene is drawn, or will not be."""
         self._appear.stop()
         self.hide()
 
@@ -46,7 +46,7 @@ class Preview(QWidget):
         self.show()
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint the picture as large as there is room, and what it is below."""
+        """Paint the thumbnail as large as the view allows, with a caption below it."""
         room, painter = self.rect(), QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         line = 2 * self.fontMetrics().lineSpacing()

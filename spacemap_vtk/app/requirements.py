@@ -1,4 +1,4 @@
-"""Qt, started so that it says in one sentence why it cannot open a window."""
+"""Start Qt, and explain in one sentence if it cannot open a window."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from spacemap_vtk.errors import MissingLibraryError
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
 
-#: The packages of the extra ``[qt]``, by the name they are imported under.
+#: Packages of the extra ``[qt]``, by their import names.
 PACKAGES = ("PySide6", "tomlkit")
-#: The packages of Debian whose libraries Qt loads on X11, and that wheels do not bring.
+#: Debian packages with the libraries that Qt loads on X11 and that its wheels do not contain.
 _DEBIAN = (
     "libegl1 libgl1 libdbus-1-3 libfontconfig1 libglib2.0-0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0"
@@ -31,7 +31,7 @@ _NEEDS_DISPLAY = (
 
 
 def require_packages(what: str, packages: Iterable[str], extra: str) -> None:
-    """Check that an extra's packages are here."""
+    """Check that the packages of an extra are installed."""
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingLibraryError(
@@ -41,17 +41,18 @@ def require_packages(what: str, packages: Iterable[str], extra: str) -> None:
 
 
 def require_window() -> None:
-    """Check packages and display, and import Qt; called before anything else imports it."""
+    """Check packages and display, and import Qt. Call this before any other import of Qt."""
     require_packages("the window", PACKAGES, "qt")
     if sys.platform.startswith("linux"):
-        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # an error tells what it warns of
+        # EGL's warnings would only repeat the error that this program raises.
+        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
         if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise MissingLibraryError(
                 "there is no display to open a window on", cure=_NEEDS_DISPLAY
             )
-    # PySide6 replaces Python's import function by its own, which reads the source of every module
-    # that imports anything, to look for a feature that nothing here uses: it would take as long as
-    # to import all of Qt.
+    # PySide6 replaces Python's import function. The replacement reads the source of every module
+    # that imports another, to look for a feature that is not used here; this takes as long as
+    # importing all of Qt. Therefore the original function is restored.
     usual = builtins.__import__
     try:
         import_module("PySide6.QtWidgets")
@@ -62,7 +63,7 @@ def require_window() -> None:
 
 
 def application() -> QApplication:
-    """Return Qt's application; end the program in one sentence where Qt cannot open a window."""
+    """Return Qt's application; end the program with one sentence if Qt cannot open a window."""
     from PySide6.QtCore import QtMsgType, qInstallMessageHandler
     from PySide6.QtWidgets import QApplication
 
@@ -74,7 +75,7 @@ def application() -> QApplication:
     def collect(kind: QtMsgType, _context: object, text: str) -> None:
         messages.append(text)
         if kind == QtMsgType.QtFatalMsg:
-            # Qt aborts the process as soon as this returns.
+            # Qt aborts the process when this function returns.
             print(f"spacemap: {_explain(messages)}", file=sys.stderr, flush=True)
             os._exit(1)
 
@@ -86,7 +87,7 @@ def application() -> QApplication:
 
 
 def _explain(messages: list[str]) -> str:
-    """Return why Qt opens no window, and what to do."""
+    """Return the reason why Qt cannot open a window, and the cure."""
     refused = any("connect to display" in text or "wl_display" in text for text in messages)
     if not refused:
         return f"Qt cannot open a window: {messages[0]}. {_INSTALL}"

@@ -1,4 +1,4 @@
-"""What is on the screen while the window's libraries are loaded: a picture of what will come."""
+"""Splash screen: a picture of the scene, shown while the window's libraries load."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from spacemap_vtk.scenes import library
 
 
 class Splash:
-    """Shows the scene's small picture at once; goes when the window has drawn its first one."""
+    """Show a scene's thumbnail at once, until the window has drawn its first picture."""
 
     def __init__(self, scene: str | None) -> None:
         self.app = application()
         name = Path(scene or "plain_weave").stem
         named = name if name in library.names() else "plain_weave"
-        # Not a QSplashScreen: where there is no window manager, that waits a second for one.
+        # Not a QSplashScreen: without a window manager it waits one second for one.
         label = QLabel()
         label.setWindowFlags(Qt.WindowType.SplashScreen | Qt.WindowType.FramelessWindowHint)
         picture = _picture(named)
@@ -29,13 +29,13 @@ class Splash:
         middle = self.app.primaryScreen().availableGeometry().center()
         label.move(middle - QRect(QPoint(), picture.size()).center())
         label.show()
-        # Exposed, then painted: two turns of the loop.
+        # The label is exposed in the first pass of the event loop and painted in the second.
         self.app.processEvents()
         self.app.processEvents()
         self.shown: QLabel | None = label
 
     def give_way_to(self, window: Any) -> None:
-        """Go at the window's first picture, or when there will be none."""
+        """Close when the window has drawn its first picture, or has failed to."""
         for told in (window.director.drawn, window.director.failed, window.engine.cancelled):
             told.connect(self.close)
 
