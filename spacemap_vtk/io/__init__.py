@@ -1,1 +1,1 @@
-"""Files, in and out: a module for each format, found by its ending."""
+"""Read and write files: each format is one module, and a file's ending chooses it."""

@@ -1,4 +1,4 @@
-"""What reading a draft's file has in common, whatever its format."""
+"""Functions that the readers of all draft formats share."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.io.wif_text import MAX_LENGTH
 
-#: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
+#: Most crossings in a draft: 4096 by 4096, a wide jacquard.
 MAX_CROSSINGS = 2**24
 
 
 def content(path: Path) -> bytes:
-    """Read a file that is no longer than a draft can be."""
+    """Read a draft file; refuse one that is too long for a draft."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(MAX_LENGTH + 1)
-    except (OSError, ValueError) as error:  # a ValueError is a path with a null character
+    except (OSError, ValueError) as error:  # ValueError: the path has a null character
         raise unreadable(error) from None
     if len(data) > MAX_LENGTH:
         raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes")
@@ -28,8 +28,8 @@ def content(path: Path) -> bytes:
 
 
 def color_table(draft: Draft) -> tuple[list[list[int]], list[tuple[int, ...]]]:
-    """Return each end's and each pick's place in a table of colours, from 0 on, and the table."""
-    # A family without colours gets the one that it is woven in here.
+    """Return the colour index of each end and of each pick, counted from 0, and the table."""
+    # A family without colours gets the colour in which this program draws it.
     table: dict[tuple[int, ...], int] = {}
     places = []
     usual = WARP_COLOR, WEFT_COLOR
@@ -40,13 +40,13 @@ def color_table(draft: Draft) -> tuple[list[list[int]], list[tuple[int, ...]]]:
 
 
 def unreadable(error: Exception) -> InputError:
-    """Return the error for a file that the system does not give."""
+    """Return the error for a file that the system cannot open."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(f"the draft can't be read ({reason})", cure="Check the name of the file")
 
 
 def check_size(ends: int, picks: int) -> None:
-    """Refuse no crossings, and more than a draft can have."""
+    """Refuse a draft without crossings, or with more than a draft can have."""
     if not ends * picks:
         raise InputError(f"it has {ends} ends and {picks} picks", allowed="one of each, at least")
     if ends * picks > MAX_CROSSINGS:
@@ -57,13 +57,13 @@ def check_size(ends: int, picks: int) -> None:
         )
 
 
-#: What `loose_threads` says of all of them.
+#: Text that all sentences of `loose_threads` contain.
 LOOSE = "across the cloth: in no"
 
 
 def loose_threads(loom: Loom) -> Iterator[tuple[str, int, str]]:
-    """Yield end or pick, the number of the first, and what is said, of what nothing moves."""
-    # What nothing moves stays below a rising shed, and above a sinking one.
+    """Yield "end" or "pick", the first number, and a sentence, for threads that nothing moves."""
+    # A thread that nothing moves stays below a rising shed, and above a sinking one.
     unmoved, other = ("under", "over") if loom.rising else ("over", "under")
     for name, rows, lack in (
         ("end", loom.threading, f"heddle, {unmoved} every pick"),
@@ -78,7 +78,7 @@ def loose_threads(loom: Loom) -> Iterator[tuple[str, int, str]]:
 
 
 def loose_notes(loom: Loom) -> list[str]:
-    """Return what `loose_threads` says, by itself."""
+    """Return the sentences of `loose_threads`."""
     return [text for _, _, text in loose_threads(loom)]
 
 

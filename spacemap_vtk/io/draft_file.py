@@ -1,4 +1,4 @@
-"""Drafts in files: of any format, and those in rows of text and black-and-white pictures."""
+"""Read drafts from files of any format; read and write rows of text, and read pictures."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.ndarrays import Bools
 
-#: Characters of a row.
+#: Characters that mean a crossing in a row: True where the end lies over the pick.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
-#: A pick of a liftplan: "1,3" or "2: 1 3 5"; 0 or a dash lifts nothing.
+#: A line of a liftplan, such as "1,3" or "2: 1 3 5"; 0 or a dash lifts nothing.
 _LIST = re.compile(r"(?:([0-9]{1,6})\s*[:.)]\s*)?(-|[0-9]{1,3}(?:[\s,;+]+[0-9]{1,3})*)")
 _LIST_CURE = "Write a line for each pick, its shafts with commas between them"
-#: Of a dobby.
+#: Most shafts of a dobby loom.
 _MOST_SHAFTS = 64
+#: Characters that may separate the crossings of a row.
 _APART = str.maketrans("", "", " \t,;")
 
 
 def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
-    """Read a draft, of the kind that the file's ending tells; trimmed, if that is wanted."""
+    """Read a draft by its file's ending; if `trim`, cut off edges that are not woven."""
     path = Path(path)
     try:
         draft: Draft = registry.read(path, "draft")
@@ -43,7 +44,7 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
     if small is draft:
         return draft
     (ends, picks), (more_ends, more_picks) = small.size, draft.size
-    # The threads that can be cut off are in the offer; within the cloth others may float.
+    # The offer below covers the threads that can be cut off; others within the cloth may float too.
     assert small.loom is not None
     kept = [text for text in draft.warnings if LOOSE not in text]
     within = loose_notes(small.loom)
@@ -57,19 +58,19 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
 
 
 def read_rows(path: Path) -> Draft:
-    """Read a drawdown from rows of text, unless it is a liftplan or has the sections of a WIF."""
-    # latin-1 reads any byte; what it makes of those that no row may have is refused by its line
+    """Read a drawdown from rows of text; a text that is a liftplan or a WIF is read as such."""
+    # Latin-1 decodes any byte; characters that no row may have are refused later, with their line.
     text = content(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     if any(line.lstrip().startswith("[") for line in text.splitlines()):
         return read_wif(path)
-    # each line a list of shafts, and they are not all rows of 0 and 1
+    # A liftplan: each line is a list of shafts, and not all lines are rows of 0 and 1.
     if re.search("[2-9]", text) and all(_LIST.fullmatch(line) for _, line in _lines(text)):
         return parse_liftplan(text, path.stem)
     return Draft(parse_rows(text), title=path.stem)
 
 
 def parse_rows(text: str) -> Bools:
-    """Read a drawdown that is written as text."""
+    """Read a drawdown from text, with a row of characters for each pick."""
     rows: list[str] = []
     first = 0
     for number, line in enumerate(text.splitlines(), start=1):
@@ -95,7 +96,7 @@ def parse_rows(text: str) -> Bools:
 
 
 def parse_liftplan(text: str, title: str = "") -> Draft:
-    """Read a liftplan as people type it; its cloth is woven by a straight draw."""
+    """Read a liftplan as people type it; its threading is assumed to be a straight draw."""
     picks: list[tuple[int, ...]] = []
     for number, line in _lines(text):
         match = _LIST.fullmatch(line)
@@ -127,7 +128,7 @@ def _lines(text: str) -> list[tuple[int, str]]:
 
 
 def read_picture(path: Path) -> Draft:
-    """Read a drawdown from a black-and-white picture, a pixel for each crossing."""
+    """Read a drawdown from a black-and-white picture, one pixel for each crossing."""
     try:
         from PIL import Image
     except ImportError:
@@ -146,12 +147,12 @@ def read_picture(path: Path) -> Draft:
 
 
 def format_rows(draft: Draft) -> bytes:
-    """Write a drawdown as rows of 0 and 1, the first pick first."""
+    """Return a drawdown as rows of 0 and 1, the first pick first."""
     return "".join(f"{row}\n" for row in rows(draft.drawdown)).encode()
 
 
 def rows_lose(draft: Draft) -> list[str]:
-    """Return what rows of 0 and 1 cannot hold of a draft, in sentences."""
+    """Return sentences about what rows of 0 and 1 cannot store of a draft."""
     held = {
         "threading and treadling": draft.loom != Loom.from_drawdown(draft.drawdown),
         "colours": draft.warp.colors is not None or draft.weft.colors is not None,

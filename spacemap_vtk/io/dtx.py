@@ -1,16 +1,18 @@
-"""Drafts of Fiberworks (.dtx), read and written.
+"""Read and write drafts of Fiberworks (.dtx).
 
-A text of sections that begin with @@, each with keys (%%) and lines:
+A file is text. Its sections begin with @@, and contain keys (%%) and lines:
 
 - Info: the numbers of shafts, treadles, ends and picks.
 - Threading: the shaft of each end, 0 for none.
-- Tieup: a row of 0 and 1 for each shaft, the highest first, a column for each treadle.
-- Treadling: the treadle of each pick; with %%compound lists with commas.
-- Liftplan: a row of 0 and 1 for each pick, the first column for the first shaft.
-- `Color Palet` (or `Palette`): r,g,b a line; `Warp Colors` and `Weft Colors` count in it from 0.
+- Tieup: a row of 0 and 1 for each shaft, the highest first; a column for each treadle.
+- Treadling: the treadle of each pick; with %%compound, lists separated by commas.
+- Liftplan: a row of 0 and 1 for each pick; the first column is the first shaft.
+- `Color Palet` (or `Palette`): r,g,b on each line. `Warp Colors` and `Weft Colors` hold indices of
+  these lines, counted from 0.
 - Warp Spacing, Weft Spacing: whole numbers of `UNIT`.
 
-%%%%sinking (sic) in Tieup or Liftplan: the named shafts go down. There is no thickness.
+%%%%sinking (sic) in Tieup or Liftplan means that the named shafts go down. The format has no
+thickness.
 """
 
 from __future__ import annotations
@@ -29,14 +31,17 @@ from spacemap_vtk.io.draft_bytes import check_size, color_table, content, loose_
 from spacemap_vtk.io.wif_text import MAX_NUMBER, Notes, decode, whole
 from spacemap_vtk.ndarrays import Bytes, Ints
 
-#: Metres in a unit of spacing: what Fiberworks makes of it in a WIF.
+#: Unit of spacing in m; Fiberworks uses this value when it writes a WIF.
 UNIT = 0.53e-3
-#: Spacing of threads of which the file says none, in units.
+#: Spacing, in units, of threads for which the file gives none.
 USUAL = 4
-#: Sections that say nothing of the cloth, and those of `_OLDER` names.
+#: Sections that do not describe the cloth.
 _SKIPPED = {"startdtx", "enddtx", "contents", "imprint", "private", "notes"}
+#: Sections that are read.
 _READ = {"description", "info", "threading", "tieup", "treadling", "liftplan", "color palette"}
+#: Sections with one value for each thread; these are read too.
 _THREADS = {f"{family} {what}" for family in ("warp", "weft") for what in ("colors", "spacing")}
+#: Other names of sections, with the names used here.
 _OLDER = {"color palet": "color palette"}
 _CURE = "Save the draft again in Fiberworks, or export it as WIF"
 
@@ -46,12 +51,12 @@ class _Section:
     name: str
     line: int
     keys: dict[str, str] = field(default_factory=dict)
-    #: With their numbers in the file.
+    #: Lines with their line numbers in the file.
     lines: list[tuple[int, str]] = field(default_factory=list)
 
 
 def read_dtx(path: Path) -> Draft:
-    """Read a draft of Fiberworks."""
+    """Read a Fiberworks draft."""
     notes = Notes()
     sections = _sections(decode(content(path), notes), notes)
     info = {
@@ -139,7 +144,7 @@ def _count(info: _Section, key: str) -> int:
 
 
 def _lists(section: _Section) -> list[tuple[int, ...]]:
-    """Return the numbers of each thread: blanks stand between threads, commas between numbers."""
+    """Return the numbers of each thread; blanks separate threads, commas separate numbers."""
     return [
         tuple(sorted({_number(section, line, word) for word in words.split(",")} - {0}))
         for line, text in section.lines
@@ -148,7 +153,7 @@ def _lists(section: _Section) -> list[tuple[int, ...]]:
 
 
 def _bits(section: _Section) -> list[tuple[int, ...]]:
-    """Return the columns that have a 1 in each row, counted from 1."""
+    """Return for each row the columns that hold a 1, counted from 1."""
     for line, text in section.lines:
         if set(text) - {"0", "1"} or len(text) > MAX_NUMBER:
             raise _refusal(section, line, text, "a row of 0 and 1")
@@ -184,7 +189,7 @@ def _palette(section: _Section | None) -> Bytes | None:
 def _colors(
     section: _Section | None, palette: Bytes | None, count: int, usual: int, notes: Notes
 ) -> Bytes | None:
-    """Return each thread's colour; the usual one of the palette where the file gives none."""
+    """Return each thread's colour; `usual` is the palette's entry if the file gives none."""
     if palette is None:
         return None
     found = [] if section is None else _lists_of_one(section, signed=True)
@@ -213,7 +218,7 @@ def _lists_of_one(section: _Section, signed: bool = False) -> list[int]:
 
 
 def losses(draft: Draft) -> list[str]:
-    """Return what a .dtx cannot hold of a draft, in sentences."""
+    """Return sentences about what a .dtx cannot store of a draft."""
     told = []
     if draft.loom is not None and any(len(shafts) > 1 for shafts in draft.loom.threading):
         told.append("a .dtx has one heddle an end: it is threaded and tied up anew")
@@ -234,7 +239,7 @@ def _units(spacing: Lengths) -> Ints:
 
 
 def format_dtx(draft: Draft) -> bytes:
-    """Write a draft as Fiberworks does."""
+    """Return a draft as the content of a .dtx file, in the layout of Fiberworks."""
     loom = draft.loom
     if loom is None or any(len(shafts) > 1 for shafts in loom.threading):
         loom = Loom.from_drawdown(draft.drawdown)
@@ -283,5 +288,5 @@ def format_dtx(draft: Draft) -> bytes:
 
 
 def _wrapped(words: list[str]) -> list[str]:
-    """Return lines of 20 words."""
+    """Join words into lines of 20 words."""
     return [" ".join(words[k : k + 20]) for k in range(0, len(words), 20)]

@@ -1,4 +1,4 @@
-"""The files that a file names, and that are read with it."""
+"""Find the files that a mesh or motion file names, because they are read together with it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from xml.parsers import expat
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io import registry
 
-#: How often a file names one that names one.
+#: Depth to which references are followed: a file names a file, which names another, and so on.
 _DEEPEST = 8
-#: In attributes of VTK's files and XDMF's.
+#: Attributes that hold file names in VTK's XML files and in XDMF, in lower case.
 _ATTRIBUTES = ("file", "source", "filename", "href")
 
 
 def words(pattern: bytes) -> Callable[[Path], list[str]]:
-    """Return what finds in a file the names that are a pattern's only group."""
+    """Return a function that finds file names in a file by a pattern with one group."""
 
     def found(path: Path) -> list[str]:
         raw = re.findall(pattern, path.read_bytes())
@@ -29,7 +29,7 @@ def words(pattern: bytes) -> Callable[[Path], list[str]]:
 
 
 def in_xml(path: Path) -> list[str]:
-    """Return the files that a file names in its attributes, or as "mesh.h5:/points" between."""
+    """Return the file names in XML attributes, and in text such as "mesh.h5:/points"."""
     found: list[str] = []
 
     def begin(_tag: str, given: dict[str, str]) -> None:
@@ -46,14 +46,14 @@ def in_xml(path: Path) -> list[str]:
     parser.buffer_text = True
     parser.EntityDeclHandler = refuse
     parser.StartElementHandler, parser.CharacterDataHandler = begin, between
-    # What ails it its reader says, which reads no further either.
+    # Faults in the XML are left to the format's reader, which stops at the same place.
     with path.open("rb") as file, suppress(expat.ExpatError):
         parser.ParseFile(file)
     return found
 
 
 def in_hdf(path: Path) -> list[str]:
-    """Return the files that a file in HDF5 links to, or has its numbers in; none without h5py."""
+    """Return the files that an HDF5 file links to or stores its data in; none without h5py."""
     with path.open("rb") as file:
         if file.read(8) != b"\x89HDF\r\n\x1a\n":
             return []
@@ -78,8 +78,8 @@ def in_hdf(path: Path) -> list[str]:
 
 
 def named(path: Path) -> Iterator[tuple[Path, Path]]:
-    """Yield the files that a mesh or motion names, and they in turn, each after who names it."""
-    # What cannot be read names none: its reader says why.
+    """Yield pairs (file, file that it names), recursively, beginning with a mesh or motion."""
+    # A file that cannot be read counts as naming none; its reader reports the reason.
     seen, wait = {path}, [path]
     for _ in range(_DEEPEST):
         by, wait = wait, []

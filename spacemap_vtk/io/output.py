@@ -1,12 +1,13 @@
-"""An output file, or a folder of files, appears whole or not at all.
+"""Write an output file, or a folder of files, whole or not at all.
 
-What is written lies in a hidden folder beside its target, on the same disk, until it is whole and
-the disk has it; then it takes the target's place. Of several files and folders each does so in
-turn, the file that names the others last.
+Output is first written into a hidden folder next to its target, on the same disk. When it is
+complete and the disk has stored it, it replaces the target. Several files and folders are moved
+one after another; the file that names the others is moved last.
 
-VTK's writers must not be let near a disk: on a full one they end the program (.vtp, .vtu), or say
-nothing and leave half a file (.ply). What they write they write to memory, and `write` to the disk,
-because Python tells each fault. Pillow tells each fault, too, and ffmpeg by its exit status.
+VTK's writers must not write to a disk. On a full disk they end the program (.vtp, .vtu), or report
+nothing and leave half a file (.ply). They write to memory instead, and `write` writes the bytes to
+the disk, because Python reports every fault. Pillow reports every fault too, and ffmpeg does so by
+its exit status.
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import writers
 from spacemap_vtk.vanishing import undisturbed, vanishing_folder
 
-#: Bytes at a file's end that are read again.
+#: Number of bytes at a file's end that are read back to check it.
 _END = 64
-#: What XML cannot hold, nor VTK open: control characters, and bytes that are no UTF-8.
+#: Characters that XML cannot hold and VTK cannot open: control characters, and bytes that are not
+#: UTF-8.
 _UNREADABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 _ROOM = "Make room there, or choose a folder on another disk."
 _OTHER = "Choose another folder, or see to its permissions."
-#: Why a disk takes no file, and what helps.
+#: Reason and cure for each system error with which a disk refuses a file.
 _REFUSALS = {
     getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM),
     errno.ENOSPC: ("disk full", _ROOM),
@@ -77,20 +79,20 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
         )
     _require_file_or_nothing(path)
     try:
-        # Tried out: root may write anywhere, by the permissions, and cannot.
+        # Permissions alone prove nothing: they allow root to write even where it cannot.
         with vanishing_folder(path.parent):
             pass
     except OSError as error:
         why, cure = _REFUSALS.get(error.errno or 0, ("nothing can be made in it", _OTHER))
-        if cure != _ROOM:  # for what is small there may be
+        if cure != _ROOM:  # a small file may still fit
             raise InputError(f"{path}: the folder {path.parent}: {why}", cure=cure) from None
 
 
 def _require_file_or_nothing(path: Path) -> None:
-    """Refuse the name of what is no file: a new one would take its place, not go through it."""
+    """Refuse a path that is not a regular file: it would be replaced, not written through."""
     try:
         mode = os.lstat(path).st_mode
-    except (FileNotFoundError, PermissionError):  # that of its folder is told by trying it out
+    except (FileNotFoundError, PermissionError):  # check_output tests the folder afterwards
         return
     except OSError as error:
         why = os.strerror(error.errno or 0).lower()
@@ -110,7 +112,7 @@ def _require_file_or_nothing(path: Path) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a path to write to; it takes the place of `path` when the block ends well."""
+    """Yield a path to write to; the file replaces `path` when the block ends without an error."""
     with whole_folder(path) as folder:
         yield folder / path.name
         if not (folder / path.name).is_file():
@@ -119,7 +121,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a new folder; its files move into the folder of `path` when the block ends well."""
+    """Yield a new folder; if the block ends without an error, its files move next to `path`."""
     with telling_refusals(path), vanishing_folder(path.parent) as folder:
         yield folder
         if not any(folder.iterdir()):
@@ -133,7 +135,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
-    """Tell in the user's words why a disk does not take a file."""
+    """Replace a system error about a file by an error in words for the user."""
     try:
         yield
     except OSError as error:
@@ -142,17 +144,17 @@ def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
         if error.errno is None or error.errno == errno.EPIPE or elsewhere:
             raise
         why, cure = _REFUSALS.get(error.errno, (os.strerror(error.errno).lower(), None))
-        # Not the name in the error: it is that of a folder which the user has never heard of.
+        # The system error names the hidden folder, which the user does not know.
         raise SpacemapError(f"{name or path}: could not be written: {why}", cure=cure) from error
 
 
 def write(file: Path, parts: Iterable[Any]) -> None:
-    """Write a file whose content is known, and look whether its end is there."""
+    """Write a file from its parts, and check that its end was stored."""
     size, end = 0, b""
     with file.open("wb") as stream:
         for part in parts:
             size += stream.write(part)
-            end = bytes(PickleBuffer(part).raw()[-_END:]) or end  # of an array of any kind
+            end = bytes(PickleBuffer(part).raw()[-_END:]) or end  # works for any array
     with file.open("rb") as stream:
         stream.seek(max(0, size - len(end)))
         if stream.read(len(end) + 1) != end:
@@ -160,14 +162,14 @@ def write(file: Path, parts: Iterable[Any]) -> None:
 
 
 def as_csv(rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as a table has them."""
+    """Return rows as the text of a CSV table."""
     stream = StringIO()
     csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 
 def require_room(path: Path, size: int, what: str) -> None:
-    """Refuse what would not fit onto a disk, before all of its room is taken."""
+    """Refuse output that is larger than the free space of the disk, before it is written."""
     free = shutil.disk_usage(path.parent).free
     if size > free:
         raise SpacemapError(
@@ -178,7 +180,7 @@ def require_room(path: Path, size: int, what: str) -> None:
 
 
 def stands_in_the_way(target: Path, folder: bool) -> bool:
-    """Return whether what is there must stay: all but a file, or a series, of the same name."""
+    """Return whether the target must stay; only a file, or a series of that name, is replaced."""
     if not folder or not target.is_dir():
         return target.exists() and target.is_dir() != folder
     ours = re.compile(rf"{re.escape(target.name)}_\d+\.\w+")
@@ -186,7 +188,7 @@ def stands_in_the_way(target: Path, folder: bool) -> bool:
 
 
 def check_folder(file: Path) -> None:
-    """Refuse a file whose others would lie in a folder that is another's."""
+    """Refuse a file if the folder for its other files belongs to something else."""
     lists = {ending for w in writers() if w.require is check_folder for ending in w.endings}
     others = map(file.with_suffix, sorted(lists - {file.suffix.lower()}))
     folder, why = file.with_suffix(""), ""
@@ -201,8 +203,8 @@ def check_folder(file: Path) -> None:
 
 
 def _make_last(path: Path) -> None:
-    """Wait until the disk has a file: some tell only then that there was no room for it."""
-    # A folder, too: only then the names in it last. Windows opens none.
+    """Wait until a file is on the disk; some disks report only then that they are full."""
+    # A folder is flushed too; otherwise its file names may be lost. Windows cannot open a folder.
     if path.is_dir() and os.name == "nt":
         return
     with ExitStack() as closed:
@@ -211,13 +213,13 @@ def _make_last(path: Path) -> None:
             closed.callback(os.close, handle)
             os.fsync(handle)
         except OSError as error:
-            # of disks that cannot be asked, and folders that nobody may look into
+            # Some disks cannot flush, and some folders may not be opened; both are accepted.
             if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
                 raise
 
 
 def _move(folder: Path, path: Path) -> None:
-    """Let files appear beside their folder, unless one would take the place of another's."""
+    """Move files next to their folder, unless one would replace what belongs to another."""
     files = sorted(folder.iterdir(), key=lambda file: (file.name == path.name, file.name))
     for file in files if len(files) > 1 else ():
         target = path.parent / file.name
@@ -229,11 +231,12 @@ def _move(folder: Path, path: Path) -> None:
 
 
 def _replace(source: Path, target: Path) -> None:
-    """Let a file or folder take the place of an earlier one."""
+    """Move a file or folder to its target, replacing an earlier one."""
     if not (source.is_dir() and target.is_dir()):
-        os.replace(source, target)  # which refuses to put a file in the place of a folder
+        os.replace(source, target)  # raises an error if a file would replace a folder
         return
-    # No system call exchanges folders: the older one waits in the hidden folder, and goes with it.
+    # Folders cannot be exchanged in one call. The older one moves into the hidden folder, which
+    # is deleted afterwards.
     older = source.with_name(f"{source.name}.older")
     os.replace(target, older)
     try:

@@ -1,4 +1,4 @@
-"""Polygons as the files of other programs have them."""
+"""Prepare polygons for the files of other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from spacemap_vtk.ndarrays import Bools
 
 
 def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return how many corners each polygon has, and the corners of all."""
+    """Return the number of corners of each polygon, and the corners of all in one array."""
     cells = data.GetPolys()
     if cells.GetNumberOfCells() == 0:
         return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -25,7 +25,7 @@ def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def part_of(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
-    """Return some polygons, with their points alone."""
+    """Return the chosen polygons, with only the points that they use."""
     sizes, numbers = corners_of(data)
     used, local = np.unique(numbers[np.repeat(chosen, sizes)], return_inverse=True)
     offsets = np.concatenate(([0], np.cumsum(sizes[chosen])))
@@ -38,7 +38,7 @@ def part_of(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
 
 
 def triangles_of(data: vtkPolyData) -> vtkPolyData:
-    """Return polygons as triangles, with nothing but their corners."""
+    """Return polygons cut into triangles, without their data arrays."""
     bare, cutter = vtkPolyData(), vtkTriangleFilter()
     bare.SetPoints(data.GetPoints())
     bare.SetPolys(data.GetPolys())
@@ -48,7 +48,7 @@ def triangles_of(data: vtkPolyData) -> vtkPolyData:
 
 
 def facing(data: vtkPolyData) -> vtkPolyData:
-    """Return polygons of which neighbours face the same side, as readers of such files ask for."""
+    """Orient neighbouring polygons to the same side, as the readers of these files require."""
     if data.GetNumberOfPolys() + data.GetNumberOfStrips() == 0:
         return data
     normals = vtkPolyDataNormals()
@@ -59,13 +59,13 @@ def facing(data: vtkPolyData) -> vtkPolyData:
 
 
 def triangle_count(data: vtkPolyData) -> int:
-    """Return into how many triangles polygons and strips can be cut."""
+    """Return the number of triangles into which polygons and strips can be cut."""
     parts = data.GetPolys(), data.GetStrips()
     return sum(each.GetNumberOfConnectivityIds() - 2 * each.GetNumberOfCells() for each in parts)
 
 
 def require_work(data: vtkPolyData, size: int, ending: str) -> None:
-    """Refuse polygons that there is not so much memory to work on."""
+    """Refuse polygons if writing them needs more memory than is free."""
     require(
         size,
         f"to write {data.GetNumberOfCells()} polygons as {ending}",

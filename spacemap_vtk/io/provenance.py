@@ -1,8 +1,9 @@
-"""How a file came to be, inside the file: program, scene, order and digests of what was read.
+"""Record in a file how it was made: program, scene, job, and digests of the files that were read.
 
-Whoever has a file made says so once, by `recorded`; each writer puts `told` where its format has
-room for it, and a function under `tells` finds it there again. It is JSON in ASCII, so that any
-format takes it, and knows no date, user or folder: the same order gives the same bytes anywhere.
+Code that makes a file calls `recorded` once. Each writer stores `told` where its format has room
+for it, and a function registered by `tells` finds it there again. The record is JSON in ASCII,
+which any format can store. It contains no date, user or folder, so the same job gives the same
+bytes everywhere.
 """
 
 from __future__ import annotations
@@ -19,35 +20,35 @@ from typing import Any, TypeVar
 
 from spacemap_vtk.errors import InputError, SpacemapError
 
-#: What the record is called in every file.
+#: Name of the record in every file.
 NAME = "spacemap-record"
-#: Bytes that a record may have, and at the beginning of how many it is looked for.
+#: Most bytes of a record, and number of bytes at a file's beginning in which it is searched.
 _MOST = 2**23
-#: Characters of a line of comment: there are readers that take no longer ones.
+#: Characters in a line of comment; some readers refuse longer lines.
 _LINE = 96
 _F = TypeVar("_F", bound=Callable[[Path], "str | None"])
 
 
 @dataclass(frozen=True)
 class Record:
-    """What a file was made of, and by what."""
+    """Program, job, scene and inputs of a file."""
 
-    #: Of the program that made it.
+    #: Version of the program.
     version: str
-    #: What was asked for, beside the scene: a job as `spacemap_vtk.jobs.job.Job.as_json` has it.
+    #: The job, in the form of `spacemap_vtk.jobs.job.Job.as_json`.
     order: Mapping[str, Any]
-    #: The whole scene as it was run, as a scene file has it.
+    #: The whole scene as it was run, in the form of a scene file.
     scene: str
-    #: The name of the scene's file.
+    #: Name of the scene file.
     file: str = ""
-    #: What is shown: a time in s, or the first and the last.
+    #: Time that is shown, in s, or the first and the last one.
     times: tuple[float, ...] = ()
-    #: Digests of files that were read, by their paths as the scene names them.
+    #: Digests of the files that were read, by their paths as the scene names them.
     inputs: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
-        """It as JSON."""
+        """The record as JSON."""
         return json.dumps(asdict(self), separators=(",", ":"))
 
 
@@ -57,7 +58,7 @@ _tellers: dict[str, Callable[[Path], str | None]] = {}
 
 @contextmanager
 def recorded(record: Record | None) -> Iterator[None]:
-    """Let what is written meanwhile have a record."""
+    """Add a record to all files that are written inside the block."""
     token = _current.set(record)
     try:
         yield
@@ -67,7 +68,7 @@ def recorded(record: Record | None) -> Iterator[None]:
 
 @contextmanager
 def recorded_at(time: float, **more: Any) -> Iterator[None]:
-    """Let what is written meanwhile have the record of one of its series' times."""
+    """Add the record of one time of a series to all files that are written inside the block."""
     record = _current.get()
     if record is not None:
         order = {**record.order, "times": [time], **more}
@@ -77,20 +78,20 @@ def recorded_at(time: float, **more: Any) -> Iterator[None]:
 
 
 def told() -> str:
-    """Return the record of what is being written; empty where there is none."""
+    """Return the record of the file that is being written, or an empty string."""
     record = _current.get()
     return "" if record is None else record.text
 
 
 def comments(sign: str) -> list[str]:
-    """Return the record as lines of comment that begin with a sign; none where there is none."""
-    text = told().replace("--", "-\\u002d")  # which no comment of XML's has
+    """Return the record as lines of comment that begin with `sign`; none without a record."""
+    text = told().replace("--", "-\\u002d")  # XML allows no "--" in a comment
     parts = [text[begin : begin + _LINE] for begin in range(0, len(text), _LINE)]
     return [f"{sign} {NAME}: {part}|" for part in parts]
 
 
 def tells(*endings: str) -> Callable[[_F], _F]:
-    """Register what finds the record in files of some endings; None, or a fault: there is none."""
+    """Register a function that finds records in files of some endings; it may return None."""
 
     def register(function: _F) -> _F:
         _tellers.update(dict.fromkeys(endings, function))
@@ -100,7 +101,7 @@ def tells(*endings: str) -> Callable[[_F], _F]:
 
 
 def told_in_comments(path: Path) -> str | None:
-    """Find a record in lines of comment, whatever their sign."""
+    """Find a record in lines of comment, whatever sign begins them."""
     with path.open("rb") as stream:
         begin = stream.read(_MOST)
     found = re.findall(rb"^[ #;*]*(?:comment )?%s: (.*)\|\r?$" % NAME.encode(), begin, re.M)
@@ -108,21 +109,21 @@ def told_in_comments(path: Path) -> str | None:
 
 
 def record_in(path: Path) -> Record | None:
-    """Return the record of a file; None where it has none."""
+    """Return the record of a file, or None if it has none."""
     import_module("spacemap_vtk.io.formats")
     teller = _tellers.get(path.suffix.lower())
     try:
         text = None if teller is None else teller(path)
     except (SpacemapError, PermissionError):
         raise
-    # What is not as ours: of another's file. A SyntaxError is Pillow's.
+    # These errors mean that another program made the file. SyntaxError comes from Pillow.
     except (OSError, ValueError, LookupError, TypeError, SyntaxError, RecursionError):
         return None
     return None if text is None else _parsed(text, path)
 
 
 def _parsed(text: str, path: Path) -> Record:
-    # It may be a stranger's: nothing of it is believed but its form.
+    # The file may come from a stranger: its form is checked, and its content is not trusted.
     try:
         if len(text) > _MOST:
             raise ValueError(f"it has {len(text)} characters")
@@ -145,6 +146,6 @@ def _parsed(text: str, path: Path) -> Record:
 
 
 def endings() -> list[str]:
-    """Return the endings of files that have room for a record."""
+    """Return the endings of formats that can store a record."""
     import_module("spacemap_vtk.io.formats")
     return sorted(_tellers)

@@ -1,4 +1,4 @@
-"""Meshes out of files, with errors in words in place of VTK's print."""
+"""Read meshes from files, and raise clear errors in place of VTK's printed messages."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
 from spacemap_vtk.io.trial import try_in_child
 from spacemap_vtk.memory import require
 
-#: Bytes of a point that is made of a picture's, and of the cell beside it.
+#: Bytes of one point made from an image or lattice, with one cell.
 _MADE = 12 + 8 * 8 + 9
-#: What is further away than this, in m, has no square in single precision.
+#: Largest coordinate in m; the square of a larger one overflows single precision.
 _LARGEST = 1e18
 
 
 @dataclass
 class ReadObject:
-    """An object as it stands in its file."""
+    """An object as read from its file."""
 
     #: The mesh.
     data: vtkPointSet
-    #: What it is painted with, by its texture coordinates.
+    #: Picture that is drawn on it by its texture coordinates.
     picture: vtkImageData | None = None
-    #: What was not found.
+    #: Messages about what was not found.
     notes: list[str] = field(default_factory=list)
 
 
 def read_object(path: Path, texture: Path | None = None) -> ReadObject:
-    """Read a mesh, and the pictures and colours of its materials."""
+    """Read a mesh with the pictures and colours of its materials."""
     found = registry.read(registry.existing(path), "mesh")
     data = found.data if isinstance(found, Painted) else found
     notes: list[str] = []
@@ -77,23 +77,23 @@ def read_object(path: Path, texture: Path | None = None) -> ReadObject:
 
 
 def read_blocks(path: Path) -> Any:
-    """Read a file of a mesh as it is."""
+    """Read a mesh file without merging its blocks."""
     found = registry.read(registry.existing(path), "mesh")
     return found.data if isinstance(found, Painted) else found
 
 
 def read_with_vtk(path: Path, module: str, name: str) -> Any:
-    """Read a file with a reader of VTK's."""
+    """Read a file with one of VTK's readers, and check its cells."""
     made = vtk_reader(path, module, name).GetOutputDataObject(0)
     check_numbers(made, path)
     return made
 
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
-    """Return a reader of VTK's that has read a file."""
+    """Return one of VTK's readers after it has read a file."""
     try_in_child(path, f"{__name__}:read_with_vtk", module, name)
-    # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
-    # harmless message.
+    # pyvista is not used: ParaView's Python does not have it, and it would refuse a file because of
+    # a harmless message.
     with quiet_vtk(path):
         reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
         reader.SetFileName(str(path))
@@ -105,18 +105,18 @@ def vtk_reader(path: Path, module: str, name: str) -> Any:
 
 
 def merged(data: Any, path: Path | str) -> vtkPointSet:
-    """Return one point set out of whatever a file holds."""
-    # Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, a colour
-    # with white, so that none is lost, and the cell array ``block`` numbers the blocks. Points
-    # without any cell get one each, so that they can be seen.
+    """Merge all blocks of a file into one point set."""
+    # An array that some blocks lack is filled with NaN or 0 there, a colour with white, so that no
+    # array is lost. The cell array ``block`` numbers the blocks. If there are no cells at all, each
+    # point gets one; otherwise it would be invisible.
     blocks = [block for block in leaves(data) if block.GetNumberOfPoints()]
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
     for block in blocks:
         if block.IsA("vtkUnstructuredGrid") and block.GetCells() is None:
-            block.AllocateExact(0, 0)  # of a file that ends before them; what appends would crash
+            block.AllocateExact(0, 0)  # no cells in a truncated file: appending it would crash
         _check_numbers(block, path)
-        if not block.IsA("vtkPointSet"):  # a picture in three dimensions says where each point is
+        if not block.IsA("vtkPointSet"):  # an image or lattice, whose points are yet to be made
             require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
@@ -135,13 +135,13 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
         append.Update()
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
-    if result.GetPoints() is None:  # of a lattice that ends before it begins
+    if result.GetPoints() is None:  # a lattice whose extent is negative
         raise GeometryError(f"{path}: there are no points in it")
     _name_roles(result)
     if result.GetNumberOfCells() == 0:
         result = _dotted(result)
     largest = np.abs(vtk_to_numpy(result.GetPoints().GetData())).max(axis=1)
-    good = largest < _LARGEST  # not so for NaN
+    good = largest < _LARGEST  # False for NaN
     if not good.all():
         raise GeometryError(
             f"{path}: {np.count_nonzero(~good)} of {len(good)} points are not finite, or further "
@@ -152,16 +152,16 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
 
 
 def check_numbers(data: Any, path: Path | str) -> None:
-    """Refuse cells of points that are not there, in all that a file holds."""
-    # Asked for where another process reads first, too: of wild memory a reader may make a mesh
-    # there, and its end in this one.
+    """Refuse a file in which any cell names a point that does not exist."""
+    # The process that reads the file first makes this check too. Otherwise a reader might make a
+    # mesh of wild memory there without a crash, and then crash this process.
     for block in leaves(data):
         if block.GetNumberOfPoints():
             _check_numbers(block, path)
 
 
 def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
-    """Refuse cells of points that are not there: VTK does not look, and reads wild memory."""
+    """Refuse cells of points that do not exist; VTK would read wild memory without a check."""
     if block.IsA("vtkUnstructuredGrid"):
         parts = [block.GetCells()]
     elif block.IsA("vtkPolyData"):
@@ -185,7 +185,7 @@ def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
 
 
 def _check_lattice(block: Any, path: Path | str) -> None:
-    """Refuse points that do not fill the lattice that a file tells."""
+    """Refuse points that do not fill the lattice whose size the file states."""
     if not hasattr(block, "GetExtent"):
         return
     ends = block.GetExtent()
@@ -200,7 +200,7 @@ def _check_lattice(block: Any, path: Path | str) -> None:
 
 
 def _name_roles(data: vtkPointSet) -> None:
-    """Mark glTF's normals and texture coordinates, which its reader leaves as plain arrays."""
+    """Mark normals and texture coordinates of glTF, which VTK's reader leaves as plain arrays."""
     table = data.GetPointData()
     if table.GetNormals() is None and table.HasArray("NORMAL"):
         table.SetActiveNormals("NORMAL")
@@ -209,7 +209,7 @@ def _name_roles(data: vtkPointSet) -> None:
 
 
 def _dotted(data: vtkPointSet) -> vtkPointSet:
-    """Return points that each have a cell."""
+    """Return the points of a mesh, each with a cell of one point."""
     result = vtkPolyData()
     result.SetPoints(data.GetPoints())
     result.SetVerts(to_cells(np.arange(data.GetNumberOfPoints())[:, None]))
@@ -230,7 +230,7 @@ def leaves(data: Any) -> Iterator[vtkDataSet]:
 
 
 def _fill_up(tables: list[tuple[vtkFieldData, int]]) -> None:
-    """Give every table every array; those of different sizes under one name stay as they are."""
+    """Give every table every array; same-named arrays of different sizes are left unchanged."""
     patterns: dict[str, Any] = {}
     for table, _ in tables:
         for i in range(table.GetNumberOfArrays()):

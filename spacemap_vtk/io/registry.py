@@ -1,8 +1,8 @@
-"""Which file formats there are: their endings, what their files hold, who reads and writes them.
+"""Registry of file formats: their endings, what their files hold, who reads and writes them.
 
-`Scene.read`, the dialogs, the command line's help, ParaView's readers and what is said of a file
-that is refused are made from this. A format is registered by decorating its functions, here in a
-module of `spacemap_vtk.io.formats`, elsewhere anywhere:
+`Scene.read`, the dialogs, the command line's help, ParaView's readers and the messages about
+refused files are made from it. A format is registered by decorating its functions. Within this
+package they are in a module of `spacemap_vtk.io.formats`; elsewhere they may be anywhere:
 
     @reads(".abc", label="Alphabet", holds="mesh", check=refuse_short_file)
     def read_abc(path: Path) -> vtkPolyData: ...
@@ -10,7 +10,7 @@ module of `spacemap_vtk.io.formats`, elsewhere anywhere:
     @writes(".abc", label="Alphabet", holds=("surface",))
     def write_abc(file: Path, surface: vtkPolyData) -> None: ...
 
-Where such a function would only import and call another, `of` stands for it.
+Use `of` in place of a function that would only import and call another one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 
 from spacemap_vtk.errors import InputError, MissingLibraryError, UnknownNameError
 
-#: What a file can hold that is read, and what reading it returns.
+#: What a file that is read can hold, and what its reader returns.
 READ = {
     "scene": "tables of values by section",
     "draft": "a draft",
@@ -36,9 +36,9 @@ READ = {
     "table": "times and factors",
     "column": "numbers",
 }
-#: Why a path is that of no file, where another name may help.
+#: Why a path names no file, in the cases where another name may help.
 NOT_THERE, A_FOLDER = "no such file", "a folder"
-#: What data a scene has that is written, in words.
+#: Data of a scene that can be written, in words.
 DATA = {
     "patches": "Bézier patches",
     "surface": "Surface",
@@ -50,51 +50,51 @@ DATA = {
     "painted": "Surface with its colours",
     "yarns": "Middles of the yarns",
 }
-#: What is drawn and written, and what its writers take after the file.
+#: Output that is drawn and then written, and what its writers receive after the file.
 DRAWN = {
     "picture": "an array of pixels",
     "film": "arrays of pixels, one after another, and their rate in 1/s",
     "frames": "as a film; the file has a number such as %04d in its name",
     "plot": "a figure of matplotlib's",
 }
-#: What makes a file of what moves smaller.
+#: How a user makes a file of a moving surface smaller.
 SMALLER = "Raise --tolerance, take fewer times, or lower --subdivisions."
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Who reads some endings."""
+    """A function that reads files of some endings."""
 
-    #: In small letters, with their dots.
+    #: In lower case, with their dots.
     endings: tuple[str, ...]
-    #: What the format is called.
+    #: Name of the format.
     label: str
     #: A key of `READ`.
     holds: str
     function: Callable[[Path], Any]
-    #: Called with the path first; refuses a file that VTK's reader would crash on, or take for
-    #: whole though it is truncated.
+    #: Called with the path first. Refuses a file on which VTK's reader would crash, or which it
+    #: would accept as whole although it is truncated.
     check: Callable[[Path], None] | None = None
-    #: Returns the words by which a file names others that are read with it.
+    #: Returns the words by which a file names other files that are read with it.
     names: Callable[[Path], list[str]] | None = None
-    #: Whether short lists name it.
+    #: Whether short lists of formats include it.
     common: bool = True
-    #: Whether such files hold other things as well: none is opened as a scene of its own, but they
-    #: are read where they are named.
+    #: Whether files of these endings hold other things too. Such a file is not opened as a scene by
+    #: itself, but it is read where something names it.
     general: bool = False
-    #: Whether it reads files of all endings that nobody else reads.
+    #: Whether it reads the files of all endings that no other reader reads.
     rest: bool = False
 
     def read(self, path: Path) -> Any:
-        """Read a file."""
+        """Check a file and the names in it, then read it."""
         self.named(path)
         if self.check is not None:
             self.check(path)
         return self.function(path)
 
     def named(self, path: Path) -> list[str]:
-        """Return the words by which a file names others; refuse what no machine should ask for."""
+        """Return the words by which a file names others; refuse names on other machines."""
         from spacemap_vtk.parameters import require_near
 
         found = [] if self.names is None else self.names(path)
@@ -105,31 +105,31 @@ class Reader:
 
 @dataclass(frozen=True)
 class Writer:
-    """Who writes some endings."""
+    """A function that writes files of some endings."""
 
     endings: tuple[str, ...]
     label: str
     #: Keys of `DATA`, the default first, or one of `DRAWN`.
     holds: tuple[str, ...]
-    #: Of a file in a folder that is new and may take others beside it, and what it is to hold.
+    #: Called with a file and what to write. The file is in a new folder that may take others too.
     write: Callable[..., None]
-    #: Whether `write` takes not the data but pairs of time in s and data, one after another.
+    #: Whether `write` receives, one after another, pairs of time in s and data.
     times: bool = False
-    #: Whether it takes the pieces that make up the data, one after another.
+    #: Whether `write` receives, one after another, the pieces that make up the data.
     pieces: bool = False
-    #: Refuses a file, before any work is done for it, where a library is missing.
+    #: Refuses a file if a library is missing, before any work is done for it.
     require: Callable[[Path], None] | None = None
-    #: Tells what of the data the format cannot hold, in sentences.
+    #: Returns sentences about what the format cannot store of the data.
     loses: Callable[[Any], list[str]] | None = None
-    #: Whether it holds colours that stand for numbers and change with time.
+    #: Whether the format stores colours that represent numbers and change with time.
     numbers: bool = False
-    #: Bytes that what moves may take in single precision.
+    #: Most bytes that a moving surface may have in single precision.
     most: int = 2**32
-    #: Whether pictures may have a fourth number for each pixel, how much of it is covered.
+    #: Whether pictures may have a fourth channel, the coverage of each pixel.
     alpha: bool = False
 
     def check(self, path: Path) -> None:
-        """Refuse a file that cannot be written here."""
+        """Refuse a file that cannot be written on this machine."""
         if self.require is not None:
             self.require(path)
 
@@ -139,7 +139,7 @@ _writers: list[Writer] = []
 
 
 def reads(*endings: str, label: str, holds: str, **more: Any) -> Callable[[_F], _F]:
-    """Register a function of a path as the reader of files of some endings; more as in `Reader`."""
+    """Register a function of a path as a reader of some endings; `more` as in `Reader`."""
     _require_known([holds], READ)
 
     def register(function: _F) -> _F:
@@ -151,7 +151,7 @@ def reads(*endings: str, label: str, holds: str, **more: Any) -> Callable[[_F], 
 
 
 def writes(*endings: str, label: str, holds: tuple[str, ...], **more: Any) -> Callable[[_F], _F]:
-    """Register a function of a path and data as their writer; more as in `Writer`."""
+    """Register a function of a path and data as a writer; `more` as in `Writer`."""
     _require_known(holds, {**DATA, **DRAWN})
 
     def register(function: _F) -> _F:
@@ -163,7 +163,7 @@ def writes(*endings: str, label: str, holds: tuple[str, ...], **more: Any) -> Ca
 
 
 def of(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
-    """Return a function of a module of `io`, which is imported when it is called."""
+    """Return a function that imports a function of a module of `io` when called, and calls it."""
 
     def called(given: Any) -> Any:
         return getattr(import_module(f"spacemap_vtk.io.{module}"), name)(given, *more)
@@ -172,7 +172,7 @@ def of(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
 
 
 def needs(package: str, module: str, cure: str) -> Callable[[Path], None]:
-    """Return what refuses a file that cannot be written for want of a package."""
+    """Return a check that refuses files while a package is not installed."""
 
     def require(file: Path) -> None:
         if find_spec(module) is None:
@@ -184,59 +184,59 @@ def needs(package: str, module: str, cure: str) -> Callable[[Path], None]:
 
 
 def forget(function: Callable[..., Any]) -> None:
-    """Take back what a function was registered for."""
+    """Remove a function from the registry."""
     _readers[:] = [reader for reader in _readers if reader.function is not function]
     _writers[:] = [writer for writer in _writers if writer.write is not function]
 
 
 def readers(holds: str) -> list[Reader]:
-    """Return the readers of what is a key of `READ`."""
+    """Return the readers of a key of `READ`."""
     _builtin()
     return [reader for reader in _readers if reader.holds == holds]
 
 
 def reader(path: Path, holds: str) -> Reader | None:
-    """Return who reads a file, by its ending; of two the one that was registered last."""
+    """Return the reader of a file's ending; of several, the one that was registered last."""
     ending = path.suffix.lower()
     able = [each for each in reversed(readers(holds)) if each.rest or ending in each.endings]
     return min(able, key=lambda each: each.rest, default=None)
 
 
 def read(path: Path, holds: str) -> Any:
-    """Read a file; of a kind of which there is a reader for the rest."""
+    """Read a file of a kind for which one reader reads all remaining endings."""
     found = reader(path, holds)
     assert found is not None
     return found.read(path)
 
 
 def writers(holds: str | None = None) -> list[Writer]:
-    """Return the writers of what is a key of `DATA` or `DRAWN`; without one, of any data."""
+    """Return the writers of a key of `DATA` or `DRAWN`; without a key, of all data."""
     _builtin()
     kinds = set(DATA) if holds is None else {holds}
     return [writer for writer in _writers if kinds & set(writer.holds)]
 
 
 def writer(path: Path, holds: str | None = None) -> Writer:
-    """Return who writes a file, by its ending; of two the one that was registered last."""
+    """Return the writer of a file's ending; of several, the one that was registered last."""
     ending = path.suffix.lower()
     return next(each for each in reversed(writers(holds)) if ending in each.endings)
 
 
 def endings(holds: str, common: bool = False) -> list[str]:
-    """Return the endings of files that are what is a key of `READ`, and can be nothing else."""
+    """Return the endings that hold only this key of `READ`, common ones first."""
     found = [each for each in readers(holds) if not each.general and (each.common or not common)]
     found.sort(key=lambda reader: not reader.common)
     return _once(ending for reader in found for ending in reader.endings)
 
 
 def kind_of(path: Path) -> str | None:
-    """Return whether a file is a scene, a draft or a mesh, by its ending; None if it is none."""
+    """Return "scene", "draft" or "mesh" by the file's ending, or None."""
     kinds = ("scene", "draft", "mesh")
     return next((kind for kind in kinds if path.suffix.lower() in endings(kind)), None)
 
 
 def written(holds: str | None = None) -> dict[str, str]:
-    """Return the endings of what is a key of `DATA` or `DRAWN`, in words; of all data without."""
+    """Describe each ending that can be written; without a key, for all data."""
     found: dict[str, list[str]] = {}
     for each in writers(holds):
         for ending in each.endings:
@@ -246,7 +246,7 @@ def written(holds: str | None = None) -> dict[str, str]:
 
 
 def writable(holds: str) -> list[str]:
-    """Return the endings of `written` that nothing is missing for here."""
+    """Return the endings of `written` for which no library is missing."""
     found = []
     for ending in written(holds):
         with suppress(MissingLibraryError):
@@ -256,21 +256,21 @@ def writable(holds: str) -> list[str]:
 
 
 def endings_with_alpha(holds: str) -> list[str]:
-    """Return the endings of pictures or films that can be without background."""
+    """Return the endings of pictures or films that can have a transparent background."""
     kinds = ("film", "frames") if holds == "film" else (holds,)
     found = [each for kind in kinds for each in writers(kind) if each.alpha]
     return _once(ending for each in found for ending in each.endings)
 
 
 def opened_words() -> str:
-    """Return what can be opened as a scene, in words."""
+    """Describe in words what can be opened as a scene."""
     meshes = ", ".join([*endings("mesh", common=True), "..."])
     scenes, drafts = ", ".join(endings("scene")), ", ".join(endings("draft"))
     return f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes})"
 
 
 def written_words(holds: str | None = None) -> str:
-    """Return what `written` does in words, without a key with the data."""
+    """Describe in words what `written` returns; without a key, grouped by the data."""
     if holds is not None:
         return _enumerated(written(holds))
     by_data: dict[str, list[str]] = {}
@@ -281,12 +281,12 @@ def written_words(holds: str | None = None) -> str:
 
 
 def read_words(holds: str) -> str:
-    """Return what is read as what is a key of `READ`, in words."""
+    """Describe in words the formats that are read for a key of `READ`."""
     return ", ".join(f"{each.label} ({', '.join(each.endings)})" for each in readers(holds))
 
 
 def opened_filters() -> str:
-    """Return what a dialog offers that opens scenes, drafts and meshes."""
+    """Return the name filters of a dialog that opens scenes, drafts and meshes."""
     first = [*endings("scene"), *endings("draft"), *endings("mesh", common=True)]
     more = [ending for ending in endings("mesh") if ending not in first]
     return ";;".join(
@@ -299,13 +299,13 @@ def opened_filters() -> str:
 
 
 def draft_filters() -> str:
-    """Return what a dialog offers that opens drafts, those in pictures and texts among them."""
+    """Return the name filters of a dialog that opens drafts, including pictures and texts."""
     found = _once(ending for reader in readers("draft") for ending in reader.endings)
     return f"{name_filter('Drafts', found)};;All files (*)"
 
 
 def written_filters() -> dict[str, str]:
-    """Return what a dialog offers that writes data, each with its key of `DATA`."""
+    """Return the name filters of a dialog that writes data, each with its key of `DATA`."""
     found = {}
     for data, words in DATA.items():
         for ending in written(data):
@@ -315,12 +315,12 @@ def written_filters() -> dict[str, str]:
 
 
 def name_filter(label: str, endings: Iterable[str]) -> str:
-    """Return a line of a dialog that shows files of some endings."""
+    """Return one name filter of a dialog."""
     return f"{label} ({' '.join(f'*{ending}' for ending in endings)})"
 
 
 def existing(path: Path, allowed: str | None = None) -> Path:
-    """Refuse a file that is not there, or has nothing in it."""
+    """Return the path; refuse a file that is missing or empty."""
     if why := refusal(path):
         raise InputError(f"{path}: {why}", key="file", allowed=allowed)
     if path.stat().st_size == 0:
@@ -329,20 +329,20 @@ def existing(path: Path, allowed: str | None = None) -> Path:
 
 
 def damaged(path: Path, why: str) -> InputError:
-    """Return the error for a file that is not as its program has written it."""
+    """Return the error for a damaged file."""
     return InputError(f"{path}: {why}", key="file", cure="Write the file again, whole.")
 
 
 def refusal(path: str | Path) -> str:
-    """Return why a path is that of no file which can be read, or nothing."""
+    """Return why a path cannot be read as a file, or an empty string."""
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISREG(mode):
-            with open(path, "rb"):  # who may, only the system knows
+            with open(path, "rb"):  # only trying shows whether this user may read it
                 return ""
     except PermissionError:
         return "permission denied"
-    except (OSError, ValueError):  # the second of a name with a null character
+    except (OSError, ValueError):  # ValueError: the name has a null character
         return NOT_THERE
     return A_FOLDER if stat.S_ISDIR(mode) else "a device or a pipe, no file"
 
@@ -368,6 +368,7 @@ def _once(words: Iterable[str]) -> list[str]:
 
 
 def _builtin() -> None:
-    # Before those of anyone else, and when they are asked for: a program that only makes arrays
-    # needs none. A no-op while they register themselves.
+    # The package's own formats must be registered before any others. They are imported only when
+    # formats are needed, because a program that only makes arrays needs none. While they register
+    # themselves, this call does nothing.
     import_module("spacemap_vtk.io.formats")

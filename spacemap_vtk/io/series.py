@@ -1,4 +1,4 @@
-"""Time series of meshes, whatever the files."""
+"""Time series of meshes, in one file or in several."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class MeshSeries(ABC):
                     key="file",
                 )
         self.file = file
-        #: All that it is read from.
+        #: All files that the series is read from.
         self.files = [file]
         self.times = times
 
@@ -46,14 +46,14 @@ class MeshSeries(ABC):
 
 
 class FileSeries(MeshSeries):
-    """A file, or several, for each step."""
+    """A series with one file, or several, for each step."""
 
     def __init__(self, file: Path, steps: list[tuple[float, list[Path]]]) -> None:
         steps = sorted(steps)
         super().__init__(file, [time for time, _ in steps])
         self._paths = [paths for _, paths in steps]
         for path in (path for paths in self._paths for path in paths):
-            if not os.path.isfile(path):  # not so for a name that no file can have
+            if not os.path.isfile(path):  # also False if no file can have this name
                 raise InputError(f"{file} names {path}, which is not there", key="file")
             self.files.append(path)
 
@@ -68,7 +68,7 @@ class FileSeries(MeshSeries):
 
 
 class ReaderSeries(MeshSeries):
-    """One file with all steps, and VTK's reader for it."""
+    """A series in a single file that one of VTK's readers reads."""
 
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
         self._reader = reader
@@ -93,13 +93,13 @@ class ReaderSeries(MeshSeries):
 
 
 def kinds() -> str:
-    """Return what a motion can be read from, in words."""
+    """Describe in words what a motion can be read from."""
     formats = registry.read_words("motion")
     return f"{formats}, one mesh such as a .vtu, or several by a pattern such as step_*.vtu"
 
 
 def open_series(file: Path) -> MeshSeries:
-    """Open a time series."""
+    """Open a time series: a file, or several by a pattern such as step_*.vtu."""
     if is_pattern(file):
         return _pattern(file)
     registry.existing(file, kinds())
@@ -108,20 +108,20 @@ def open_series(file: Path) -> MeshSeries:
 
 
 def read_step(file: Path, step: int) -> vtkPointSet:
-    """Return the mesh of a step of a time series."""
+    """Read the mesh of one step of a time series."""
     return open_series(file).read(step)
 
 
 def is_pattern(file: Path) -> bool:
-    """Return whether a name is a pattern for others, and not a file's own."""
+    """Return whether a name is a pattern for other names, and not itself the name of a file."""
     return any(sign in file.name for sign in "*?[") and not os.path.isfile(file)
 
 
 def named_like(file: Path) -> list[Path]:
-    """Return the files of a folder that are named by a pattern."""
-    try:  # not by glob, whose ** goes through all folders below
+    """Return the files of a folder whose names match a pattern."""
+    try:  # not with glob: its ** would search all folders below
         return [file.parent / name for name in fnmatch.filter(os.listdir(file.parent), file.name)]
-    except (OSError, ValueError):  # of a name with a null character
+    except (OSError, ValueError):  # ValueError: the name has a null character
         return []
 
 
@@ -131,7 +131,7 @@ def _pattern(file: Path) -> MeshSeries:
         raise InputError(f"{file}: no file is named like that", key="file")
     steps = []
     for number, path in enumerate(paths):
-        # What ParaView writes into each file; without it the steps are counted.
+        # ParaView writes TimeValue into each file. Without it, the steps are counted.
         field = read_blocks(path).GetFieldData()
         array = field.GetArray("TimeValue") if field else None
         time = float(vtk_to_numpy(array)[0]) if array is not None else float(number)
@@ -140,5 +140,5 @@ def _pattern(file: Path) -> MeshSeries:
 
 
 def _numbers(name: str) -> list[Any]:
-    """Return a key that puts step_9 before step_10."""
+    """Return a sort key that puts step_9 before step_10."""
     return [(0, int(p), "") if p.isdigit() else (1, 0, p) for p in re.split(r"(\d+)", name) if p]

@@ -1,8 +1,8 @@
-"""The pictures and colours of an object's materials, as one picture and one set of coordinates.
+"""Combine the pictures and colours of an object's materials into one picture.
 
-A mesh is drawn with one texture. Where a file has several materials, their pictures are put above
-each other into one, with a tile of plain colour for a material without a picture, and the texture
-coordinates are changed to suit.
+A mesh is drawn with one texture. If a file has several materials, their pictures are stacked into
+one, with a tile of plain colour for a material without a picture, and the texture coordinates are
+changed accordingly.
 """
 
 from __future__ import annotations
@@ -27,23 +27,24 @@ from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bytes
 
-Pixels = Bytes  # (height, width, 3 or 4), the lowest row first
+Pixels = Bytes  # (height, width, 3 or 4), bottom row first
 
-#: Name of the texture coordinates that belong to the picture.
+#: Name of the texture coordinates that belong to the combined picture.
 COORDINATES = "texture coordinates"
-#: Rows and columns round a tile that repeat its edge, so that no neighbour shines through.
+#: Rows and columns around a tile that repeat its edge; without them, colours of the neighbouring
+#: tile would show at the edge.
 _GUTTER = 4
-#: How often a picture is repeated at most, and how large it may get, in pixels.
+#: Most repetitions of a picture in each direction, and its most pixels along a side.
 _MOST_REPEATS, _LARGEST = 16, 8192
 
 
 @dataclass
 class Material:
-    """How a block of a mesh is painted."""
+    """Picture and colour of a block of a mesh."""
 
-    #: (height, width, 3 or 4) The lowest row first.
+    #: Pixels, shape (height, width, 3 or 4), bottom row first.
     picture: Pixels | None = None
-    #: From 0 to 1; what the picture is multiplied with.
+    #: Colour that multiplies the picture, from 0 to 1.
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     #: Name of the block's texture coordinates.
     coordinates: str = ""
@@ -51,16 +52,16 @@ class Material:
 
 @dataclass
 class Paint:
-    """Blocks with their materials, and what could not be found."""
+    """Materials of the blocks, and messages about pictures that were not found."""
 
-    #: One for each block.
+    #: One material for each block.
     materials: list[Material]
-    #: Pictures that are missing or cannot be read.
+    #: Messages about pictures that are missing or cannot be read.
     notes: list[str] = field(default_factory=list)
 
 
 class Painted(NamedTuple):
-    """A mesh as it stands in a file that names materials."""
+    """A mesh as read from a file that names materials."""
 
     data: Any
     """Any data object of VTK's."""
@@ -69,10 +70,10 @@ class Painted(NamedTuple):
 
 
 def read_picture(path: Path) -> Pixels:
-    """Read a picture file."""
+    """Read a picture file as pixels, bottom row first."""
     if not os.path.isfile(path):
         raise InputError(f"{path}: no such file", key="texture")
-    if find_spec("PIL") is None:  # ParaView's own Python
+    if find_spec("PIL") is None:  # in ParaView's Python
         return _read_with_vtk(path)
     try:
         image = decoded(path.read_bytes(), _check_size)
@@ -86,14 +87,14 @@ def read_picture(path: Path) -> Pixels:
 
 
 def _check_size(width: int, height: int) -> None:
-    # Twice four bytes: as it is decoded, and as it is kept.
+    # Four bytes a pixel, twice: for the decoder and for the result.
     require(8 * width * height, f"a picture of {width} x {height} pixels", cure="Make it smaller.")
 
 
 def _read_with_vtk(path: Path) -> Pixels:
     from vtkmodules.vtkIOImage import vtkImageReader2Factory
 
-    # Only where there is nothing else: it crashes on a truncated PNG.
+    # VTK's reader crashes on a truncated PNG, so it is used only where Pillow is missing.
     with quiet_vtk(path):
         reader = vtkImageReader2Factory.CreateImageReader2(str(path))
         if reader is None:
@@ -104,7 +105,7 @@ def _read_with_vtk(path: Path) -> Pixels:
 
 
 def pixels_of(image: vtkImageData) -> Pixels:
-    """Return the pixels of VTK's image."""
+    """Return the pixels of a VTK image as bytes, with at least three channels."""
     width, height, _ = image.GetDimensions()
     values = vtk_to_numpy(image.GetPointData().GetScalars())
     if values.dtype == np.uint16:
@@ -117,13 +118,13 @@ def pixels_of(image: vtkImageData) -> Pixels:
 
 
 def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData | None:
-    """Give blocks texture coordinates of one common picture, or plain colours."""
+    """Give blocks texture coordinates in one combined picture, or else plain colours."""
     painted = [
         m.picture is not None and block.GetPointData().HasArray(m.coordinates)
         for block, m in zip(blocks, materials, strict=True)
     ]
     if not any(painted):
-        # colours of single points say more, and are kept
+        # Colours of single points are more detailed than a material's colour, so they are kept.
         if any(m.color != (1.0, 1.0, 1.0) for m in materials) and not any(
             colors_in(block.GetPointData()) for block in blocks
         ):
@@ -158,7 +159,7 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
         at = low + np.clip(at, 0.0, 1.0) * size
         data = block.GetPointData()
         for other in materials:
-            data.RemoveArray(other.coordinates)  # they belong to a picture that is no more
+            data.RemoveArray(other.coordinates)  # they belong to the separate pictures
         data.SetTCoords(to_array(at.astype(np.float32), COORDINATES))
     return to_image(whole)
 
@@ -178,13 +179,13 @@ def _tinted(material: Material) -> Pixels:
 
 def _repeated(tile: Pixels, repeats: list[int]) -> Pixels:
     across, up = repeats
-    # of a picture repeated so often that it gets too large, fewer pixels do
+    # If the repeated picture would get too large, some of its rows and columns are left out.
     thin = ceil(max(tile.shape[1] * across, tile.shape[0] * up) / _LARGEST)
     return np.tile(tile[::thin, ::thin], (up, across, 1))
 
 
 def _stacked(tiles: list[Pixels]) -> tuple[Pixels, list[tuple[NDArray[Any], NDArray[Any]]]]:
-    """Return one picture of all tiles, and lowest corner and size of each in it, from 0 to 1."""
+    """Stack tiles into one picture; return it, and each tile's lowest corner and size (0 to 1)."""
     thin = ceil(sum(t.shape[0] + 2 * _GUTTER for t in tiles) / (2 * _LARGEST))
     tiles = [tile[::thin, ::thin] for tile in tiles]
     parts = 4 if any(tile.shape[2] == 4 for tile in tiles) else 3

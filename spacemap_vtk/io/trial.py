@@ -1,8 +1,8 @@
 """Read a file in another process first, where a reader is known to crash on damaged files.
 
-VTK's readers believe what a file says: a damaged one makes them read wild memory, ask for all the
-memory there is, or never end. What ends the other process is refused here. A file that it has read
-is noted in the cache (`spacemap_vtk.cache`), so that an unchanged file is read there once.
+VTK's readers trust the numbers in a file. A damaged file makes them read wild memory, ask for all
+memory, or never end. A file that ends the other process is refused here. A file that the other
+process could read is noted in the cache (`spacemap_vtk.cache`), so an unchanged file is tried once.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from spacemap_vtk.io.named import named
 from spacemap_vtk.io.registry import damaged
 from spacemap_vtk.memory import available
 
-#: Seconds of processor time that a file may take.
+#: Seconds of processor time that any file may need.
 _SECONDS = 10
-#: Seconds more for each byte of the file.
+#: Seconds added for each byte of the file.
 _SECONDS_PER_BYTE = 1e-6
 
 _lock = threading.Lock()
@@ -34,17 +34,17 @@ _sound: set[str] = set()
 
 
 def try_in_child(path: Path, function: str, *more: Any) -> None:
-    """Let another process call "module:name" with a path and more; refuse what ends it."""
-    # ParaView runs VTK's readers itself, and its Python has no interpreter to start.
+    """Call "module:name" with a path in another process; refuse a file that ends that process."""
+    # ParaView runs VTK's readers itself, and its Python has no interpreter that can be started.
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
         return
     try:
         str(path).encode()
-    except UnicodeEncodeError:  # VTK takes no other
+    except UnicodeEncodeError:  # VTK accepts only names in UTF-8
         raise InputError(
             f"{path}: its name is no UTF-8", key="file", cure="Rename it, or the folder it is in."
         ) from None
-    # A file that it names may be the damaged one.
+    # The damage may be in another file that this one names.
     states = [_state(each) for each in (path, *(other for _, other in named(path)))]
     key = f"sound-{hashlib.sha256(repr((states, function, more)).encode()).hexdigest()[:40]}"
     if key in _sound or cache.load(key) is not None:
@@ -57,38 +57,38 @@ def try_in_child(path: Path, function: str, *more: Any) -> None:
         raise damaged(path, f"damaged, or too large: what reads it ends by {how}")
     if isinstance(answer, InputError):
         raise answer
-    if answer is None:  # any other error occurs here as well
+    if answer is None:  # any other error will occur in this process too
         _sound.add(key)
         cache.store(key)
 
 
 def _state(path: Path) -> tuple[str, int, int, int]:
-    """Return the place of a file, and what changes with its content."""
+    """Return the path, size, time of change and inode of a file."""
     size, changed, number = 0, 0, 0
-    with suppress(OSError, ValueError):  # whoever reads it says so
+    with suppress(OSError, ValueError):  # the reader reports a file that is missing
         state = os.stat(path)
         size, changed, number = state.st_size, state.st_mtime_ns, state.st_ino
     return os.path.abspath(path), size, changed, number
 
 
 def _ask(task: Any) -> Any:
-    """Return the answer of the child, which is started for the first task."""
+    """Return the child's answer to a task; start the child for the first task."""
     global _child
     if _child is None:
-        quiet = subprocess.DEVNULL  # what libraries print of damaged files
+        quiet = subprocess.DEVNULL  # hides what libraries print about damaged files
         try:
             _child = workers.start(f"{__name__}:attempt", os.environ, stderr=quiet)
-        except OSError:  # no more processes are allowed: then the file is read here alone
+        except OSError:  # no more processes are allowed: the file is read in this one only
             return None
     child = _child
     try:
         answer, _child = workers.ask(child, task)
-    except BaseException:  # Ctrl-C: the late answer would be taken for the next file's
+    except BaseException:  # Ctrl-C: a late answer would be taken for that of the next file
         child.kill()
         _end_child()
         raise
     if answer is not None:
-        _end_child()  # a damaged file may have left damaged memory
+        _end_child()  # a damaged file may have damaged its memory
     return answer
 
 
@@ -101,18 +101,18 @@ def _end_child() -> None:
 
 
 def attempt(task: tuple[str, Path, tuple[Any, ...], int, int | None]) -> None:
-    """Read a file, within limits of time and memory."""
+    """Read a file within limits of time and memory; runs in the child."""
     function, path, more, seconds, free = task
     _limit(seconds, free)
     workers.named(function)(path, *more)
 
 
 def _limit(seconds: int, free: int | None) -> None:
-    """Let this process use so much more processor time, and so many bytes more."""
+    """Limit the further processor time (s) and memory (bytes) of this process."""
     with suppress(ImportError, ValueError, OSError):
         import resource  # not on Windows
 
-        # A process that exceeds a limit leaves no image of its memory on the disk.
+        # A process that exceeds a limit must not write its memory to the disk as a core file.
         resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
         used = resource.getrusage(resource.RUSAGE_SELF)
         spent = int(used.ru_utime + used.ru_stime)

@@ -1,19 +1,19 @@
-"""Weaving Information Files (WIF 1.1), read as weavers' programs really write them.
+"""Read Weaving Information Files (WIF 1.1) as weaving programs really write them.
 
-The parts: `wif_text` cuts the file into entries, this module finds the loom in them, `wif_threads`
-the colours and sizes of the threads, `wif_writer` writes a file.
+`wif_text` divides a file into entries, this module reads the loom from them, `wif_threads` reads
+the colours and sizes of the threads, and `wif_writer` writes a file.
 
-Rules, some of them not the standard's own:
+Rules, some of which go beyond the standard:
 
-- Wherever the file is lenient, and what it means is plain, a warning says so, with the line of the
-  first case, once for all cases of a kind. What the standard allows (sparse sections, several
-  treadles, comments after values, any order and case) is no leniency.
-- What makes the cloth (threading, tie-up, treadling, liftplan, counts) must be readable; a wrong
-  guess there would weave another cloth. What dresses it (colours, sizes) is ignored with a warning.
-- Treadling with tie-up wins over the liftplan, unless it presses no treadle.
-- Rising Shed missing: rising. A sinking shed moves the named shafts down: whatever end is in none
-  of them, threaded or not, lies over the pick.
-- Units missing: those of the other family, else inches.
+- If a file breaks the standard and its meaning is clear, a warning says so: once for all cases of a
+  kind, with the line of the first. What the standard allows (sparse sections, several treadles,
+  comments after values, any order and case) causes no warning.
+- Data that determine the cloth (threading, tie-up, treadling, liftplan, counts) must be readable; a
+  wrong guess would weave another cloth. Unreadable colours and sizes are ignored with a warning.
+- Treadling with tie-up has precedence over the liftplan, unless it presses no treadle.
+- If Rising Shed is missing, the shed is rising. A sinking shed moves the named shafts down: each
+  end in none of these shafts, threaded or not, lies over the pick.
+- If Units are missing, those of the other family are used, else inches.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from spacemap_vtk.io.wif_text import (
 )
 from spacemap_vtk.io.wif_threads import read_colors, read_lengths
 
-# What a section of lists says: entry and numbers by thread or treadle.
+# Lists of a section: entry and numbers by thread or treadle.
 _Found = dict[int, tuple[Entry, tuple[int, ...]]]
 
 _CURE = "Check that it is a whole WIF file, or export it again from the weaving program"
@@ -56,7 +56,7 @@ def read_wif(path: str | os.PathLike[str]) -> Draft:
 
 
 def parse_wif(data: str | bytes) -> Draft:
-    """Read the content of a Weaving Information File."""
+    """Read a Weaving Information File from its content."""
     if len(data) > MAX_LENGTH:
         raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes", cure=_CURE)
     notes = Notes()
@@ -84,14 +84,14 @@ def parse_wif(data: str | bytes) -> Draft:
 
 
 def _missing(text: WifText, what: str, section: str = "") -> InputError:
-    """Return the refusal of a file that lacks something: at that section, or at its end."""
+    """Return the error for a missing part, with the line of the section or the last line."""
     line = text.sections[section].line if section in text.sections else text.last
     allowed = "a draft in the WIF format, version 1.1"
     return InputError(f"line {line}: there is no {what}", allowed=allowed, cure=_CURE)
 
 
 def _check_head(text: WifText) -> None:
-    """Note in one line what is wrong with [WIF] and [CONTENTS], which say nothing needed."""
+    """Add one warning for all faults of [WIF] and [CONTENTS], which hold nothing essential."""
     found: list[tuple[int, str]] = []
     if "WIF" not in text.sections:
         found.append((1, "there is no [WIF]; read as version 1.1"))
@@ -125,7 +125,7 @@ def _check_head(text: WifText) -> None:
 
 
 def _read_loom(text: WifText) -> Loom:
-    """Find threading, tie-up, treadling and liftplan, and the counts that bound them."""
+    """Read threading, tie-up, treadling, liftplan, and the numbers of ends and picks."""
     threading = _rows(text, "THREADING")
     if not _says_something(text, "WARP", threading):
         raise _missing(text, "end threaded in [THREADING]", "THREADING")
@@ -145,7 +145,7 @@ def _read_loom(text: WifText) -> Loom:
         )
     lifts = tieup if treadled else liftplan
     treadles = _treadles(text, tieup, treadling) if treadled else 0
-    # Treadles of the loom that are tied to nothing keep their lines when the draft is written.
+    # Treadles that are tied to nothing are kept, so that a written draft has their lines again.
     tied = [treadle for treadle in tieup if treadle <= treadles]
     loom = Loom(
         threading=_filled(text, threading, ends),
@@ -173,14 +173,14 @@ def _rows(text: WifText, section: str) -> _Found:
 
 
 def _says_something(text: WifText, family: str, rows: _Found) -> bool:
-    """Return whether a row names a shaft or treadle for a thread that the cloth has."""
+    """Return whether any thread of the cloth has a shaft or treadle in these rows."""
     entry = text.entry(family, "threads")
     last = (count(entry) if entry else 0) or MAX_NUMBER
     return any(found for index, (_, found) in rows.items() if index <= last)
 
 
 def _is_treadled(text: WifText, tieup: _Found, treadling: _Found, liftplan: _Found) -> bool:
-    """Return whether tie-up and treadling make the sheds, and not the liftplan."""
+    """Return whether tie-up and treadling define the sheds, and not the liftplan."""
     pressed = _says_something(text, "WEFT", treadling)
     lifted = _says_something(text, "WEFT", liftplan)
     if pressed and tieup:
@@ -199,7 +199,7 @@ def _is_treadled(text: WifText, tieup: _Found, treadling: _Found, liftplan: _Fou
 
 
 def _threads(text: WifText, family: str, section: str, rows: _Found) -> int:
-    """Return the number of ends or picks, which is that of the last in `section` if not given."""
+    """Return the number of ends or picks; if it is not given, the last number in `section`."""
     entry = text.entry(family, "threads")
     stated = count(entry) if entry else 0
     if stated:
@@ -213,7 +213,7 @@ def _threads(text: WifText, family: str, section: str, rows: _Found) -> int:
 
 
 def _filled(text: WifText, rows: _Found, threads: int) -> Rows:
-    """Return the numbers of each thread; those that the section leaves out have none."""
+    """Return the numbers of each thread; a thread that the section leaves out has none."""
     for thread, (entry, found) in rows.items():
         if thread > threads and found:
             text.note_beyond(entry, threads)
@@ -225,7 +225,7 @@ def _dense(rows: _Found, length: int) -> Rows:
 
 
 def _loom_count(text: WifText, key: str, uses: Sequence[tuple[Entry, int]]) -> int:
-    """Return how many shafts or treadles the loom has: no fewer than are used."""
+    """Return the number of shafts or treadles: the stated number, or more if more are used."""
     entry = text.entry("WEAVING", key)
     stated = count(entry) if entry else 0
     used = max((number for _, number in uses), default=0)

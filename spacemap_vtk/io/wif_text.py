@@ -1,7 +1,8 @@
-"""The text of a Weaving Information File: sections, entries, values, and what was wrong with them.
+"""Text of a Weaving Information File (WIF): sections, entries, values and warnings.
 
-Nothing here knows weaving. A WIF is read line by line and not with `configparser`, which has no
-line numbers, refuses what weaving programs write, and takes ``;`` for a comment in a title.
+This module knows nothing about weaving. It reads a file line by line and does not use
+`configparser`, which has no line numbers, refuses what weaving programs write, and takes ``;`` in
+a title for a comment.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ from decimal import Decimal
 
 from spacemap_vtk.errors import InputError, Remark, SizeError
 
-#: Highest number of a thread, shaft or treadle, and most threads in a family.
+#: Highest number of a thread, shaft or treadle; also the most threads in a family.
 MAX_NUMBER = 100_000
-#: Longest file, in bytes or characters.
+#: Most bytes or characters in a file.
 MAX_LENGTH = 2**26
 
 _NEWLINE = re.compile("\r\n|\r|\n")
-# No class \d: it takes the digits of every script, which int() reads and Decimal may not.
+# Not \d, which matches the digits of every script: int() reads them all, Decimal may not.
 _DECIMAL = re.compile(
     r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"
 )
@@ -31,31 +32,32 @@ _EACH = ("", " COLORS", " SPACING", " THICKNESS")
 _IDLE = (" SYMBOL PALETTE", " SYMBOL TABLE", " SYMBOLS", " SPACING ZOOM", " THICKNESS ZOOM")
 _FAMILIES = ("WARP", "WEFT")
 
-#: Sections that are read.
+#: Sections whose entries are read.
 READ = frozenset(
     {"WIF", "CONTENTS", "TEXT", "WEAVING", *_ONCE}.union(
         family + part for family in _FAMILIES for part in _EACH
     )
 )
-#: Those of the standard that show threads or the whole in another way, and no more once edited.
+#: Sections of the standard that show the threads or the cloth in another way. They are dropped,
+#: because they would be wrong after the draft is edited.
 PASSED = frozenset(
     {"DESIGN", "BITMAP IMAGE", "BITMAP FILE", "BITMAP IMAGE DATA"}.union(
         family + part for family in _FAMILIES for part in _IDLE
     )
 )
-#: Sections of the standard that say nothing about the cloth; their lines are not looked at.
+#: Sections of the standard that say nothing about the cloth; their lines are not parsed.
 SKIPPED = PASSED | {"NOTES", "TRANSLATIONS"}
 
 
 class Notes:
-    """Warnings by line: each kind once, however often it happens."""
+    """Warnings with their lines: one for each kind, with the number of cases."""
 
     def __init__(self) -> None:
         self._cases: dict[str, list[tuple[int, str]]] = {}
         self._doubtful: set[str] = set()
 
     def add(self, line: int, text: str, kind: str = "", doubtful: bool = False) -> None:
-        """Keep a warning where another cloth than meant may be woven; else a remark."""
+        """Add a warning if the cloth may differ from the intended one (doubtful), else a remark."""
         self._cases.setdefault(kind or text, []).append((line, text))
         if doubtful:
             self._doubtful.add(kind or text)
@@ -75,15 +77,15 @@ class Notes:
 class Entry:
     """One ``key=value`` line."""
 
-    #: As in the file, names in their usual case, comments and outer blanks cut off.
+    #: Section in capitals; key and value as in the file, without comments and outer blanks.
     section: str
     key: str
     value: str
-    #: Where it is, counted from 1.
+    #: Line number, counted from 1.
     line: int
 
     def refusal(self, what: str, allowed: str, kind: type[InputError] = InputError) -> InputError:
-        """Return the error that refuses this entry."""
+        """Return the error for this entry, with its line."""
         return kind(
             f"line {self.line}: {what}",
             key=f"[{self.section}] {self.key}",
@@ -95,15 +97,15 @@ class Entry:
 
 @dataclass
 class WifSection:
-    """A section, its repetitions merged."""
+    """A section; sections of the same name are merged."""
 
-    #: In capitals, single blanks.
+    #: In capitals, with single blanks.
     name: str
-    #: Line of its first header.
+    #: Line number of its first header.
     line: int
-    #: By key: in lower case, and whole numbers without leading zeros.
+    #: Entries by key. Keys are in lower case; numbers have no leading zeros.
     entries: dict[str, Entry] = field(default_factory=dict)
-    #: The lines of one that is not read, as they stand there.
+    #: Lines of a section that is not parsed, as they are in the file.
     lines: list[str] = field(default_factory=list)
 
 
@@ -122,7 +124,7 @@ def decode(data: bytes, notes: Notes) -> str:
 
 
 class WifText:
-    """A file cut into sections."""
+    """The text of a file, divided into sections."""
 
     def __init__(self, text: str, notes: Notes) -> None:
         self.sections: dict[str, WifSection] = {}
@@ -146,34 +148,34 @@ class WifText:
                 current.lines.append(raw.rstrip())
 
     def entry(self, section: str, key: str) -> Entry | None:
-        """Return the entry of a key."""
+        """Return the entry of a key, or None if it is missing or empty."""
         found = self.sections.get(section)
         entry = found.entries.get(key) if found else None
         return entry if entry and entry.value else None
 
     @property
     def besides(self) -> dict[str, tuple[str, ...]]:
-        """What the file says besides the draft, in lines: by whom it is, notes."""
+        """Lines that are kept but are not part of the draft, such as author and notes."""
         texts = self.sections["TEXT"].entries if "TEXT" in self.sections else {}
         said = {"TEXT": [f"{e.key}={e.value}" for key, e in texts.items() if key != "title"]}
         said |= {name: section.lines for name, section in self.sections.items() if section.lines}
         return {name: tuple(lines) for name, lines in said.items() if lines}
 
     def line(self, *sections: str, key: str = "") -> int:
-        """Return the line where something is, or where it should be."""
+        """Return the line of a key, else of the first section that exists, else 1."""
         found = next((self.sections[name] for name in sections if name in self.sections), None)
         if found is None:
             return 1
         return found.entries[key].line if key in found.entries else found.line
 
     def note_beyond(self, entry: Entry, threads: int) -> None:
-        """Note that an entry is for a thread that the cloth has not."""
+        """Warn that an entry is for a thread that the cloth does not have."""
         section = entry.section
         what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
         self.notes.add(entry.line, what, f"beyond {section}")
 
     def numbered(self, section: str) -> dict[int, Entry]:
-        """Return the entries of a section that has one per thread, treadle or colour."""
+        """Return the entries of a section by number: of a thread, treadle or colour."""
         found = self.sections.get(section)
         rows = {}
         for key, entry in found.entries.items() if found else ():
@@ -202,7 +204,7 @@ def _open(line: str, number: int, sections: dict[str, WifSection], notes: Notes)
 
 
 def _enter(line: str, number: int, section: WifSection, notes: Notes) -> None:
-    # A semicolon after a string is text, by the standard; [TEXT] alone holds strings.
+    # By the standard, a semicolon after a string belongs to it; only [TEXT] has strings.
     text = line if section.name == "TEXT" else line.partition(";")[0]
     name, equals, value = text.partition("=")
     name = " ".join(name.split())
@@ -221,24 +223,24 @@ def _enter(line: str, number: int, section: WifSection, notes: Notes) -> None:
 
 
 def whole(digits: str) -> int:
-    """Read a whole number, however long."""
+    """Read a whole number of any length; above `MAX_NUMBER`, return `MAX_NUMBER` + 1."""
     digits = digits.lstrip("0") or "0"
     return MAX_NUMBER + 1 if len(digits) > 9 else min(int(digits), MAX_NUMBER + 1)
 
 
 def boolean(text: str) -> bool | None:
-    """Read true, on, yes or 1, and their opposites, in any case."""
+    """Read true, on, yes, t, y or 1 and their opposites, in any case; else return None."""
     word = text.strip().lower()
     return True if word in _TRUE else False if word in _FALSE else None
 
 
 def decimal(text: str) -> Decimal | None:
-    """Read a real number exactly."""
+    """Read a real number exactly, or return None."""
     return Decimal(text) if _DECIMAL.fullmatch(text) else None
 
 
 def count(entry: Entry) -> int:
-    """Read how many threads, shafts or treadles there are."""
+    """Read a number of threads, shafts or treadles; 0 if the value is empty."""
     if not entry.value:
         return 0
     value = decimal(entry.value)
@@ -251,7 +253,7 @@ def count(entry: Entry) -> int:
 
 
 def numbers(entry: Entry, notes: Notes) -> tuple[int, ...]:
-    """Read a list of shafts or treadles."""
+    """Read a list of shafts or treadles, in ascending order and without 0."""
     allowed = f"numbers from 1 to {MAX_NUMBER} with commas between them, or 0 for none"
     match = _LIST.match(entry.value)
     if match is None:
@@ -260,7 +262,7 @@ def numbers(entry: Entry, notes: Notes) -> tuple[int, ...]:
         return ()
     rest = entry.value[match.end() :].strip(" \t,")
     if re.search("[0-9]", rest):
-        # A number lost in the middle would weave another cloth without a word.
+        # Ignoring a number in the middle would weave another cloth without a warning.
         raise entry.refusal("not a list of numbers", allowed)
     if rest:
         notes.add(entry.line, f'"{rest[:40]}" after the numbers is ignored', "rest")

@@ -1,6 +1,7 @@
 """Colours, spacing and thickness of the threads in a Weaving Information File.
 
-They dress the cloth and do not make it: what can't be read here is a warning, never a refusal.
+They do not change how the cloth is woven. A value that cannot be read causes a warning, never an
+error.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from spacemap_vtk.ndarrays import Bytes
 
 _Color = tuple[Decimal, Decimal, Decimal]
 
-#: Metres in a unit, by its spellings in lower case without blanks, points and hyphens.
+#: Length of a unit in m, by its spellings in lower case without blanks, points and hyphens.
 UNITS: dict[str, Decimal] = {
-    # Of the standard; a decipoint is 1/720 inch.
+    # Units of the standard; a decipoint is 1/720 inch.
     **dict.fromkeys(
         ("decipoints", "decipoint", "decipts", "decipt", "dpts", "dpt", "dp"),
         Decimal("0.0254") / 720,
@@ -28,18 +29,18 @@ UNITS: dict[str, Decimal] = {
         ("centimeters", "centimeter", "centimetres", "centimetre", "cms", "cm"), Decimal("0.01")
     ),
 }
-#: The same for what the standard does not know.
+#: Length in m of units that the standard does not have.
 OTHER_UNITS: dict[str, Decimal] = dict.fromkeys(
     ("millimeters", "millimeter", "millimetres", "millimetre", "mm"), Decimal("0.001")
 )
-# A thread outside of this is a slip (a spacing of 24 for 24 ends to the inch), not a fabric.
+# Lengths in m. One outside these bounds is a mistake (a spacing of 24 for 24 ends per inch).
 _THINNEST, _THICKEST = Decimal("1e-6"), Decimal(1)
 
 
 def read_colors(text: WifText, ends: int, picks: int) -> tuple[Bytes | None, Bytes | None]:
-    """Read the colours of both families."""
-    # A colour is ``index``, an entry of [COLOR TABLE], or in the older form ``index,r,g,b``, where
-    # the standard wants the table to win; r, g, b stand in where the table has no such entry.
+    """Read the colours of warp and weft, scaled to 0 to 255; None if there are none."""
+    # A colour is ``index``, an entry of [COLOR TABLE], or in an older form ``index,r,g,b``. By the
+    # standard the table has precedence; r, g, b are used if the table has no such entry.
     palette = _Palette(text)
     warp, weft = palette.threads("WARP", ends), palette.threads("WEFT", picks)
     used = {*(warp or ()), *(weft or ())}
@@ -55,7 +56,7 @@ def read_colors(text: WifText, ends: int, picks: int) -> tuple[Bytes | None, Byt
 
 
 class _Palette:
-    """[COLOR PALETTE] and [COLOR TABLE]; colours are kept as the file has them, not yet scaled."""
+    """[COLOR PALETTE] and [COLOR TABLE], with colours as in the file, not yet scaled."""
 
     def __init__(self, text: WifText) -> None:
         self.text = text
@@ -86,7 +87,7 @@ class _Palette:
         return int(bounds[0]), int(bounds[1])
 
     def assumed(self, used: set[_Color]) -> tuple[int, int]:
-        """Return a range that holds all colours, where the file gives none that can be read."""
+        """Return a range that contains all colours, for a file without a readable Range."""
         peak = max(value for color in {*used, *self.table.values()} for value in color)
         high = next((bound for bound in (255, 999, 65535) if peak <= bound), int(peak) + 1)
         entry = self.text.entry("COLOR PALETTE", "range")
@@ -153,14 +154,14 @@ def _scaled(value: Decimal, low: int, high: int) -> int:
 
 
 def _decimals(value: str) -> tuple[Decimal, ...]:
-    """Read numbers with commas or blanks between them; none if any can't be read."""
+    """Read numbers separated by commas or blanks; return none if one cannot be read."""
     items = [decimal(item) for item in re.split(r"[\s,]+", value.strip(" \t,"))]
     numbers = tuple(item for item in items if item is not None)
     return numbers if len(numbers) == len(items) else ()
 
 
 def within(text: WifText, section: str, threads: int) -> dict[int, Entry]:
-    """Return the entries for threads that the cloth has."""
+    """Return the entries by thread, without those beyond the threads of the cloth."""
     kept = {}
     for thread, entry in text.numbered(section).items():
         if thread <= threads:
@@ -171,7 +172,7 @@ def within(text: WifText, section: str, threads: int) -> dict[int, Entry]:
 
 
 def read_lengths(text: WifText, family: str, name: str, threads: int) -> Lengths | None:
-    """Read the spacing or thickness of a family: of all threads, or of each."""
+    """Read a family's spacing or thickness in m: one value for all threads, or one for each."""
     section = f"{family} {name}"
     default = text.entry(family, name.lower())
     entries = [entry for entry in within(text, section, threads).items() if entry[1].value]
@@ -217,7 +218,7 @@ def _length(text: WifText, entry: Entry, size: Decimal) -> float | None:
 
 
 def _unit(text: WifText, family: str) -> Decimal:
-    """Return the metres in a family's unit; the standard wants Units wherever there are lengths."""
+    """Return a family's unit in m; the standard requires Units where lengths are given."""
     entry = text.entry(family, "units")
     word = _unit_word(entry)
     if word in UNITS:

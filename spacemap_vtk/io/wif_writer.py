@@ -1,4 +1,4 @@
-"""Writing a Weaving Information File (WIF 1.1)."""
+"""Write a Weaving Information File (WIF 1.1)."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from spacemap_vtk.io.draft_bytes import color_table
 
 
 def format_wif(draft: Draft) -> bytes:
-    """Write a draft as a Weaving Information File."""
-    # `parse_wif` gives the same draft again, its warnings apart: lengths to the last bit, colours
-    # in the range 0 to 255. A family without colours gets the one that it is woven in here: there
-    # are programs that read no draft without a palette, and none without the defaults of what is
-    # given for each thread.
+    """Return a draft as the content of a Weaving Information File."""
+    # `parse_wif` must give the same draft again, except for its warnings: lengths to the last bit,
+    # colours in the range 0 to 255. A family without colours gets the colour in which this program
+    # draws it, because some programs read no draft without a palette. The family's defaults are
+    # written even if each thread has a value, because some programs read no draft without them.
     loom = draft.loom
     if loom is None or not _weaves(loom, draft):
         loom = Loom.from_drawdown(draft.drawdown)
@@ -39,7 +39,7 @@ def format_wif(draft: Draft) -> bytes:
         "COLOR PALETTE": [f"Entries={len(table)}", "Form=RGB", "Range=0,255"],
         "COLOR TABLE": _listed(table),
         "THREADING": _listed(loom.threading),
-        # Without a line in [TIEUP] there would be no treadling to read.
+        # If [TIEUP] had no line, a reader would not use the treadling.
         "TIEUP": [] if loom.liftplan else _listed(loom.tieup or ((),)),
         "TREADLING": [] if loom.liftplan else _listed(loom.treadling),
         "LIFTPLAN": _listed(loom.liftplan or ()),
@@ -55,7 +55,7 @@ def format_wif(draft: Draft) -> bytes:
     head = {
         "WIF": [
             "Version=1.1",
-            # Date and developers are constants of the standard, and required by it.
+            # The standard requires both entries and fixes their values.
             "Date=April 20, 1997",
             "Developers=wif@mhsoft.com",
             "Source Program=spacemap_vtk",
@@ -69,7 +69,7 @@ def format_wif(draft: Draft) -> bytes:
 
 
 def _weaves(loom: Loom, draft: Draft) -> bool:
-    """Return whether a loom is that of a draft, and one that can be read from a file."""
+    """Return whether the loom weaves the draft, and can be read again from a file."""
     moved = loom.treadling if loom.liftplan is None else loom.liftplan
     if not any(loom.threading) or not any(moved):
         return False
@@ -86,8 +86,8 @@ def _family(count: int, colors: Sequence[int], threads: DraftThreads) -> list[st
 
 
 def _centimetres(length: float) -> str:
-    # Shifting the point of the shortest decimal loses nothing; 100 * length would round, and the
-    # draft read again would differ in the last bit.
+    # Shifting the decimal point of the shortest representation is exact. 100 * length would round,
+    # and the draft that is read again would differ in the last bit.
     return format(Decimal(repr(float(length))).scaleb(2), "f")
 
 

@@ -1,26 +1,27 @@
-"""Drafts of WeavePoint (.wpo), read as far as their layout is known.
+"""Read drafts of WeavePoint (.wpo), as far as their layout is known.
 
-Bytes, whole numbers of two of them with the high one first:
+A number is one byte, or two bytes with the high byte first where the table says so:
 
 ======  ===========================================================================================
-byte    what
+byte    content
 ======  ===========================================================================================
 0       123
 1       version; 7 at present
-2       100: liftplan, 101: a treadle a pick, 102: several
+2       100: liftplan, 101: one treadle per pick, 102: several treadles per pick
 4, 5    shafts, treadles
 7       0: a rising shed
-9, 10   ends and picks in a length: a centimetre where byte 17 is 1, an inch where it is 0
-13, 15  numbers (two bytes) of ends and picks that there is room for
-24 on   threading, warp colours, weft colours: a number (two bytes), and so many bytes each; the
-        tie-up, a mask of shafts for each treadle; the treadling as the threading, or the number of
-        picks and a mask of treadles, or of shafts, for each; 66 bytes; a number of colours and
-        their red, green and blue, of 255, or of 63 up to version 3.
+9, 10   ends and picks per length: per centimetre if byte 17 is 1, per inch if it is 0
+13, 15  numbers of ends and picks that there is room for (two bytes each)
+24 on   threading, warp colours, weft colours: each a count (two bytes), then a byte per thread; the
+        tie-up: a mask of shafts for each treadle; the treadling: either as the threading, or the
+        number of picks (two bytes), then for each a mask of treadles, or of shafts for a liftplan;
+        66 bytes; the number of colours, then their red, green and blue, which reach 255, or 63 up
+        to version 3.
 ======  ===========================================================================================
 
-Ends in no heddle and picks without a shed at the edges of that room are left out: they are no
-cloth. A mask has as few bytes as hold a bit for each, the low byte first. What follows (notes, and
-a list of yarns) is not read.
+Ends in no heddle and picks without a shed at the edges of the room are left out, because they are
+not part of the cloth. A mask has as many bytes as it needs for one bit each, the low byte first.
+The rest of the file (notes, and a list of yarns) is not read.
 """
 
 from __future__ import annotations
@@ -36,13 +37,15 @@ from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.io.draft_bytes import check_size, content, loose_notes
 from spacemap_vtk.io.registry import truncated
 
+#: First byte of a file, and the values of byte 2.
 _ID, _LIFTPLAN, _SINGLE, _SEVERAL = 123, 100, 101, 102
+#: Bytes of the head, and the newest version that is known.
 _HEAD, _NEWEST = 24, 7
 _CURE = "Export the draft as WIF from WeavePoint"
 
 
 def read_wpo(path: Path) -> Draft:
-    """Read a draft of WeavePoint."""
+    """Read a WeavePoint draft."""
     data = content(path)
     if data[:1] != bytes([_ID]):
         what = "it does not begin as one of WeavePoint"
@@ -120,7 +123,7 @@ def _read(data: _Bytes, title: str) -> Draft:
         )
         for sett, used, count in zip(head[9:11], colors, size, strict=True)
     )
-    # The file has room for a canvas, at first 1200 x 1200: edges that are not woven are no cloth.
+    # The room is a canvas, 1200 x 1200 at first; edges that are not woven are no part of the cloth.
     draft = Draft(loom.drawdown(), loom, warp, weft, title).trimmed()
     assert draft.loom is not None
     return replace(draft, warnings=(*warnings, *loose_notes(draft.loom)))
