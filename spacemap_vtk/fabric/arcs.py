@@ -1,17 +1,19 @@
-"""Axes of yarns by arcs and straights, which hold every yarn at touching distance.
+"""Axes of yarns by arcs and straight parts, with yarns that touch at every crossing.
 
-Where a yarn changes side between two crossings its axis runs arc - straight - arc; where it
-floats over yarns of one diameter, and past its last crossing, it is straight and horizontal. Over
-yarns of unequal diameters a float too runs arc - straight - arc, between unequal heights.
+Between two crossings where a yarn changes side, its axis runs arc - straight - arc. Where the yarn
+floats over yarns of one diameter, and past its last crossing, the axis is straight and horizontal.
+Over yarns of unequal diameters a float also runs arc - straight - arc, between unequal heights.
 
-Why yarns touch at every crossing and overlap nowhere:
+Yarns touch at every crossing and overlap nowhere:
 
-- With arcs of radius R = (d + d_i)/2 about the yarn crossed, warp and weft axes are R apart at each
-  crossing and nowhere nearer: with x, y, f, g measured from it, ``y**2 + (R - f)**2 >= R**2`` and
-  ``x**2 + (R - g)**2 >= R**2`` give ``x**2 + y**2 + (R - f - g)**2 >= R**2 + 2 f g``. (Where one
-  yarn moves away, f < 0, the other alone keeps the distance, for g > R only where x > R.)
-- A racetrack is all circles with centres on its flat. Distances to it are those to the circles with
-  x and y shortened by half the flat: so the same holds where axes stay straight on the flats.
+- Arcs have the radius R = (d + d_i)/2 about the crossed yarn. Warp and weft axes are R apart at
+  each crossing and nowhere closer: with x, y, f, g measured from the crossing,
+  ``y**2 + (R - f)**2 >= R**2`` and ``x**2 + (R - g)**2 >= R**2`` give
+  ``x**2 + y**2 + (R - f - g)**2 >= R**2 + 2 f g``. (Where one yarn moves away, f < 0, the other
+  one alone keeps the distance, because g > R only where x > R.)
+- A racetrack is the union of circles with centres on its flat. Distances to it are distances to the
+  circles, with x and y shortened by half the flat. The same result holds if axes stay straight on
+  the flats.
 
 Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45.
 """
@@ -30,17 +32,18 @@ from spacemap_vtk.fabric.peirce import Crimp, solve
 from spacemap_vtk.fabric.threads import Yarns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Longer arcs are split: one cubic misses the radius by 2.4e-5 at this angle, 2.7e-4 at 90 degrees.
+#: Longest arc of one part, in rad. Longer arcs are split: one cubic misses the radius by 2.4e-5 at
+#: this angle, and by 2.7e-4 at 90 degrees.
 LONGEST_ARC = pi / 3
-#: Below this angle (rad) an arc is left out. Its patches would be slivers, and the straight cubic
-#: that takes their place is off by less than this times the height.
+#: Below this angle (rad) an arc is left out, because its patches would be slivers. The straight
+#: cubic that replaces it is off by less than this angle times the height.
 FLAT = 1e-7
 
 
 class Gaps(NamedTuple):
-    """What lies between neighbouring crossings, past the last one, and on flats, of some yarns."""
+    """Gaps of some yarns: between crossings, on flats, and past the first and last crossing."""
 
-    # Of all yarns in one row where it is the same; their own rows where space has been stretched.
+    # Arrays have one row if all yarns agree; where space is stretched, each yarn has a row.
 
     bounds: Floats
     """(yarns or 1, gaps + 1) Places along the yarn where gaps meet, before space was stretched."""
@@ -55,7 +58,7 @@ class Gaps(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Into which parts the gaps of some yarns are cut, whatever becomes of their heights."""
+    """Numbers of parts of the gaps; they stay the same when heights change."""
 
     pieces: Ints
     """(yarns, gaps) Parts of each of the two arcs."""
@@ -71,8 +74,8 @@ def gaps_of(
     stretch: Floats | None = None,
     kept: Bools | None = None,
 ) -> Gaps:
-    """Return the gaps of yarns from what is known at their crossings, (yarns, crossings)."""
-    # Yarns past their last crossing, and flats, keep their length however space is stretched.
+    """Build the gaps of yarns from values at their crossings, (yarns, crossings)."""
+    # Flats, and yarns past their last crossing, keep their length when space is stretched.
     size = np.ones((1, len(crossed.position))) if stretch is None else stretch
     between = 0.5 * (size[:, 1:] + size[:, :-1])
     position = np.broadcast_to(crossed.position, size.shape)
@@ -83,7 +86,7 @@ def gaps_of(
         position[:, -1:] + overhang / size[:, -1:],
     )
     if crossed.aspect > 1.0:
-        # straight over each flat; a yarn may be cut on the first and on the last
+        # Yarns are straight over each flat. A yarn may end on the first or last flat.
         flat = crossed.flat.copy()
         flat[[0, -1]] -= np.maximum(half[[0, -1]] - overhang, 0.0) * (1 + (len(flat) == 1))
         room = np.maximum(inner - half[1:] - half[:-1], 0.0)
@@ -112,13 +115,13 @@ def gaps_of(
 
 
 def _passed_by(gaps: Gaps, kept: Bools) -> Gaps:
-    """Leave out bounds that are not kept; shorter rows end in gaps of no length."""
+    """Remove the bounds that are not kept; shorter rows end in gaps of zero length."""
     kept = np.pad(kept, ((0, 0), (1, 1)), constant_values=True)
     count = kept.sum(axis=1, keepdims=True)
     column = np.arange(count.max(initial=2))
     order = np.argsort(~kept, axis=1, kind="stable")[:, : len(column)]
     order = np.where(column < count, order, kept.shape[1] - 1)
-    # past its first and its last crossing a yarn stays as high as there
+    # Past its first and last crossing a yarn keeps the height that it has there.
     level = np.take_along_axis(order, np.clip(column, 1, count - 2), axis=1)
     bounds = gaps.bounds[0][order]
     return Gaps(
@@ -131,28 +134,28 @@ def _passed_by(gaps: Gaps, kept: Bools) -> Gaps:
 
 
 def plan_of(gaps: Gaps, exact: bool) -> Plan:
-    """Return into which parts gaps are cut."""
+    """Choose the numbers of parts of the gaps."""
     return _plan(_bends(gaps), gaps.spacing, exact)
 
 
 def _bends(gaps: Gaps) -> Crimp:
-    # Peirce's formulas hold in each gap with the sum of the radii of its two arcs for D.
+    # Peirce's formulas hold in each gap if D is the sum of the radii of its two arcs.
     rise = np.abs(np.diff(gaps.height, axis=1))
     return solve(gaps.spacing, rise, gaps.arc[:, :-1] + gaps.arc[:, 1:])
 
 
 def _plan(crimp: Crimp, spacing: Floats, exact: bool) -> Plan:
     flat = crimp.theta < FLAT
-    # one rounding above 60 degrees is 60 degrees: jammed square cloth
+    # Jammed square cloth has arcs of 60 degrees; rounding must not split them.
     longest = 2.0 * LONGEST_ARC if exact else LONGEST_ARC
     pieces = np.where(flat, 0, np.ceil(crimp.theta / longest - 1e-9).astype(np.int64))
     return Plan(pieces, np.where(flat, spacing, crimp.straight) > 0.0)
 
 
 def _fit(gaps: Gaps, plan: Plan) -> Floats:
-    """Return by which factor arcs are tighter than a plan's where a gap has no room for them."""
-    # Two arcs alone fit where (D - h)^2 + p^2 = D^2. Without a straight they must fit, wider ones
-    # too, for they are all that there is.
+    """Compute the factors that fit the arc radii of a plan into gaps without room for them."""
+    # Two arcs alone fit where (D - h)^2 + p^2 = D^2. In a plan without a straight part the arcs
+    # must fill the gap, so there the factor may also exceed 1.
     p, h = gaps.spacing, np.abs(np.diff(gaps.height, axis=1))
     both = 2.0 * h * (gaps.arc[:, :-1] + gaps.arc[:, 1:])
     fit = np.divide(p * p + h * h, both, out=np.full(h.shape, np.inf), where=both > 0.0)
@@ -163,7 +166,7 @@ def _fit(gaps: Gaps, plan: Plan) -> Floats:
 def lay_gaps(
     radius: Floats, lateral: Floats, gaps: Gaps, exact: bool = False, plan: Plan | None = None
 ) -> Axes:
-    """Cut axes into parts; by a plan, so that their number is that of other heights."""
+    """Cut axes into parts; with a plan the number of parts does not depend on the heights."""
     height, rise = gaps.height, np.diff(gaps.height, axis=1)
     bounds = np.broadcast_to(gaps.bounds, height.shape)
     spacing, stretch = (np.broadcast_to(x, rise.shape) for x in (gaps.spacing, gaps.stretch))
@@ -186,12 +189,12 @@ def lay_gaps(
     m, total = pieces.ravel()[gap], count[gap]
     second = step >= total - m
     is_straight = ~second & (step >= m)
-    # slope at the start of each part: it grows over the first arc and falls over the second
+    # Slope at the start of each part: it grows over the first arc and falls over the second.
     theta = crimp.theta.ravel()[gap]
     tilt = theta * np.where(second, total - step, step) / np.maximum(m, 1)
     sign = np.sign(rise).ravel()[gap]
 
-    # each arc is measured from the crossing that it belongs to, seen inwards from it
+    # Each arc is measured inwards from the crossing at its end of the gap.
     inwards = np.where(second, -1.0, 1.0)
     owner = column + second
     bend = np.where(second, end.ravel()[gap], begin.ravel()[gap])

@@ -1,4 +1,4 @@
-"""A cloth as a draft that weaving programs read, whatever it was made from."""
+"""Convert any cloth to a draft that weaving programs can read."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from spacemap_vtk.ndarrays import Floats
 
 
 def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft:
-    """Return the draft of a cloth.
+    """Convert a cloth to a draft.
 
     Parameters
     ----------
     cloth : Cloth
-        Whether or not there is room for its yarns.
+        May be a cloth whose yarns have no room.
     draft : Draft
-        What it was resolved from. What was not changed by what was asked is handed on as it was,
-        the thickness of yarns that would have to be thinned among it.
+        The draft from which the cloth was resolved. Values that the request did not change are
+        copied from it, including thicknesses of yarns that would have to be thinned.
     asked : Asked
-        What was asked.
+        The request.
     title : str
-        For a draft without one.
+        Title for a draft that has none.
 
     Returns
     -------
     Draft
-        With a loom; `spacemap_vtk.fabric.resolve.resolve` makes the same cloth of it.
+        Has a loom; `spacemap_vtk.fabric.resolve.resolve` makes the same cloth from it.
 
     Raises
     ------
     InputError
-        No spaces of the threads give the distances between the yarns.
+        No thread spaces give these distances between the yarns.
     """
     families = []
     for number, (own, wanted) in enumerate(((draft.warp, asked.warp), (draft.weft, asked.weft))):
@@ -64,17 +64,17 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
 
 
 def _usual(lengths: Floats) -> Lengths:
-    """Return one value for all threads, if all have the mean."""
+    """Return the mean if all threads have it, otherwise the lengths."""
     mean = float(lengths.mean())
     return mean if (lengths == mean).all() else lengths
 
 
 def _spaces(cloth: Cloth, number: int) -> Floats:
-    """Return the space of each thread, in whose middle it stands."""
+    """Compute the space of each thread; the thread is in its middle."""
     gaps, count = np.asarray(cloth.threads[number].spacing), cloth.size[number]
     if gaps.ndim == 0 or gaps.size == 0:
         return np.full(count, float(gaps) if gaps.ndim == 0 else cloth.diameter_sum)
-    # s[i] + s[i + 1] = 2 gap[i]: all follow from the first, with alternating signs
+    # s[i] + s[i + 1] = 2 gap[i]: the first space fixes all others, with alternating signs.
     sign = (-1.0) ** np.arange(count)
     rest = np.zeros(count)
     for index, gap in enumerate(gaps.tolist()):

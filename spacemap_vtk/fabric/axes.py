@@ -1,4 +1,4 @@
-"""From a cloth to the axes of all yarns."""
+"""Compute the axes of all yarns of a cloth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from spacemap_vtk.ndarrays import Floats
 
 
 class Share(NamedTuple):
-    """Some of the yarns of a cloth."""
+    """A selection of the yarns of a cloth."""
 
     ends: Some
     """Numbers of the ends, ascending."""
@@ -29,13 +29,13 @@ ALL = Share(slice(None), slice(None))
 
 
 def axes(cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
-    """Return the axes of warp and weft."""
+    """Compute the axes of warp and weft."""
     warp, weft = (axes_of(cloth, number, some) for number, some in enumerate(share))
     return warp, weft
 
 
 def axes_of(cloth: Cloth, number: int, some: Some) -> Axes:
-    """Return the axes of some ends (0) or picks (1)."""
+    """Compute the axes of some ends (0) or picks (1)."""
     own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
     if cloth.axis == "spline":
         height = cloth.passing(number, some).height
@@ -44,28 +44,28 @@ def axes_of(cloth: Cloth, number: int, some: Some) -> Axes:
 
 
 def woven_gaps(cloth: Cloth, number: int, some: Some = slice(None)) -> Gaps:
-    """Return what lies between the crossings of ends (0) or picks (1) as woven, by arcs."""
+    """Compute the gaps of ends (0) or picks (1) as woven, for axes by arcs."""
     arc, height, kept = cloth.passing(number, some)
     past = cloth.families[number].overhang
     return gaps_of(cloth.yarns[1 - number], arc, height, past, kept=kept)
 
 
 def axis_points(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:
-    """Return points on the exact axes of the yarns, which the patches approximate.
+    """Sample the exact axes of the yarns; the patches approximate these axes.
 
     Parameters
     ----------
     cloth : Cloth
-        As woven.
+        At rest.
     samples : int
-        Points on each part of an axis.
+        Number of points on each part of an axis.
 
     Returns
     -------
     points : (N, 3) float64
-        In m, yarn by yarn, the ends first.
+        In m, yarn by yarn, ends first.
     yarn : (N,) int32
-        Number of each one's yarn.
+        Yarn of each point.
     """
     result, owners, first_yarn = [], [], 0
     for number, family in enumerate(axes(cloth)):

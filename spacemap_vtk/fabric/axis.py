@@ -1,7 +1,7 @@
 """Axes of yarns, cut into parts.
 
-Invariant that everything above relies on: part q of a family, on its yarn y, runs from station
-q + y to station q + y + 1.
+Invariant on which all modules that use axes rely: part q of a family, on its yarn y, runs from
+station q + y to station q + y + 1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 
 class Axes(NamedTuple):
-    """The axes of one family, cut into parts; stations are the parts' ends."""
+    """The axes of one family, cut into parts; stations are the ends of the parts."""
 
     radius: Floats
     """(yarns,) Half the height of each yarn's section."""
@@ -52,7 +52,7 @@ class Axes(NamedTuple):
         return np.cumsum(self.parts) + np.arange(len(self.parts))
 
     def at(self, part: Ints, station: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return places on the axes."""
+        """Compute position along the yarn, height and slope at fractions of parts."""
         place, slope = (self.along, self.height), self.angle
         if self.cubic:
             weights = bernstein(3, fraction).T
@@ -68,7 +68,8 @@ class Axes(NamedTuple):
                 )
             return found[0], found[1], np.arctan2(speed[1], speed[0])
         s, k, a = self.length[part] * fraction, self.curvature[0, part], slope[station]
-        # chord of an arc of angle k s: 2 sin(k s / 2) / k long, in the direction of its middle
+        # The chord of an arc of angle k s has the length 2 sin(k s / 2) / k and the direction of
+        # the arc's middle.
         chord, middle = s * np.sinc(0.5 * k * s / pi), a + 0.5 * k * s
         straight = k == 0.0
         along, height = (
@@ -83,7 +84,7 @@ class Axes(NamedTuple):
 
 
 def sampled(family: Axes, samples: int) -> tuple[Ints, Ints, Floats]:
-    """Return places all along the axes of a family, yarn by yarn."""
+    """Choose evenly spaced points on the axes of a family, yarn by yarn."""
     count = np.full(len(family.length), samples)
     count[np.cumsum(family.parts) - 1] += 1
     part = np.repeat(np.arange(len(count)), count)

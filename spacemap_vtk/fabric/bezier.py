@@ -16,7 +16,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 
 def bernstein(degree: int, t: ArrayLike) -> Floats:
-    """Return the Bernstein polynomials of a degree at some parameters."""
+    """Evaluate the Bernstein polynomials of a degree."""
     values = np.asarray(t, dtype=np.float64).reshape(-1, 1)
     power = np.arange(degree + 1)
     binomial = np.array([comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
@@ -24,7 +24,7 @@ def bernstein(degree: int, t: ArrayLike) -> Floats:
 
 
 def bernstein_derivative(degree: int, t: ArrayLike) -> Floats:
-    """Return the first derivatives of the Bernstein polynomials of a degree."""
+    """Evaluate the first derivatives of the Bernstein polynomials of a degree."""
     lower = degree * bernstein(degree - 1, t)
     result = np.zeros((len(lower), degree + 1))
     result[:, 1:] = lower
@@ -34,20 +34,20 @@ def bernstein_derivative(degree: int, t: ArrayLike) -> Floats:
 
 def arc_handle(angle: float) -> float:
     """Return the handle length, over the radius, of the cubic that approximates an arc."""
-    # The cubic meets the arc in its ends and its middle, and its tangents at the ends. Its largest
-    # radial error, over the radius, is 3.7e-7 for 30 degrees, 2.4e-5 for 60 and 2.7e-4 for 90, and
-    # grows with the sixth power of the angle.
+    # The cubic meets the arc at its ends and its middle, and has its tangents at the ends. Its
+    # largest radial error, over the radius, is 3.7e-7 for 30 degrees, 2.4e-5 for 60 and 2.7e-4 for
+    # 90. It grows with the sixth power of the angle.
     return 4.0 / 3.0 * tan(angle / 4.0)
 
 
 def rational_handles(angle: Floats | float) -> tuple[Floats, Floats]:
-    """Return handles and weights of the rational cubics that are arcs, of less than half a turn."""
+    """Give handles and weights of rational cubics that are exact arcs of less than half a turn."""
     total = 1.0 + 2.0 * np.cos(0.5 * angle)
     return 2.0 * np.sin(0.5 * angle) / total, total / 3.0
 
 
 def quadrilateral_order(p: int, q: int) -> Ints:
-    """Return where the points of a tensor-product patch stand in VTK's Bézier quadrilateral.
+    """Number the points of a tensor-product patch as in VTK's Bézier quadrilateral.
 
     Parameters
     ----------
@@ -57,15 +57,15 @@ def quadrilateral_order(p: int, q: int) -> Ints:
     Returns
     -------
     ndarray of int, shape ((p + 1) (q + 1),)
-        Columns of a cell's connectivity, u fastest.
+        Columns of a cell's connectivity, u running fastest.
     """
-    # VTK lists the four corners first, then the insides of the four edges, then the inside of the
+    # VTK lists the four corners first, then the inner points of the four edges, then those of the
     # face.
     if min(p, q) < 1:
         raise InputError("no such polynomial", key="degree", value=min(p, q), allowed="at least 1")
     order = np.empty((q + 1, p + 1), dtype=np.int64)
     order[0, 0], order[0, p], order[q, p], order[q, 0] = range(4)
-    # opposite edges run the same way, not round the face
+    # Opposite edges run in the same direction, not around the face.
     first = 4
     for edge in (order[0, 1:p], order[1:q, p], order[q, 1:p], order[1:q, 0]):
         edge[:] = np.arange(first, first + len(edge))

@@ -1,4 +1,4 @@
-"""Tensile tests of a cloth by its yarns: strips whose other direction is free, and both pulled."""
+"""Tensile tests of a cloth from its yarns: strips with a free width, and equal biaxial tension."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from spacemap_vtk.ndarrays import Bools, Floats
 
 #: The tests, in the order of their curves.
 TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
-#: Halvings of the interval in which a free direction lies.
+#: Bisection steps that find the extension of a free direction.
 _HALVINGS = 24
-#: How far past straight yarns a map goes, over their crimp, and its least and most.
+#: How far the map goes beyond straight yarns: share of the crimp, and least and largest amount.
 _PAST = (0.25, 0.02, 0.05)
-#: How far a map goes below rest, over how far it goes above, if no jam is nearer or further off.
+#: How far the map goes below rest, as a multiple of its range above rest, unless yarns jam earlier
+#: or later.
 _BELOW = 1.5
-#: Solutions that a map is made of at most, and its least and largest number of points a side.
+#: Largest number of solutions in a map.
 _SOLUTIONS = 60_000
+#: Least and largest number of points along one side of a map.
 _SIDE = (15, 61)
 
 
 class StretchMap(NamedTuple):
-    """What a cloth does at m x m stretches: values are (2, weft, warp) or (weft, warp)."""
+    """Response of a cloth at m x m stretches; values are (2, weft, warp) or (weft, warp)."""
 
     warp: Floats
     weft: Floats
@@ -54,23 +56,22 @@ class Tensile(NamedTuple):
 
 
 def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> list[Tensile]:
-    """Pull a cloth along the warp, along the weft, and along both alike.
+    """Simulate tensile tests along the warp, along the weft, and along both.
 
     Parameters
     ----------
     crossings : Interchange
-        Those of the cloth, of yarns that stretch.
+        Crossings of the cloth; its yarns must stretch.
     largest : float
         Largest extension.
     steps : int
-        How many extensions, from 0 on.
+        Number of extensions, from 0 to `largest`.
 
     Returns
     -------
     list of Tensile
-        In the order of `TESTS`. In a strip the other direction is as wide as it is without force:
-        the widest at which its yarns do not pull, or at
-        which they jam.
+        In the order of `TESTS`. In a strip test the other direction is as wide as it is without
+        force: the largest width at which its yarns do not pull, or the width at which they jam.
     """
     pulled = 1.0 + np.linspace(0.0, largest, steps)
     threshold = 1e-9 * crossings.resultants([[1.01], [1.01]]).force.max()
@@ -78,7 +79,7 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
     for family, name in enumerate(TESTS):
         stretch = np.stack([pulled, pulled])
         if family < 2:
-            # from where yarns jam to where both directions are pulled
+            # Search between the stretch at which yarns jam and that at which both directions pull.
             stretch[1 - family] = 0.1
             low = crossings.resultants(stretch).stretch[1 - family] * (1.0 + 1e-12)
             high = np.maximum(low, 1.0 + largest)
@@ -90,23 +91,24 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
             stretch[1 - family] = low
         force, strain, _, _, held = crossings.resultants(stretch)
         if family < 2:
-            force[1 - family] = 0.0  # where it jams, that carries what the yarns pull
+            force[1 - family] = 0.0  # if it is jammed, the jam balances the pull of the yarns
         result.append(Tensile(name, held - 1.0, force, strain))
     return result
 
 
 def stretch_map(crossings: Interchange) -> StretchMap:
-    """Stretch a cloth along warp and weft, from where it jams to past straight yarns.
+    """Compute the response to stretches of warp and weft, from jammed to beyond straight yarns.
 
     Parameters
     ----------
     crossings : Interchange
-        Those of the cloth.
+        Crossings of the cloth.
 
     Returns
     -------
     StretchMap
-        Coarser where there are many kinds of crossings. Past a jam, what they do at its border.
+        It is coarser if the cloth has many kinds of crossings. Beyond a jam it holds the values at
+        the jam.
     """
     state = crossings.solve(np.ones((2, *crossings.shape)))
     crimp = state.crimp.max(axis=(1, 2))
@@ -119,7 +121,7 @@ def stretch_map(crossings: Interchange) -> StretchMap:
         low[family] = max(jam.min(), min(jam.max(), 1.0 - _BELOW * (high[family] - 1.0)))
     axes = np.linspace(low, high, side, axis=1)
     found = crossings.resultants(np.stack(np.meshgrid(*axes)).reshape(2, -1))
-    # along lines on which both stretches grow, slack yarns are pulled once
+    # On a line along which both stretches grow, slack yarns become taut exactly once.
     span, aside = (high - low)[:, None], np.linspace(-1.0, 1.0, side)
     start = 1.0 + span * np.array([[1.0], [-1.0]]) * aside
     below, above = -np.ones(side), np.ones(side)
@@ -144,7 +146,7 @@ def _slack(found: Resultants) -> Bools:
 
 
 def _jam(crossings: Interchange, family: int, other: Floats) -> Floats:
-    """Return the least stretch that a family's yarns reach at each stretch along the other's."""
+    """Compute the least stretch of a family for each stretch of the other family."""
     stretch = np.stack([other, other])
     stretch[family] = 0.1
     return crossings.resultants(stretch).stretch[family]

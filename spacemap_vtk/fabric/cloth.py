@@ -1,16 +1,16 @@
-"""The measures of a cloth: yarns, spacings, sections and crimp, checked before anything is built.
+"""A cloth: yarns, spacings, sections and crimp, checked before anything is built.
 
-Every yarn may have its own diameter and every pair of neighbours its own spacing. The section of a
-yarn is a circle, a racetrack (Kemp) or an ellipse; its height along z is the diameter, its width
-along the cloth is the aspect times that. What follows holds for all of them:
+Every yarn may have a different diameter, and every pair of neighbours a different spacing. The
+section of a yarn is a circle, a racetrack (Kemp) or an ellipse. Its height along z is the diameter,
+and its width along the cloth is the aspect times the diameter. For all sections:
 
-- At the crossing of end j and pick i the axes are (d_j + d_i) / 2 apart, which warp and weft share
-  in one ratio h1 : h2 all over the cloth. So crimp heights follow the diameters.
-- A flattened yarn is crossed on its flat, which is the width less the diameter long: between two
-  crossings Peirce's formulas hold over p' = p less half the flats of both (Kemp).
-- A gap between two crossings whose arcs have radii that sum up to D has room for the warp where
-  ``h1 / (h1 + h2) <= 1 - sqrt(1 - (p'/D)**2)``, and for the weft likewise. So the tightest gap of
-  each family alone decides what is feasible.
+- At the crossing of end j and pick i the axes are (d_j + d_i) / 2 apart. Warp and weft share this
+  distance in one ratio h1 : h2 in the whole cloth, so crimp heights are proportional to diameters.
+- A flattened yarn is crossed on its flat, whose length is the width less the diameter. Between two
+  crossings Peirce's formulas hold over p' = p less half the flats of both yarns (Kemp).
+- In a gap whose two arcs have radii with the sum D, there is room for the warp if
+  ``h1 / (h1 + h2) <= 1 - sqrt(1 - (p'/D)**2)``; the same holds for the weft. So the tightest gap
+  of each family alone decides what is feasible.
 
 Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; A. Kemp,
 "An Extension of Peirce's Cloth Geometry to the Treatment of Non-circular Threads", J. Textile Inst.
@@ -42,20 +42,20 @@ from spacemap_vtk.fabric.threads import Some, Threads, Yarns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parallel import blocks
 
-#: Shapes of a yarn's axis, the commonest first.
+#: Shapes of a yarn's axis, the default first.
 AXES = ("arcs", "spline")
-#: A crimp may pass the end of its interval by this share of the largest, by rounding.
+#: Rounding tolerance: a crimp may exceed its interval by this share of the largest crimp.
 _GRACE = 1e-9
-#: Crossings that are looked at in one go: some ten megabytes.
+#: Number of crossings that are processed in one block, which takes some ten megabytes.
 _CROSSINGS = 20_000
-#: Room between the two cloths of a double weave where nobody says, over D.
+#: Default gap between the two cloths of a double weave, as a share of D.
 _LAYER_GAP = 0.1
-#: A yarn of each course, ascending, and the course of each yarn.
+#: First yarn of each course, ascending, and the course of each yarn; see `Cloth.courses`.
 Courses = tuple[Ints, Ints]
 
 
 class Passing(NamedTuple):
-    """How yarns pass what they cross: arrays (yarns, crossings)."""
+    """Radii and heights of yarns at the yarns that they cross: arrays (yarns, crossings)."""
 
     arc: Floats
     """Radii of the arcs on which they do: where yarns touch, how far apart the axes are, R."""
@@ -66,7 +66,7 @@ class Passing(NamedTuple):
 
 
 class Family(NamedTuple):
-    """The measures of warp or weft, seen from its own yarns: means, lengths in metres."""
+    """Mean measures of warp or weft, seen from that family; lengths in metres."""
 
     diameter: float
     """Height of the section, along z."""
@@ -86,51 +86,51 @@ class Family(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloth:
-    """A cloth: which yarn lies on top, the measures of the yarns, and how they are shown.
+    """A cloth: its drawdown, the measures of its yarns, and how the yarns are shaped.
 
-    There may be no room for its yarns: `check` tells. Whatever is asked of the geometry asks that
-    first, so that nothing can be built of such a cloth.
+    A cloth may have no room for its yarns; then `check` raises an error, and so does everything
+    that computes geometry, so nothing can be built from it.
 
     Parameters
     ----------
     drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
+        First pick and first end come first; True: the end lies over the pick.
     warp, weft : Threads
         The ends (p1, d1) and the picks (p2, d2).
     crimp_height : float, optional
-        Crimp height h1 of the warp, in metres, for yarns of mean diameters; those of the single
-        crossings follow in proportion to theirs. By default what the crimp of warp or weft gives,
-        else the middle of the feasible interval.
+        Crimp height h1 of the warp, in metres, for yarns of mean diameters. Crimp heights of single
+        crossings are proportional to their diameters. By default it follows from the crimp of warp
+        or weft, or else it is the middle of the feasible interval.
     overhang : float, optional
-        How far each yarn reaches past its last crossing, in metres; by default half the mean
-        spacing that it crosses.
+        Length of each yarn past its last crossing, in metres; by default half the mean spacing of
+        the yarns that it crosses.
     caps : bool
         Whether cut ends are closed.
     exact : bool
-        Whether surfaces are rational, so that round yarns and arcs are exact to rounding.
+        Whether surfaces are rational. Then round yarns and arcs are exact up to rounding.
     axis : {"arcs", "spline"}
         Shape of a yarn's axis: Peirce's arc - straight - arc, or the cubic spline through the
-        crossings, which bends without jumps in curvature but holds no distance between yarns.
+        crossings. A spline has no jumps in curvature, but does not keep yarns at a distance.
     density : float, optional
-        Mass of a volume of yarn, the air between its fibres included, in kg/m3.
+        Mass per volume of yarn, including the air between its fibres, in kg/m3.
     middle : tuple of 2 float
-        Where the middle between its first and its last end, and pick, is, in metres: of a part of a
-        cloth, where that lies in the whole.
+        Position of the middle between first and last end, and between first and last pick, in
+        metres. Used to place a part of a cloth in the whole cloth.
     warnings : tuple of str
         What was assumed or changed on the way to this cloth.
     layers : Layers, optional
-        Of a double weave: two cloths, each with the crossings of its own yarns.
+        Only for a double weave: two cloths, each with the crossings of its own yarns.
     layer_gap : float, optional
-        Room between these cloths, in metres; by default a tenth of D.
+        Gap between these two cloths, in metres; by default a tenth of D.
     cure : str
-        What helps where there is no room, beside thinner yarns and wider spacings.
+        Advice for error messages about missing room, added to "thinner yarns or wider spacings".
     names : callable
-        How messages name the quantities of warp and weft.
+        Names of the quantities of warp and weft in messages.
 
     Raises
     ------
     InputError
-        The drawdown is no matrix.
+        The drawdown is not a matrix.
 
     Examples
     --------
@@ -167,7 +167,7 @@ class Cloth:
         GeometryError
             There is no room for the yarns.
         InputError
-            A measure does not fit another.
+            One measure contradicts another.
         """
         _ = self.height
 
@@ -178,7 +178,7 @@ class Cloth:
 
     @cached_property
     def height(self) -> float:
-        """Crimp height h1 of the warp, in metres; that of the weft is D - h1."""
+        """Crimp height h1 of the warp, in metres; the weft has D - h1."""
         try:
             self._check_measures()
             height = self._chosen_height()
@@ -198,13 +198,13 @@ class Cloth:
         return feasible_height(*tightest, sum_)
 
     def feasible_crimps(self, number: int) -> tuple[float, float]:
-        # Low and high, of warp (0) or weft (1).
+        # The low and the high end, for warp (0) or weft (1).
         low, high = (self._crimp_at(number, height) for height in self.feasible_heights)
         return min(low, high), max(low, high)
 
     @property
     def share(self) -> float:
-        """Share h1 / (h1 + h2) that the warp has in the distance of the axes at a crossing."""
+        """Share h1 / (h1 + h2) of the warp in the distance of the axes at a crossing."""
         return self._share(self.height)
 
     @property
@@ -214,10 +214,10 @@ class Cloth:
 
     @property
     def parts_per_gap(self) -> int:
-        """Most parts of an axis between neighbouring crossings, for estimates of memory."""
+        """Largest number of parts of an axis between neighbouring crossings, to estimate memory."""
         if self.axis == "spline":
             return 4
-        # an arc of 60 degrees needs a height of at least half the sum of its radii
+        # An arc of more than 60 degrees needs a height of more than half the sum of its radii.
         steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.joined))
         arcs = 2 if steep and not self.exact else 1
         return 2 * arcs + 1 + (max(self.warp.aspect, self.weft.aspect) > 1.0)
@@ -229,10 +229,10 @@ class Cloth:
 
     @cached_property
     def sheets(self) -> tuple[tuple[Threads, Threads], ...]:
-        """Warp and weft of each cloth: of both, where it is a double weave."""
+        """Warp and weft of the cloth, or of each of the two cloths of a double weave."""
         if self.layers is None:
             return (self.threads,)
-        # threads that change from one to the other are every other one in either
+        # Threads that change from one cloth to the other count as every other one in each cloth.
         ends, picks = (
             np.arange(count) % 2 == 1 if second is None else second
             for second, count in zip((self.layers.ends, self.layers.picks), self.size, strict=True)
@@ -244,7 +244,7 @@ class Cloth:
 
     @property
     def sheet_thickness(self) -> float:
-        """Thickness of the cloth, or of each of the two of a double weave, in metres."""
+        """Thickness of the cloth, or of each cloth of a double weave, in metres."""
         tallest = [float(np.max(threads.diameter)) for threads in self.threads]
         return max(
             share * sum(tallest) + own for share, own in zip(self.shares, tallest, strict=True)
@@ -252,7 +252,7 @@ class Cloth:
 
     @property
     def level(self) -> float:
-        """Height of the cloth above over the middle of both, in metres; 0 where there is one."""
+        """Height of the upper cloth of a double weave over the middle, in metres; otherwise 0."""
         if self.layers is None:
             return 0.0
         gap = _LAYER_GAP * self.diameter_sum if self.layer_gap is None else self.layer_gap
@@ -260,11 +260,11 @@ class Cloth:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Ends and picks."""
+        """Numbers of ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
     def in_blocks(self, number: int, count: int) -> list[slice]:
-        # Of so many ends (0) or picks (1), those whose crossings are looked at in one go.
+        # Blocks of `count` ends (0) or picks (1) whose crossings are processed together.
         return blocks(count, max(1, _CROSSINGS // self.size[1 - number]))
 
     @cached_property
@@ -276,7 +276,7 @@ class Cloth:
 
     @cached_property
     def yarns(self) -> tuple[Yarns, Yarns]:
-        """Ends and picks one by one."""
+        """Ends and picks, each yarn by itself."""
         warp, weft = (
             threads.yarns(count, middle)
             for threads, count, middle in zip(self.threads, self.size, self.middle, strict=True)
@@ -284,11 +284,11 @@ class Cloth:
         return warp, weft
 
     def upper(self, number: int, which: Some = slice(None)) -> Bools:
-        # (yarns, crossings) Where ends (0) or picks (1) lie over what they cross.
+        # (yarns, crossings) Whether ends (0) or picks (1) lie over the yarns that they cross.
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
     def passing(self, number: int, which: Some = slice(None)) -> Passing:
-        # How ends (0) or picks (1) pass what they cross: a row for each.
+        # Radii and heights of ends (0) or picks (1) at the yarns that they cross, a row per yarn.
         own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
         arc = 0.5 * (own[:, None] + crossed)
         upper, share = self.upper(number, which), self.shares[number]
@@ -308,7 +308,7 @@ class Cloth:
 
     @cached_property
     def courses(self) -> tuple[Courses, Courses]:
-        """Of warp and weft, whose yarns of one course have equal axes."""
+        """Courses of warp and weft; yarns of one course have equal axes."""
         return self._courses_of(0), self._courses_of(1)
 
     def _courses_of(self, number: int) -> Courses:
@@ -327,44 +327,44 @@ class Cloth:
 
     @cached_property
     def families(self) -> tuple[Family, Family]:
-        """Mean measures of warp and weft, Peirce's figures among them."""
+        """Mean measures of warp and weft, including Peirce's figures."""
         warp, weft = self.shares
         return self._family(0, warp), self._family(1, weft)
 
     def _share(self, height: float) -> float:
-        # h1 may pass 0 or D by rounding
+        # Rounding may put h1 slightly below 0 or above D.
         return min(max(height / self.diameter_sum, 0.0), 1.0)
 
     @cached_property
     def _tightest(self) -> tuple[float, float]:
-        """Spacings p1 and p2 at which yarns of mean diameters would be as tight as the worst."""
-        # Feasible heights over D depend on p'/D alone.
+        """Spacings p1 and p2 that make yarns of mean diameters as tight as the tightest gaps."""
+        # Feasible heights over D depend on p'/D only.
         result = []
         for number in (0, 1):
             ratio = inf
-            # of threads that change from one cloth to the other, any neighbours may be in one
+            # Threads that change from one cloth to the other may be neighbours in either cloth.
             fixed = self.layers is None or self.layers.fixed
             for threads in [s[number] for s in self.sheets] if fixed else [self.threads[number]]:
                 room, diameters = threads.gaps()
                 sums = diameters + np.max(self.threads[1 - number].diameter)
                 ratio = min(ratio, float(np.min(room / sums, initial=inf)))
-            # without a second yarn there is nothing to bend between
+            # Without a second yarn there is nothing to bend between.
             result.append(ratio * self.diameter_sum if ratio < inf else self.diameter_sum)
         return result[0], result[1]
 
     def _family(self, number: int, share: float) -> Family:
-        """Return mean measures; a mean gap has room wherever every gap has."""
+        """Compute mean measures; a mean gap has room if every gap has."""
         threads, other = self.threads[number], self.threads[1 - number]
         own, across = float(np.mean(threads.diameter)), float(np.mean(other.diameter))
         crossed = other.mean_spacing(other.aspect * across)
         found = [sheet[1 - number].gaps() for sheet in self.sheets]
         room, between = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        # from crossing to crossing of the same cloth: flats, where there are any, are part of it
+        # From crossing to crossing of the same cloth; this distance includes flats.
         apart = crossed
         if self.layers is not None and room.size:
             apart = float(np.mean(room + (other.aspect - 1.0) * between))
         arcs = own + (float(np.mean(between)) if room.size else across)
-        # a lone crossed yarn has no neighbour to bend towards: nothing is tight
+        # A lone crossed yarn has no neighbour towards which to bend, so nothing is tight.
         gap = float(np.mean(room)) if room.size else max(crossed, arcs)
         theta, straight, length, crimp = solve(gap, share * arcs, arcs)
         if room.size:
@@ -380,7 +380,7 @@ class Cloth:
         )
 
     def _crimp_at(self, number: int, height: float) -> float:
-        """Return the crimp of a family at a warp crimp height."""
+        """Compute the crimp of a family at a warp crimp height."""
         share = self._share(height)
         return float(self._family(number, 1.0 - share if number else share).crimp.crimp)
 
@@ -393,7 +393,7 @@ class Cloth:
         return balanced_height(*self._tightest, self.diameter_sum)
 
     def _height_for_crimp(self, number: int, crimp: float) -> float:
-        """Return the warp crimp height at which a family has a given crimp."""
+        """Find the warp crimp height at which a family has a given crimp."""
         low, high = self.feasible_heights
         least, most = self.feasible_crimps(number)
         if not least - _GRACE * most <= crimp <= most * (1.0 + _GRACE):
@@ -412,16 +412,17 @@ class Cloth:
         def remainder(height: float) -> float:
             return self._crimp_at(number, height) - crimp
 
-        from scipy.optimize import brentq  # with all it brings: a tenth of a second
+        from scipy.optimize import brentq  # imported here: it takes a tenth of a second
 
         return float(brentq(remainder, low, high, xtol=1e-15 * self.diameter_sum, rtol=1e-15))
 
     def _check_measures(self) -> None:
-        """Refuse what no crimp height could mend."""
+        """Refuse measures that no crimp height can make feasible."""
         for number, threads in enumerate(self.threads):
             threads.check(number, self.size[number], self.names)
         for number in (0, 1):
-            # yarns of two cloths lie one above the other where they never change places
+            # Yarns of two cloths that never change places lie above each other, so they may overlap
+            # in plan view.
             apart = self.layers is not None and not self.layers.joined[number]
             for threads in [s[number] for s in self.sheets] if apart else [self.threads[number]]:
                 threads.check_neighbours(number, JAM, self.diameter_sum, self.names)

@@ -1,13 +1,13 @@
-"""Energy of a crossing whose yarns exchange crimp, and its least value, for many crossings at once.
+"""Energy of a crossing whose yarns exchange crimp, and its minimum, for many crossings at once.
 
-Unknown are Peirce's two angles: in them the energy is smooth, at jams too, where what a height
-lacks goes like the square of what its angle lacks. Heights and D, twice the distance of the axes,
-follow in closed form, linear in the rooms p. With S and C for sine and cosine, r = 1 - C and m =
-1 - r1 r2
+The unknowns are Peirce's two angles. The energy is smooth in them, also at jams, where a height is
+below its maximum by the square of the amount by which its angle is. Heights and D, twice the
+distance of the axes, follow in closed form and are linear in the rooms p. With S and C for sine and
+cosine, r = 1 - C and m = 1 - r1 r2
 
     h1 = (p1 S1 - r1 p2 S2) / m,  D = h1 + h2,  s1 = p1 C1 - h2 S1,  l1 = D theta1 + s1
 
-and the same with 1 and 2 exchanged; so that, with w = s / m,
+and the same with 1 and 2 exchanged. With w = s / m,
 
     dD = w1 C2 dtheta1 + w2 C1 dtheta2
     dl1 = w1 (theta1 C2 + S1 r2) dtheta1 + w2 (theta1 C1 - S1) dtheta2
@@ -28,34 +28,37 @@ from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
-#: Over D: what may be left to go at the end of Newton's method, and what a start counts as moved.
+#: Shares of D: remaining distance at which Newton's method stops, and the movement that is assumed
+#: to precede its first step.
 _ENOUGH, _FIRST = 1e-10, 1e-3
-#: The last step is less than this, in radians: near a jam heights say little.
+#: The last step turns angles by less than this, in rad: near a jam heights hardly change.
 _TURNED = 1e-6
-#: The most that angles turn in a step.
+#: Largest turn of an angle in one step, in rad.
 _TURN = 0.5
-#: Share of its way to a jam that a height is kept from there: at the jam itself all is level.
+#: Share of the distance to a jam that heights keep: at the jam itself the derivatives of heights
+#: and D by the angle vanish.
 _INSIDE = 0.01
-#: An angle below which a yarn that would be pressed through to its other side is straight.
+#: Angle, in rad, below which a yarn that is pressed towards its other side counts as straight.
 _STRAIGHT = 1e-4
-#: Over D: a straight part that is no part any more, and one that a jam leaves to Newton's method.
+#: Straight parts, as shares of D: one that is too short to divide by, and one of a yarn that counts
+#: as jammed because Newton's method stops just before the jam.
 _SLIVER, _JAMMED = 1e-7, 1e-5
-#: Share of D within which it is at its bound.
+#: Share of D within which D is at its bound.
 _EQUAL = 1e-12
-#: What only keeps from dividing by 0.
+#: Added to a divisor, or used as its least value, so that it is not 0.
 _TINY = 1e-150
 
 
 def some(arrays: Arrays, which: NDArray) -> Arrays:
-    """Return what some crossings have."""
+    """Select some of the crossings."""
     return type(arrays)(*(array.take(which, axis=-1) for array in arrays))
 
 
 class CrimpEnergy(NamedTuple):
-    """What a crossing's energy is made of."""
+    """Coefficients of the energy of crossings."""
 
-    # 1/2 tension (l - length)**2 of each yarn whose axis is longer than it, 1/2 contact (D -
-    # full)**2, and hinge (theta - rest)**2 / D of each yarn.
+    # The energy is 1/2 tension (l - length)**2 for each yarn whose axis is longer than the yarn,
+    # 1/2 contact (D - full)**2, and hinge (theta - rest)**2 / D for each yarn.
 
     tension: Floats
     """(2, n) EA over the yarn's length, in N/m."""
@@ -71,7 +74,7 @@ class CrimpEnergy(NamedTuple):
     def unpulled(
         self, theta: Floats, distance: Floats
     ) -> tuple[Floats, Floats, Floats, Floats | float]:
-        """Return what is not the yarns' pull, its derivatives by D, and its first ones by theta."""
+        """Compute energy without the yarns' pull, two derivatives by D, and the first by theta."""
         squash = distance - self.full
         push = self.contact * squash
         value = 0.5 * push * squash
@@ -86,7 +89,7 @@ class CrimpEnergy(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Energy of crossings, and how it changes with the angles of their yarns."""
+    """Energy of crossings and its derivatives by the angles of their yarns."""
 
     value: Floats
     """(n,) J"""
@@ -107,7 +110,7 @@ class Slopes(NamedTuple):
     """(3, n) The same by theta1 twice, by both, by theta2 twice."""
 
     def pulled(self, stiff: Floats) -> Slopes:
-        """Return them where yarns of that stiffness pull, too, or push, slack as they are."""
+        """Add the pull of yarns of a given stiffness; slack yarns push."""
         own, other = stiff * self.own, stiff * self.other
         slope = self.slope + own * self.over + (other * self.over)[::-1]
         square = own * self.own + (other * self.other)[::-1]
@@ -116,7 +119,7 @@ class Slopes(NamedTuple):
         return self._replace(slope=slope, curve=curve)
 
     def press(self) -> Floats:
-        """Return what the least energy gains with D, in N; straight yarns do not tell."""
+        """Compute the derivative of the least energy by D, in N; straight yarns do not count."""
         turn = self.turn * (self.theta > _STRAIGHT)
         return (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
 
@@ -129,8 +132,8 @@ def slopes(
     distance: Floats,
     press: Floats | float = 0.0,
 ) -> Slopes:
-    """Return the energy and its derivatives by the angles."""
-    # in place, for memory that is given back and taken anew costs as much as the arithmetic
+    """Compute the energy and its derivatives by the angles."""
+    # Arrays are reused in place, because allocating new ones costs as much as the arithmetic.
     theta, s, over, sin, cos, half = bend(room, heights, distance)
     over -= length
     bow, cross = 1.0 - cos, cos[::-1]
@@ -184,7 +187,7 @@ def pulls(
     distance: Floats,
     along: tuple[Floats, Floats],
 ) -> Floats:
-    """Return forces, (2, n), without what jams push: derivatives at given heights."""
+    """Compute the forces, (2, n), as derivatives at given heights, without the push of jams."""
     gap = bend(room, heights, distance)
     force = energy.tension * np.maximum(gap.length - length, 0.0)
     moment = energy.unpulled(gap.theta, distance)[-1]
@@ -201,29 +204,31 @@ def forces(
     along: tuple[Floats, Floats],
     distances: tuple[Floats, Floats],
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the least energy, (n,), and its derivatives by the stretches, (2, n), (2, 2, n)."""
-    # `along` are d(room) and -d(length) by the stretch: spacing, and floats, of each yarn.
+    """Compute the least energy, (n,), and its derivatives by the stretches, (2, n), (2, 2, n)."""
+    # `along` holds d(room) and -d(length) by the stretch: spacing and floats of each yarn.
     low, high = distances
     little = 1e-9 * energy.tension.max(axis=0) * energy.full
     now = slopes(energy, room, length, heights, distance)
-    # what a jam pushes to which bending turns a yarn
+    # Push of a jam into which bending turns a yarn.
     jammed = (now.straight < _JAMMED * distance) & (now.slope < -little)
     push = np.where(jammed, -now.slope / distance, 0.0)
     turned = (push * np.tan(now.theta))[::-1] * now.turn
     press = now._replace(slope=np.where(jammed, 0.0, now.slope) + turned).press()
-    # what is held by a bound does not follow; at rest, where nothing pushes, all does
+    # Where D is pressed against a bound it does not follow the stretch. At rest nothing presses,
+    # and D follows everywhere.
     firm = ((distance <= low) & (press > little)) | ((distance >= high) & (press < -little))
     firm |= low >= high
     press = np.where(firm, press, 0.0)
     now = slopes(energy, room, length, heights, distance, press)
-    # a yarn that is neither slack nor strained counts as pulling: the stiffness at rest is that of
-    # cloth that is pulled
+    # A yarn that is neither slack nor strained counts as pulling: then the stiffness at rest is
+    # that of a cloth under tension.
     pull = energy.tension * (now.over >= -1e-12 * length)
     now = now.pulled(pull * (now.over <= 0.0))
     force = pull * np.maximum(now.over, 0.0)
     _, free, steep, moment = energy.unpulled(now.theta, distance)
     free = free - press
-    # at given angles lengths are linear in the rooms: (2, stretches, n), at a stretch of one yarn
+    # At given angles lengths are linear in the rooms. Arrays are (2, stretches, n), and each
+    # stretch changes the room of one yarn.
     theta, sin, cos = (one[:, None] for one in (now.theta, np.sin(now.theta), np.cos(now.theta)))
     bow, cross = 1.0 - cos, cos[::-1]
     both = 1.0 - bow[0] * bow[1]
@@ -241,22 +246,23 @@ def forces(
     mixed += weight * (force * (theta * cos - sin))[::-1]
     mixed += (pull * now.own)[:, None] * longer + ((pull * now.other)[:, None] * longer)[::-1]
     mixed += (steep * now.turn - moment / distance)[:, None] * wider
-    # the angles follow, with D as it is where that is held, and straight yarns that are pressed;
-    # jams that bending fills follow by their angles alone, not by how their room bends them
+    # The angles follow the stretch, except those of straight yarns that are pressed. D stays where
+    # it is held. Jams into which bending turns a yarn follow by their angles only, without the
+    # effect of the room on bending.
     loose = (now.theta > _STRAIGHT) | (now.slope < little)
     a, b, c = now.curve * np.stack([loose[0], loose[0] & loose[1], loose[1]])
     scale = firm * (np.abs(a) + np.abs(c)) / np.maximum(np.abs(now.turn).max(axis=0), _TINY)
     turn = scale * loose * now.turn
     system = np.array([[a, b, turn[0]], [b, c, turn[1]], [turn[0], turn[1], np.zeros_like(a)]])
     sides = np.concatenate([loose[:, None] * mixed, scale * wider[None]])
-    # what nothing resists does not follow
+    # The pseudo-inverse leaves directions alone that nothing resists.
     inverse = np.linalg.pinv(system.transpose(2, 0, 1), 1e-13, True)
     tangent -= np.einsum("ikn,nij,jln->kln", sides, inverse, sides)
     return now.value, slope, tangent
 
 
 class _Place(NamedTuple):
-    """Where crossings are, and where Newton's method goes from there."""
+    """State of the crossings, and Newton's step from it."""
 
     heights: Floats
     distance: Floats
@@ -286,13 +292,13 @@ def least(
     low: Floats,
     high: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return (h1, D) of the least energy, D in its bounds, by Newton's method from a start."""
+    """Find h1 and D of the least energy by Newton's method, D within its bounds."""
     result = np.empty((2, len(low)))
     live: Ints = np.arange(len(low))
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
     d = np.clip(distance, low, high)
     top = jam_height(room, d)
-    # where both are jammed there is no way but to lower D
+    # Where both yarns are jammed, only a smaller D makes room.
     if (tight := top[0] + top[1] < 1.001 * d).any():
         d = np.where(tight, d - 0.1 * (d - low), d)
         top = jam_height(room, d)
@@ -313,13 +319,13 @@ def least(
         at = to
         heights, d, top = _moved(room, at, low, high)
         moves = np.maximum(np.abs(heights[0] - at.heights[0]), np.abs(d - at.distance))
-        # what is left to go is less than steps make that shrink as this one did
+        # Steps that keep shrinking at the rate of this one would move less than the tolerance.
         done = (moves * moves <= _ENOUGH * d * at.moves) & (part > 0.9)
         done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _TURNED
-        # nor does a yarn get slack by it
+        # The step must not make a taut yarn slack.
         done &= ((now.over <= 0.0) | (over > -_EQUAL * d)).all(axis=0)
         if 8 * np.count_nonzero(done) > len(done):
-            for bound in (low, high):  # but for rounding
+            for bound in (low, high):  # D is at a bound up to rounding
                 d = np.where(np.abs(d - bound) < _EQUAL * bound, bound, d)
             result[:, live[done]] = heights[0, done], d[done]
             on = np.flatnonzero(~done)
@@ -338,10 +344,10 @@ def least(
 def _step(
     tension: Floats, now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
-    """Return Newton's step, the press on D, whether the warp leads, and `over` after the step."""
+    """Compute Newton's step, the press on D, whether the warp leads, and `over` after the step."""
     taut = now.over > 0.0
     step, press, first, over = _towards(now, d, press, low, high)
-    # a yarn that the step makes taut is so from the first
+    # A yarn that becomes taut in the step counts as taut from the start of the step.
     new = (over > 0.0) > taut
     for _ in range(2):
         which = np.flatnonzero(new[0] | new[1])
@@ -360,9 +366,9 @@ def _step(
 def _towards(
     now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
-    """Return what `_step` does of crossings as they are, and `over` after the step."""
+    """Compute the results of `_step` for yarns that stay as taut or slack as they are."""
     (a, b, c), slope, turn = now.curve, now.slope, now.turn
-    # against a saddle: by what the curve does in size
+    # At a saddle, use the curvatures by size; otherwise the step would climb.
     saddle = np.flatnonzero(~((a > 0.0) & (a * c * (1.0 - 1e-10) > b * b)))
     if len(saddle):
         a, b, c = np.stack([a, b, c])
@@ -370,14 +376,14 @@ def _towards(
     across = np.stack([c, a])
     by = 1.0 / (a * c - b * b)
     yielding = (across * turn - b * turn[::-1]) * by
-    # without the press that `slope` has, to see if there still is one
+    # `slope` contains the previous press. It is removed to see whether D is still pressed.
     step = (b * slope[::-1] - across * slope) * by - press * yielding
     to = d + turn[0] * step[0] + turn[1] * step[1]
     off = np.minimum(np.maximum(to, low), high) - to
     more = off / np.maximum(turn[0] * yielding[0] + turn[1] * yielding[1], _TINY)
     step += more * yielding
     first = np.abs(turn[0]) <= np.abs(turn[1])
-    # a yarn's way may end: jammed, or straight
+    # The step may take a yarn past a jam, or past being straight.
     size, (s1, s2) = np.maximum(np.abs(step[0]), np.abs(step[1])), now.straight
     near = np.minimum(s1, s2) < size * (d + s1 + s2)
     ends = np.flatnonzero(near | (np.minimum(now.theta[0], now.theta[1]) < size))
@@ -394,10 +400,10 @@ def _towards(
 def _ended(
     now: Slopes, curve: Floats, step: Floats, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Bools, Floats, Floats, Bools]:
-    """Return whether a step takes a yarn past a jam, or straight; and what `_towards` does then."""
+    """Check whether a step passes a jam or a straight yarn, and end it there as `_towards` does."""
     turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
     weight = now.straight / (1.0 - bow[0] * bow[1])
-    # straight parts, and angles, by both angles
+    # Derivatives of a straight part by the angle of its own yarn and of the other one.
     own, other = sin * bow[::-1] * weight - d, -sin * weight[::-1]
     jammed = -(now.straight + own * step + other * step[::-1]) / d
     over = np.maximum(jammed, -now.theta - step)
@@ -406,7 +412,7 @@ def _ended(
     left = np.where(jam, now.straight, now.theta)
     change = mine * np.where(jam, own, 1.0) + (mine * np.where(jam, other, 0.0))[::-1]
     way = -np.where(warp, left[0], left[1]) / (change * change).sum(axis=0) * change
-    # along what leaves it there
+    # Direction in which the yarn stays jammed, or straight.
     aside = np.stack([change[1], -change[0]])
     (a, b, c), (u, v) = curve, aside
     slope = now.slope + press * turn
@@ -423,14 +429,14 @@ def _ended(
 
 
 def _size(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the matrices [[a, b], [b, c]] with the sizes of their eigenvalues, none of them 0."""
+    """Replace the eigenvalues of matrices [[a, b], [b, c]] by their sizes, none of them 0."""
     root = np.maximum(np.abs(a * c - b * b), 1e-12 * (a + c) ** 2 + _TINY**2)
     trace = np.sqrt(a * a + 2.0 * b * b + c * c + 2.0 * root)
     return (a * a + b * b + root) / trace, b * (a + c) / trace, (c * c + b * b + root) / trace
 
 
 def _moved(room: Floats, at: _Place, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return heights, D and jams after a step: D as that has it, and the angle that leads."""
+    """Compute heights, D and jam heights after a step; D and the leading angle decide."""
     step = at.part * at.step
     d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]
     d = np.minimum(np.maximum(d, low), high)

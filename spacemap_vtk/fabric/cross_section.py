@@ -1,8 +1,8 @@
-"""A cloth cut along the middle of a yarn: centre line, outlines and what a drawing measures.
+"""Cross sections of a cloth along the axis of a yarn: axis, outlines and measures for a drawing.
 
-The curves are those of the cloth itself: axes of `spacemap_vtk.fabric.axes`, which the patches
-follow, and sections of `spacemap_vtk.fabric.section`, which are swept along them. So what goes
-beyond Peirce's circles (flattened, jammed, splines, double weaves) is cut as it is.
+The curves are those of the cloth: axes from `spacemap_vtk.fabric.axes`, which the patches follow,
+and sections from `spacemap_vtk.fabric.section`, which are swept along the axes. So cloths that
+Peirce's circles do not describe (flattened, jammed, splines, double weaves) are cut correctly.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from spacemap_vtk.fabric.drawdown import repeat
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Points on each part of an axis, on each cubic of a section.
+#: Number of points on each part of an axis, and on each cubic of a section.
 _SAMPLES = 48
-#: Crossings in sight, at least and at most, where nobody says.
+#: Least and largest number of crossings in view by default.
 _FEWEST, _MOST = 5, 9
 
 
 class Bend(NamedTuple):
-    """How a yarn passes from one side to the other between neighbours that it touches."""
+    """A part of a yarn that changes side between two neighbouring yarns that it touches."""
 
     begin: int
     """The crossing before, counted from the first in sight."""
@@ -55,26 +55,26 @@ class CrossSection:
 
     #: 0: along an end, 1: along a pick.
     family: int
-    #: Of the yarn, and of the first that it crosses in sight, both counted from 0.
+    #: Number of the yarn, and of the first crossed yarn in view, both counted from 0.
     yarn: int
     first: int
     #: Height of the yarn's section.
     diameter: float
-    #: (n, 2) Its axis, and outline.
+    #: (n, 2) Axis and outline of the yarn.
     axis: Floats
     outline: Floats
     #: (n,) Slope of the axis, in radians.
     slope: Floats
-    #: (crossings, 2) Middles of the yarns that are cut across; (crossings, 2) width and height.
+    #: (crossings, 2) Centres of the crossed yarns; (crossings, 2) their widths and heights.
     centres: Floats
     sizes: Floats
-    #: (crossings, m, 2) Their outlines.
+    #: (crossings, m, 2) Outlines of the crossed yarns.
     sections: Floats
     #: (crossings,) Height of the yarn's own axis there.
     passes: Floats
-    #: (crossings,) Whether they touch: in a double weave, those of one cloth.
+    #: (crossings,) Whether the yarns touch; in a double weave those of one cloth do.
     touching: Bools
-    #: Where it changes side, in sight.
+    #: Parts in view where the yarn changes side.
     bends: tuple[Bend, ...]
 
     @property
@@ -87,22 +87,22 @@ class CrossSection:
 def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSection:
     """Cut a cloth along one of its yarns.
 
-    In sight are a repeat and one crossing more, from 5 to 9: those about the middle that end with
-    a change of side, where there is one.
+    The view contains one repeat and one more crossing, at least 5 and at most 9 crossings. It is
+    the part near the middle that ends with a change of side, if there is one.
 
     Parameters
     ----------
     cloth : Cloth
-        With room for its yarns.
+        There must be room for its yarns.
     family : {0, 1}
         Along an end, or along a pick.
     yarn : int, optional
-        Its number from 0; by default the one in the middle.
+        Number of the yarn, from 0; by default the yarn in the middle.
 
     Returns
     -------
     CrossSection
-        The true curves of the patches' axes and sections.
+        The exact curves of the patches' axes and sections.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
     other = axes_of(cloth, 1 - family, window)
     centres, tilts = _crossed_at(other, own.position[yarn], place)
     outlines = _outlines(cloth, 1 - family)[None] * other.radius[:, None, None]
-    # A plane that is not square to a tube cuts it higher.
+    # A plane that cuts a tube obliquely makes the section higher.
     outlines[..., 1] /= np.cos(tilts)[:, None]
     return CrossSection(
         family,
@@ -164,7 +164,7 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
 
 
 def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
-    """Return which of the yarns that it crosses a yarn touches."""
+    """Return which of the crossed yarns a yarn touches."""
     if cloth.layers is None:
         return np.ones(cloth.size[1 - family], bool)
     own = cloth.layers.own
@@ -172,7 +172,7 @@ def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
 
 
 def _changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) -> Ints:
-    """Return between which crossings, of those that touch, a yarn changes side, (n, 2)."""
+    """Find the pairs of touching crossings between which a yarn changes side, (n, 2)."""
     upper = cloth.upper(family, np.array([yarn]))[0, window]
     places = np.flatnonzero(_touched(cloth, family, yarn)[window])
     changed = np.flatnonzero(np.diff(upper[places].astype(np.int8)))
@@ -180,7 +180,7 @@ def _changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) 
 
 
 def _window(cloth: Cloth, family: int, yarn: int, count: int) -> tuple[int, int]:
-    """Return the first and the last crossing in sight."""
+    """Choose the first and the last crossing in view."""
     crossed = cloth.size[1 - family]
     middle = (crossed + count) // 2 - 1
     changes = _changes(cloth, family, yarn)[:, 1]
@@ -191,7 +191,7 @@ def _window(cloth: Cloth, family: int, yarn: int, count: int) -> tuple[int, int]
 
 
 def _ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float, float]:
-    """Return where the cut begins and ends: half a space past what is crossed, or where it ends."""
+    """Return both ends of the cut: half a spacing past the crossings, or where the yarn ends."""
     yarns, past = cloth.yarns[1 - family], cloth.families[family].overhang
     place, apart = yarns.position, yarns.spacing
     before = past if first == 0 else min(past, 0.5 * apart[first - 1])
@@ -200,7 +200,7 @@ def _ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float, floa
 
 
 def _crossed_at(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats]:
-    """Return middles and slopes of yarns in the plane that cuts them."""
+    """Compute centres and slopes of the crossed yarns in the cutting plane."""
     part, station, fraction = sampled(other, _SAMPLES)
     along, height, slope = other.at(part, station, fraction)
     owner = station - part
@@ -214,7 +214,7 @@ def _crossed_at(other: Axes, where: float, place: Floats) -> tuple[Floats, Float
 
 
 def _outlines(cloth: Cloth, family: int) -> Floats:
-    """Return points of a family's section of half height 1, (m, 2)."""
+    """Compute points (m, 2) on a family's section of half height 1."""
     threads = cloth.threads[family]
     shape = section(threads.shape, threads.aspect, cloth.exact)
     points = np.stack([shape.lateral, shape.normal, np.ones(shape.size)], axis=1)
