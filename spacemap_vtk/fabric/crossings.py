@@ -1,4 +1,4 @@
-"""Crossings of a cloth in a row, each with what its two yarns have to exchange crimp with."""
+"""Crossings of a cloth as arrays, with all that decides how their yarns exchange crimp."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from spacemap_vtk.fabric.drawdown import repeat
 from spacemap_vtk.fabric.peirce import bend, taut_height
 from spacemap_vtk.ndarrays import Bools, Floats
 
-#: Least share of a yarn's length that is straight at rest, to bending: in a jam it bends, too.
+#: Least straight share of a yarn's length at rest in formulas for bending: a jammed yarn bends too.
 _STRAIGHT = 0.05
-#: Least room in a gap, over D: angles need some.
+#: Least room in a gap, as a share of D; the formulas for angles need some.
 _LEAST_ROOM = 1e-9
-#: Over what yarns resist with: contact that keeps D where nothing else says how much it is.
+#: Least contact stiffness, as a share of the yarns' stiffness; it fixes D if nothing else does.
 _LEAST_CONTACT = 1e-12
 
 
 class Crossings(NamedTuple):
-    """Crossings in a row: arrays (2, n), families first, or (n,)."""
+    """Crossings of a cloth: arrays (2, n), families first, or (n,)."""
 
     own: Floats
     """Spacing, where the yarn changes side; 0 for one that never does."""
@@ -60,18 +60,18 @@ class Crossings(NamedTuple):
     """(n,) k_D over D at rest; 0 where contact is hard."""
 
     def asked(self, stretch: Floats) -> tuple[Floats, Floats]:
-        """Return the room for the gap's arcs, and the length that its yarn has for it."""
+        """Compute the room for the arcs of each gap, and the yarn length that is left for it."""
         return (
             np.maximum(self.own * stretch - self.flat, _LEAST_ROOM * self.full),
             self.length + self.floats * (1.0 - stretch),
         )
 
     def held(self, stretch: Floats) -> tuple[Floats, Floats]:
-        """Return the stretch at which crossings stand, and heights that D at rest allows there."""
+        """Compute the stretch that crossings reach, and the heights that D at rest allows there."""
         room, length = self.asked(stretch)
         full = np.broadcast_to(self.full, room.shape)
         height = taut_height(room, length, full)
-        # a yarn that is jammed leaves the other one no less than this
+        # A jammed yarn leaves the other one at least this height.
         needed = np.clip(full - height[::-1], 0.0, self.most)
         own = np.where(self.own > 0.0, self.own, 1.0)
         jam = (np.sqrt(needed * (2.0 * full - needed)) + self.flat) / own
@@ -80,14 +80,14 @@ class Crossings(NamedTuple):
         return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
 
     def energy(self, hinged: bool) -> CrimpEnergy:
-        """Return the crossings' energy, with or without bending."""
+        """Build the energy of the crossings, with or without bending."""
         hinge = self.hinge if hinged else np.zeros_like(self.hinge)
         tension = np.where(self.loose, 0.0, self.tension)
         contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
         return CrimpEnergy(tension, contact, hinge, self.theta, self.full)
 
     def bending(self) -> CrimpEnergy:
-        """Return the energy of bending alone, which decides where yarns are slack."""
+        """Build the energy of bending alone, which decides where yarns are slack."""
         zero = np.zeros_like(self.hinge)
         return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.full)
 
@@ -95,7 +95,7 @@ class Crossings(NamedTuple):
 def crossings(
     cloth: Cloth, tension: Floats, contact: float, bending: tuple[float, float], flattest: float
 ) -> tuple[Crossings, Floats]:
-    """Return the crossings of a cloth, and the area of each."""
+    """Compute the crossings of a cloth, and the area of each."""
     (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
     full = np.add.outer(weft.diameter, warp.diameter)
     rest = np.array(cloth.shares)[:, None, None] * full
@@ -103,31 +103,33 @@ def crossings(
     across = _around(warp.spacing, cloth.families[1].crossed)
 
     def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
-        """Put what picks are to the warp, and ends to the weft, at all crossings."""
+        """Spread values of picks (for the warp) and ends (for the weft) over all crossings."""
         result = np.empty(shape)
         result[0], result[1] = np.asarray(of_picks)[:, None], of_ends
         return result
 
     spacing = each(along, across)
-    # thick among thin, a crossing that is repeated may be tighter than any gap of the cloth
+    # Where thick yarns lie among thin ones, a crossing that is repeated may be tighter than any
+    # gap of the cloth.
     flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
     share, float_ = np.empty((2, *shape))
     share[0], share[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
     float_[0] = _float_spacing(cloth.drawdown, weft.spacing, along)
     float_[1] = _float_spacing(cloth.drawdown.T, warp.spacing, across).T
     loose = np.isinf(share)
-    # such a yarn bends nowhere: a gap that is always wide, for a length that is never reached
+    # A yarn that never changes side bends nowhere: its gap is always wide enough, and it never
+    # reaches its length.
     floats, own = float_ * np.where(loose, 0.0, share), np.where(loose, 0.0, spacing)
     flat = np.where(loose, -10.0 * full, flat)
     gap = bend(own - flat, rest, full)
     length = np.where(loose, 1e3 * full, gap.length)
     whole = np.where(loose, spacing, length + flat + floats)
     stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
-    # of a gap with its floats so much falls to each crossing
+    # Each crossing gets this share of a gap with its floats.
     part = np.where(loose, 1.0, own / np.where(loose, 1.0, own + floats))
     straight = np.maximum(gap.straight / gap.length, _STRAIGHT)
     hinge = np.where(loose, 0.0, part * 6.0 * stiffness * full * straight**2 / gap.length)
-    # both angles stay as near to those at rest as they can
+    # Both angles stay as close as possible to those at rest.
     give = hinge * gap.cos / (straight * gap.length) ** 2
     gain = own * give * gap.sin / np.maximum((give * gap.cos).sum(axis=0), 1e-300)
     gain[1] *= -1.0
@@ -164,9 +166,10 @@ def crossings(
 def _jam(
     own: Floats, flat: Floats, floats: Floats, length: Floats, full: Floats
 ) -> tuple[Floats, Floats]:
-    """Return stretch and height at which a yarn of its own length has no straight part left."""
+    """Find stretch and height at which a yarn of given length has no straight part left."""
     stretch = np.ones_like(own)
-    # its floats give it more length as they get shorter: convex, and Newton's method comes down
+    # Floats release length as they get shorter. The function is convex, so Newton's method
+    # converges from above.
     for _ in range(30 if floats.any() else 2):
         angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
         rest = own * stretch - flat - full * np.sin(angle)
@@ -179,7 +182,7 @@ def _jam(
 
 
 def _floats(drawdown: Bools) -> Floats:
-    """Return the gaps without a change of side for each gap with one, of each column's yarn."""
+    """Compute, for the yarn of each column, the gaps without a change of side per gap with one."""
     period = repeat(drawdown)[1]
     line = drawdown[:period]
     changes = np.count_nonzero(line != np.roll(line, 1, axis=0), axis=0)
@@ -189,7 +192,7 @@ def _floats(drawdown: Bools) -> Floats:
 
 
 def _float_spacing(drawdown: Bools, spacing: Floats, around: Floats) -> Floats:
-    """Return the mean spacing in the floats of each column's yarn; that at each where all agree."""
+    """Compute the mean spacing in the floats of each column's yarn; if all agree, the local one."""
     if not len(spacing) or np.ptp(spacing) == 0.0:
         return np.broadcast_to(around[:, None], drawdown.shape)
     same = drawdown[1:] == drawdown[:-1]
@@ -198,7 +201,7 @@ def _float_spacing(drawdown: Bools, spacing: Floats, around: Floats) -> Floats:
 
 
 def _around(spacing: Floats, alone: float) -> Floats:
-    """Return the mean spacing on both sides of each yarn."""
+    """Compute the mean spacing on both sides of each yarn."""
     if not len(spacing):
         return np.array([alone])
     return 0.5 * (np.append(spacing, spacing[-1]) + np.append(spacing[0], spacing))

@@ -1,24 +1,24 @@
 """Double weaves: two cloths in one draft, one above the other, that may change places.
 
 Each end and each pick belongs to one of two cloths. Threads of one cloth interlace where they
-cross. Where threads of both cross, that of the cloth above passes over; where it does not, the
-cloths are stitched, or change places (interchange). Or the threads of one direction alone go from
-one cloth to the other, and those of the other direction stay above, or below. A yarn of a cloth
-that stays where it is takes no notice of the other: it bends between the crossings of its own cloth
-alone.
+cross. Where threads of different cloths cross, the thread of the upper cloth passes over. Where it
+does not, the cloths are stitched, or change places (interchange). In some drafts only the threads
+of one family change from one cloth to the other, while those of the other family stay above or
+below. A yarn of a cloth that stays in place does not bend at yarns of the other cloth; it bends
+only between the crossings of its own cloth.
 
-Heights, above the middle of both cloths, of axes that are D/2 = R apart where they touch:
+Heights above the middle of both cloths; axes are D/2 = R apart where they touch:
 
-- In the cloth above all axes are at least H - h/2 high, below at most -(H - h/2), with 2 H - R at
-  least a gap more than R: so no yarn of one can touch one of the other.
-- Between two crossings of its own cloth where a yarn goes from one to the other, or is stitched, it
-  passes every yarn of the other cloth at H - h/2 or at -(H - h/2), level there, on arcs of radius
-  (1 + `APART`) R. Their centres lie beyond the highest place of what is passed;
-  and arcs that turn by at most a right angle, as all do in gaps as wide as the sum of their radii,
-  are a radius aside before they are as low as their centres. So the axis keeps that distance.
+- In the upper cloth all axes are at least H - h/2 high, in the lower one at most -(H - h/2).
+  2 H - R exceeds R by at least a gap, so no yarn of one cloth can touch one of the other.
+- Between two crossings of its own cloth, a yarn that changes cloths, or is stitched, passes every
+  yarn of the other cloth at H - h/2 or at -(H - h/2). It is level there, on arcs of radius
+  (1 + `APART`) R with centres beyond the highest point of the yarn that it passes. In gaps as wide
+  as the sum of the radii all arcs turn by at most a right angle. An arc that does is a radius aside
+  before it is as low as its centre, so the axis keeps that distance.
 
-Sources: the terms of Z. Grosicki, "Watson's Advanced Textile Design" (double cloth, self-stitched;
-interchanging double plain).
+Source of the terms (double cloth, self-stitched; interchanging double plain): Z. Grosicki,
+"Watson's Advanced Textile Design".
 """
 
 from __future__ import annotations
@@ -37,28 +37,29 @@ from spacemap_vtk.fabric.threads import Some, Threads
 from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.units import format_quantity
 
-#: By what share of R yarns of different cloths keep further apart than those that touch.
+#: Yarns of different cloths are further apart than touching yarns by this share of R.
 APART = 0.05
-#: Crossings along both sides of what is searched for two cloths; what is found holds for all.
+#: Ends and picks of the part that is searched for two cloths; the result holds for the whole.
 _SEARCHED = 96
-#: Largest repeat of an arrangement of threads that is looked for: 1 to 1, 2 to 1, 2 to 2, 3 to 1.
+#: Longest repeat of an arrangement of threads that is tried: 1 to 1, 2 to 1, 2 to 2, 3 to 1.
 _REPEAT = 4
-#: Least ends and picks that tell.
+#: Least number of ends and of picks in which two cloths can be recognised.
 LEAST = 2 * _REPEAT
-#: Share of threads that must interlace with their own cloth wherever it stays; what remains are
-#: edges of blocks.
+#: Least share of threads that interlace with their cloth wherever it stays; the rest are edges of
+#: blocks.
 _WOVEN = 0.9
-#: Share of crossings with the other cloth that must lie as its place there says; what remains are
+#: Least share of crossings with the other cloth at which the upper cloth lies on top; the rest are
 #: stitches.
 _TOLD = 0.85
-#: Least crossings of a cloth between two changes of place, in the mean.
+#: Least mean number of crossings of a cloth between two changes of place.
 _STAYS = 2.0
-#: Most changes between neighbouring crossings with the other cloth, of all; and who they are.
+#: Largest share of neighbouring crossings with the other cloth that disagree on the upper cloth.
 _LOOSE = 0.6
+#: Neighbours that are compared: offsets in picks and ends, and the direction along the ends.
 _NEIGHBOURS = (1, 1, 1), (1, 1, -1), (0, 1, 1), (1, 0, 1), (0, 2, 1), (2, 0, 1)
-#: Least crossings for each change of a yarn from one cloth to the other.
+#: Least number of crossings for each change of a yarn from one cloth to the other.
 _CHANGES = 8
-#: The arrangements, the first thread in the first cloth.
+#: Arrangements that are tried; the first thread belongs to the first cloth.
 _ARRANGED = [
     np.array((False, *rest))
     for size in range(2, _REPEAT + 1)
@@ -68,21 +69,21 @@ _ARRANGED = [
 
 
 def one_layer(names: Naming = in_words) -> str:
-    """Return how a double weave is drawn as one layer."""
+    """Explain how to draw a double weave as one layer."""
     return f"{names('layer', 0)} = 1 draws it as one layer"
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Which threads belong to which of two cloths, and which of these is above.
+    """The two cloths of a double weave: which threads belong to each, and which is above.
 
     Parameters
     ----------
     drawdown : (picks, ends) ndarray of bool
         True: the end lies over the pick.
     ends, picks : ndarray of bool, optional
-        Whether each belongs to the second cloth. One of both may be left out: then the second cloth
-        is below everywhere, and the threads that are not named go from one to the other.
+        Whether each thread belongs to the second cloth. One of the two may be None: then the second
+        cloth is below everywhere, and the threads of that family change between the cloths.
 
     Examples
     --------
@@ -102,38 +103,38 @@ class Layers:
 
     @property
     def fixed(self) -> bool:
-        """Whether all threads stay in their cloth."""
+        """Whether every thread stays in one cloth."""
         return self.ends is not None and self.picks is not None
 
     @property
     def own(self) -> Bools:
-        """(picks, ends) Whether the threads that cross are of one cloth there."""
+        """(picks, ends) Whether both threads of a crossing belong to the same cloth there."""
         return self._crossings[0]
 
     @property
     def above(self) -> Bools:
-        """(picks, ends) Whether the cloth of both threads is the one above; see `own`."""
+        """(picks, ends) Whether the cloth of both threads is the upper one; see `own`."""
         return self._crossings[1]
 
     def cropped(self, ends: Some, picks: Some) -> Layers:
-        """Return the same of some neighbouring threads, as all tell it.
+        """Select some neighbouring threads; all threads still decide which cloth is above.
 
         Parameters
         ----------
         ends, picks : slice or ndarray of int
-            Which.
+            Selected threads.
 
         Returns
         -------
         Layers
-            Of these.
+            Layers of these threads.
         """
         part = Layers(
             self.drawdown[picks][:, ends],
             None if self.ends is None else self.ends[ends],
             None if self.picks is None else self.picks[picks],
         )
-        # neighbours that are not there any more have told it
+        # Threads that are cut off have decided too.
         part.__dict__["_crossings"] = self.own[picks][:, ends], self.above[picks][:, ends]
         return part
 
@@ -150,12 +151,12 @@ class Layers:
         return own, np.broadcast_to(~self.ends, own.shape)
 
     def kept(self, number: int) -> Bools:
-        # (yarns, crossings) Which crossings ends (0) or picks (1) take notice of.
+        # (yarns, crossings) The crossings at which ends (0) or picks (1) bend.
         return self._passes[number][0]
 
     @property
     def joined(self) -> tuple[bool, bool]:
-        """Whether ends, and picks, pass from one cloth into the other anywhere."""
+        """Whether any end, and any pick, passes from one cloth to the other."""
         return self._passes[0][1], self._passes[1][1]
 
     def check_room(
@@ -165,7 +166,7 @@ class Layers:
         axis: str,
         names: Naming = in_words,
     ) -> None:
-        """Refuse yarns that have no room to pass from one cloth into the other."""
+        """Refuse yarns that have no room to pass from one cloth to the other."""
         cure = one_layer(names)
         if axis != "arcs":
             raise InputError(
@@ -186,7 +187,7 @@ class Layers:
             room, between = crossed.gaps()
             if not (self.joined[number] and room.size):
                 continue
-            # so that arcs stay within a right angle
+            # With less room an arc would turn by more than a right angle.
             needed = (1.0 + APART) * (between + np.max(own.diameter))
             lack = needed - room
             if lack.max() > JAM * between.max():
@@ -216,12 +217,12 @@ class Layers:
         upper = ~self.drawdown if number else self.drawdown.T
         before, after = _beside(own, above)
         astray = ~own & ((upper != before) | (upper != after))
-        # a yarn without a crossing of its own cloth has nothing else to pass
+        # A yarn that never crosses its own cloth can only bend at the other one.
         astray |= ~own.any(axis=1, keepdims=True)
         leaps = own[:, 1:] & own[:, :-1] & (above[:, 1:] != above[:, :-1])
         if not astray.any():
             return own, bool(leaps.any())
-        # all that lies in a gap with such a crossing
+        # Keep all crossings of a gap that contains a crossing astray.
         gap = np.cumsum(own, axis=1) + np.arange(len(own))[:, None] * (own.shape[1] + 1)
         marked = np.zeros(own.shape[0] * (own.shape[1] + 1), bool)
         marked[gap[astray]] = True
@@ -229,9 +230,9 @@ class Layers:
 
 
 def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
-    """Return whether the cloth to which both threads belong is above, by its neighbours."""
-    # The nearest threads of the other cloth tell, before and after, of both: at a corner of a
-    # block two against two. There those decide with which the draft's threads make pairs.
+    """Decide from neighbouring threads whether the cloth of both threads of a crossing is above."""
+    # The nearest threads of the other cloth vote, before and after, for both threads. At a corner
+    # of a block they are two against two; then those decide that form pairs with the threads.
     over = np.where(drawdown, 1, -1).astype(np.int8)
     votes = np.zeros(over.shape, np.int8)
     for table, tally, crossed, weight in ((over, votes, picks, 2), (-over.T, votes.T, ends, 1)):
@@ -246,8 +247,8 @@ def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
 
 
 def _nearest_told(over: Bools, second: Bools) -> Bools:
-    """Return where columns' yarns are above, by the nearest thread that tells."""
-    # over a thread of the cloth below, or under one of that above, either may be
+    """Decide whether the columns' yarns are above, from the nearest thread that shows it."""
+    # A yarn over a thread of the lower cloth, or under one of the upper, may be in either cloth.
     told = over != second[:, None]
     place = np.arange(len(over))[:, None]
     last = np.maximum.accumulate(np.where(told, place, -len(over)), axis=0)
@@ -258,20 +259,20 @@ def _nearest_told(over: Bools, second: Bools) -> Bools:
 
 
 def _nearest(second: Bools) -> Ints:
-    """Return for each thread the last one before it of the other cloth, or -1."""
+    """Find for each thread the last thread of the other cloth before it, or -1."""
     place = np.arange(len(second))
     first, other = (np.maximum.accumulate(np.where(mine, place, -1)) for mine in (~second, second))
     return np.where(second, first, other)
 
 
 def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools]:
-    """Return what rows' own crossings say before and after each place."""
+    """Look up `above` at the own crossings before and after each place of a row."""
     count = own.shape[1]
     place = np.arange(count, dtype=np.int32)
     last = np.maximum.accumulate(np.where(own, place, np.int32(-1)), axis=1)
     following = np.where(own, place, np.int32(count))[:, ::-1]
     following = np.minimum.accumulate(following, axis=1)[:, ::-1]
-    # before the first crossing and after the last the one there is tells
+    # Before the first own crossing and after the last one, that crossing counts for both sides.
     before = np.where(last < 0, following, last)
     after = np.where(following == count, last, following)
     np.clip(before, 0, count - 1, out=before)
@@ -282,7 +283,7 @@ def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools]:
 def find_layers(
     drawdown: Bools, ends: Bools | None = None, picks: Bools | None = None
 ) -> Layers | None:
-    """Find two cloths in a drawdown; None where it is of one. Given are threads of the second."""
+    """Find two cloths in a drawdown, or None; threads of the second cloth may be given."""
     if ends is not None and picks is not None:
         return Layers(drawdown, ends, picks)
     rows, columns = (
@@ -306,11 +307,11 @@ def find_layers(
     return whole if _apart(whole) > 0.0 else None
 
 
-@lru_cache(maxsize=16)  # a window asks again whatever is changed of the yarns
+@lru_cache(maxsize=16)  # the window repeats its request whenever the yarns change
 def _arranged(
     crossings: bytes, shape: tuple[int, int], ends: bytes | None, picks: bytes | None
 ) -> tuple[Bools | None, Bools | None] | None:
-    """Return the simplest arrangement of threads, of those the one that lies the clearest apart."""
+    """Find the simplest arrangement of threads; among equals, the one that fits two cloths best."""
     drawdown = np.frombuffer(crossings, bool).reshape(shape)
     if min(shape) < LEAST:
         return None
@@ -319,7 +320,7 @@ def _arranged(
         turned if known is None else [np.frombuffer(known, bool)] for known in (ends, picks)
     )
     tried: list[tuple[Bools | None, Bools | None]] = []
-    # which cloth is the first means nothing where both can be above
+    # If either cloth can be above, it makes no difference which one is called the first.
     tried += product(of_ends if picks is not None else of_ends[: len(_ARRANGED)], of_picks)
     tried += [(one, None) for one in of_ends if picks is None]
     tried += [(None, one) for one in of_picks if ends is None]
@@ -343,13 +344,13 @@ def _rank(arranged: tuple[Bools | None, ...]) -> tuple[bool, int]:
 
 
 def _told_apart(layers: Layers) -> bool:
-    """Return whether the cloths hang together at all, at little cost."""
+    """Check quickly whether two cloths are possible at all."""
     ends, picks = layers.ends, layers.picks
     if ends is None or picks is None:
-        above = layers.own == layers.above  # of the yarns that change
+        above = layers.own == layers.above  # for the yarns that change
         changes = np.count_nonzero(np.diff(above, axis=0 if ends is None else 1))
         return changes * _CHANGES < above.size
-    # neighbours among the crossings with the other cloth mostly agree on who is above
+    # Neighbouring crossings with the other cloth mostly agree on which cloth is above.
     other, first_above = picks[:, None] != ends, layers.drawdown ^ ends
     rows, columns = other.shape
     for up, aside, turn in _NEIGHBOURS:
@@ -364,7 +365,7 @@ def _told_apart(layers: Layers) -> bool:
 
 
 def _apart(layers: Layers) -> float:
-    """Return the share of crossings with the other cloth where cloths stay, 0 if there are none."""
+    """Compute the share of crossings with the other cloth that fit two cloths; 0: none do."""
     share = 1.0
     for number in (0, 1):
         own, above = (layers.own, layers.above) if number else (layers.own.T, layers.above.T)

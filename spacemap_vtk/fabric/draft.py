@@ -1,4 +1,4 @@
-"""Drafts: a weave to be made, with what a draft file says of its yarns."""
+"""Drafts: drawdowns with the loom, colours and spacings that a draft file stores."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from spacemap_vtk.ndarrays import Bools
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DraftThreads:
-    """What a draft says of its warp or weft; None where it says nothing.
+    """Colours, spacings and thicknesses of the warp or weft in a draft; None if not given.
 
-    These are not yet the measures of a cloth: a draft gives each thread a space of its own, in
-    whose middle it stands, and draws its width.
+    They are not yet the measures of a cloth: a draft gives each thread a space, draws it in the
+    middle of that space, and gives the width at which to draw it.
 
     Parameters
     ----------
     spacing, thickness : float or ndarray, optional
-        In metres: of all threads, or (n,) of each.
+        In metres: one value for all threads, or (n,) one for each.
     colors : (n, 3) uint8, optional
         RGB colour of each thread.
     """
@@ -39,17 +39,17 @@ class DraftThreads:
             object.__setattr__(self, "colors", np.ascontiguousarray(self.colors, dtype=np.uint8))
 
     def repeated(self, count: int) -> DraftThreads:
-        """Return the same over so many threads.
+        """Repeat the values over a number of threads.
 
         Parameters
         ----------
         count : int
-            How many.
+            Number of threads.
 
         Returns
         -------
         DraftThreads
-            What is said of each thread begins again after the last.
+            Values of single threads start again after the last one.
         """
         return replace(
             self,
@@ -59,7 +59,7 @@ class DraftThreads:
         )
 
     def side_by_side(self, spacing: float) -> DraftThreads:
-        # They fill their spaces [m] where nothing is said of their thickness.
+        # Threads without a thickness fill their spaces, in m.
         if self.thickness is not None:
             return self
         return replace(self, thickness=spacing if self.spacing is None else self.spacing)
@@ -73,22 +73,22 @@ class DraftThreads:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A weave to be made: its drawdown and what else a draft file may say.
+    """A weave: its drawdown, and what else a draft file may store.
 
     Parameters
     ----------
     drawdown : (picks, ends) bool
         True: the end lies over the pick.
     loom : Loom, optional
-        The threading, tie-up, treadling or liftplan that weave it.
+        Threading, tie-up, treadling or liftplan that weave the drawdown.
     warp, weft : DraftThreads, optional
         Colours, spacings and thicknesses.
     title : str, optional
         Name of the draft.
     warnings : tuple of str, optional
-        What was odd about the source of the draft.
+        Problems found in the source of the draft.
     besides : dict of str to tuple of str, optional
-        What a WIF says that is not of the cloth, such as its author: lines by section.
+        Contents of a WIF file that do not describe the cloth, such as its author: lines by section.
 
     Raises
     ------
@@ -127,17 +127,17 @@ class Draft:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Ends and picks."""
+        """Numbers of ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
     def trimmed(self) -> Draft:
-        """Cut off what its edges have no use of.
+        """Remove unused threads at the edges.
 
         Returns
         -------
         Draft
-            Without the ends at its sides that are in no heddle, and the picks at its beginning and
-            end that have no shed; itself, if there are none, or no loom says so.
+            Without ends at the sides that pass through no heddle, and without picks at beginning
+            and end that have no shed. The draft itself if it has none of them, or no loom.
         """
         loom = self.loom
         if loom is None:
@@ -157,17 +157,18 @@ class Draft:
         return replace(self, drawdown=drawdown, loom=loom, warp=warp, weft=weft)
 
     def loom_for(self, drawdown: Bools) -> Loom:
-        """Return the loom for a cloth.
+        """Find a loom that weaves a cloth.
 
         Parameters
         ----------
         drawdown : (picks, ends) bool
-            Of the cloth.
+            Drawdown of the cloth.
 
         Returns
         -------
         Loom
-            The draft's own, repeated, if that weaves it; else the smallest that does.
+            The draft's loom, repeated, if it weaves the cloth; otherwise the smallest loom that
+            does.
         """
         if self.loom is not None:
             loom = self.loom.tiled(drawdown.shape[1], len(drawdown))
@@ -177,6 +178,6 @@ class Draft:
 
 
 def _used(rows: Rows) -> slice:
-    """Return where rows that say something begin and end."""
+    """Find where the rows that are not empty begin and end."""
     used = [index for index, row in enumerate(rows) if row]
     return slice(used[0], used[-1] + 1) if used else slice(None)

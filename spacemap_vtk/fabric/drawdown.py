@@ -1,4 +1,4 @@
-"""Drawdowns: matrices that say which yarn lies on top at each crossing.
+"""Drawdowns: matrices that define which yarn lies on top at each crossing.
 
 A drawdown has a row for each pick (weft yarn) and a column for each end (warp yarn), first pick
 and first end first; True: the end lies over the pick. Seen from above (from +z) the first pick is
@@ -17,7 +17,7 @@ from spacemap_vtk.ndarrays import Bools
 
 
 def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
-    """Return the drawdown that a user wrote as rows of 0 and 1.
+    """Convert rows of 0 and 1 to a drawdown.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
     Raises
     ------
     InputError
-        If it has no row, or rows of anything else or of different lengths.
+        There are no rows, rows have different lengths, or they contain anything but 0 and 1.
     """
-    # one string is a sequence of strings: it would be read as a cloth of one end
+    # A string is also a sequence of strings; it would be read as a cloth of one end.
     if isinstance(matrix, str) or not isinstance(matrix, (Sequence, np.ndarray)) or not len(matrix):
         raise InputError(
             "a drawdown needs at least one row", key="matrix", value=matrix, allowed='["10", "01"]'
@@ -54,58 +54,58 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
 
 
 def tile(matrix: ArrayLike, ends: int, picks: int) -> Bools:
-    """Repeat a drawdown over a cloth, and cut it off at its far edges."""
+    """Repeat a drawdown over a cloth, and cut it off at the far edges."""
     unit = as_drawdown(matrix)
     at_least_one(ends=ends, picks=picks)
     return unit[np.arange(picks)[:, None] % len(unit), np.arange(ends) % unit.shape[1]]
 
 
 def repeat(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the size of the smallest repeat of a drawdown.
+    """Find the size of the smallest repeat of a drawdown.
 
     Parameters
     ----------
     drawdown : (picks, ends) array_like
-        The cloth.
+        Drawdown of the cloth.
 
     Returns
     -------
     ends, picks : int
-        The cloth itself where nothing in it repeats.
+        Size of the whole cloth if nothing in it repeats.
     """
     matrix = as_drawdown(drawdown)
     return _period(matrix.T), _period(matrix)
 
 
 def floats(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the longest floats of a cloth, on either side of it.
+    """Find the longest floats of a cloth on either side.
 
     Parameters
     ----------
     drawdown : (picks, ends) array_like
-        The cloth.
+        Drawdown of the cloth.
 
     Returns
     -------
     warp, weft : int
-        How many crossings a yarn passes on one side.
+        Number of crossings that a yarn passes on one side.
     """
     matrix = as_drawdown(drawdown)
     return _longest_run(matrix.T), _longest_run(matrix)
 
 
 def mean_floats(drawdown: ArrayLike) -> tuple[float | None, float | None]:
-    """Return how many crossings ends and picks pass on average on one side, in endless repeats.
+    """Compute the mean number of crossings that ends and picks pass on one side.
 
     Parameters
     ----------
     drawdown : (picks, ends) array_like
-        The cloth.
+        Drawdown of the cloth; it is continued by repeats without end.
 
     Returns
     -------
     warp, weft : float or None
-        None of yarns that never change side.
+        None if the yarns never change side.
     """
     ends, picks = repeat(drawdown)
     unit = as_drawdown(drawdown)[:picks, :ends]
@@ -115,12 +115,12 @@ def mean_floats(drawdown: ArrayLike) -> tuple[float | None, float | None]:
 
 
 def rows(drawdown: ArrayLike) -> list[str]:
-    """Return a drawdown as text, the inverse of `from_matrix`.
+    """Write a drawdown as text, the inverse of `from_matrix`.
 
     Parameters
     ----------
     drawdown : (picks, ends) array_like
-        The cloth.
+        Drawdown of the cloth.
 
     Returns
     -------
@@ -137,9 +137,9 @@ def rows(drawdown: ArrayLike) -> list[str]:
 
 
 def as_drawdown(drawdown: ArrayLike) -> Bools:
-    """Return a drawdown as an array, checked."""
+    """Convert a drawdown to an array, and check it."""
     matrix = np.ascontiguousarray(drawdown, dtype=bool)
-    # ascontiguousarray makes (1,) of a bare number
+    # ascontiguousarray turns a single number into shape (1,).
     if matrix.ndim != 2 or matrix.size == 0:
         raise InputError(
             f"a drawdown is a matrix of at least one pick and one end, not one of {matrix.shape}",
@@ -150,7 +150,7 @@ def as_drawdown(drawdown: ArrayLike) -> Bools:
 
 
 def at_least_one(**counts: int) -> None:
-    """Refuse numbers of yarns below 1, and what is no whole number."""
+    """Refuse numbers of yarns that are not whole or are below 1."""
     for key, count in counts.items():
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(
@@ -168,7 +168,7 @@ def _bad_row(number: int, row: object, what: str) -> InputError:
 
 
 def _period(lines: Bools) -> int:
-    """Return the period of the lines by the failure function of Knuth, Morris and Pratt."""
+    """Find the period of the lines with the failure function of Knuth, Morris and Pratt."""
     words = [line.tobytes() for line in np.packbits(lines, axis=1)]
     border = [0] * len(words)
     for i in range(1, len(words)):

@@ -1,9 +1,9 @@
-"""A cloth seen from so far that a yarn is hardly a pixel wide: its colours, a texel a crossing.
+"""Textures of a cloth whose yarns are less than about a pixel wide: one texel for each crossing.
 
-Both faces are made of the same four layers: of each crossing the colours of its end and its pick,
-where the end lies over the pick and where it lies under it. What is black in one layer belongs to
-another, so that a layer can be averaged over any region (mip-mapped), and only then be lit: the
-yarns of a family that lie on top get one light, those that are seen between them another.
+Both faces are made from the same four layers: for each crossing the colour of its end and of its
+pick, where the end lies over the pick and where it lies under it. A texel that is black in one
+layer belongs to another one. So a layer can first be averaged over any region (mip-mapped) and then
+be lit: yarns on top of the cloth get one light, and yarns seen between them get another.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.ndarrays import Bools, Floats
 
-#: Light that falls through the cloth in front on the one behind.
+#: Share of the light that reaches the cloth behind.
 _SHADE = 0.6
 
 
 @dataclass(frozen=True)
 class Tube:
-    """What of a family's yarns decides how much light comes from them."""
+    """Measures of a family's yarns that decide how much light they reflect."""
 
-    #: Width over height of the section, and width over spacing.
+    #: Width over height of the section; width over spacing.
     aspect: float
     cover: float
-    #: Root mean square of the axes' slope on the yarns' upper sides, and where they dive, in rad.
+    #: Root mean square slope of the axes where yarns are on top, and where they dive, in rad.
     slope_over: float
     slope_under: float
 
 
 def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
-    """Return the mean measures of warp and weft.
+    """Compute the mean measures of warp and weft.
 
     Parameters
     ----------
     cloth : Cloth
-        With room for its yarns.
+        There must be room for its yarns.
 
     Returns
     -------
@@ -65,22 +65,22 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
 def layers(
     drawdown: Bools, warp: NDArray[np.uint8], weft: NDArray[np.uint8], double: Layers | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return the colours of a cloth's crossings, by who lies on top.
+    """Sort the colours of a cloth's crossings by the yarn on top.
 
     Parameters
     ----------
     drawdown : (picks, ends) ndarray of bool
         True: the end lies over the pick.
     warp, weft : (n, 3) or (picks, ends, 3) ndarray of uint8
-        Colours of the ends and of the picks, or one for all; or of both at each crossing.
+        Colours of the ends and of the picks; one for all, or both at each crossing.
     double : Layers, optional
-        Of a double weave: on each face the crossings of the cloth behind lie in the shade.
+        For a double weave: on each face, crossings of the cloth behind lie in the shade.
 
     Returns
     -------
     tuple of (picks, ends, 4) ndarray of uint8
-        Ends that lie over their pick; picks that lie over their end; ends under; picks under. Red,
-        green, blue and 255; 0 where there is none.
+        Ends over their picks; picks over their ends; ends under; picks under. Red, green, blue and
+        255; all 0 where there is none.
 
     Examples
     --------
@@ -96,7 +96,8 @@ def layers(
     over = drawdown[..., None]
     made = of_warp * over, of_weft * ~over, of_warp * ~over, of_weft * over
     if double is not None:
-        # what lies on top on a face is seen on that one; a pixel's alpha is no light
+        # The first two layers are seen on the front, the others on the back. Alpha is not light
+        # and keeps its value.
         for behind, two in ((~double.above, made[:2]), (double.above, made[2:])):
             for seen in two:
                 light = np.where(double.own & behind, _SHADE, 1.0)[..., None]
@@ -105,22 +106,22 @@ def layers(
 
 
 def grid_lines(cloth: Cloth, number: int, cells: int) -> Floats:
-    """Return places that cut a cloth into cells of as many yarns each.
+    """Find positions that divide a cloth into cells with equal numbers of yarns.
 
     Parameters
     ----------
     cloth : Cloth
-        With room for its yarns.
+        There must be room for its yarns.
     number : {0, 1}
-        The family: its yarns lie side by side along x (warp) or y (weft).
+        Family of the yarns, which lie next to each other along x (warp) or y (weft).
     cells : int
-        How many.
+        Number of cells.
 
     Returns
     -------
     (cells + 1,) float64
-        In m; the first and the last are where the cloth ends. A share k / cells of the yarns lies
-        before place k.
+        In m; the first and the last position are the edges of the cloth. A share k / cells of the
+        yarns lies before position k.
     """
     place = cloth.yarns[number].position
     reach = cloth.families[1 - number].overhang

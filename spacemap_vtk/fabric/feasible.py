@@ -1,4 +1,4 @@
-"""The interval in which each measure of a cloth may lie, for whoever lets a user change it."""
+"""Feasible intervals of the measures of a cloth, for a user interface that changes them."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ Interval = tuple[float, float]
 #: A quantity of a family: its name in `Threads`, and 0 for the warp or 1 for the weft.
 Quantity = tuple[str, int]
 
-#: A search starts from the value itself, and goes up and down by factors of 2 this often.
+#: Largest number of steps of a search, and the power of 2 beyond which an interval has no bound.
 _STEPS = 60
-#: Where the search ends: the ends of an interval are found to this share of themselves.
+#: Relative tolerance of the ends of an interval.
 _TOLERANCE = 1e-12
 
 
 def feasible_intervals(cloth: Cloth) -> dict[Quantity, Interval]:
-    """Return the interval of each input of a cloth, all the others as they are.
+    """Find the interval of each input of a cloth while the other inputs stay unchanged.
 
     Parameters
     ----------
     cloth : Cloth
-        Need not be feasible.
+        It need not be feasible.
 
     Returns
     -------
     dict
-        By quantity and family (0: warp, 1: weft): ``crimp_height`` of the warp (m), both
-        ``crimp``; and ``diameter`` and ``spacing`` (m) where they are one value. Low and high,
-        feasible themselves but for a diameter of 0; infinite where there is no bound. An input
-        without any feasible value is left out.
+        By quantity and family (0: warp, 1: weft): ``crimp_height`` of the warp (m), ``crimp`` of
+        both, and ``diameter`` and ``spacing`` (m) where all yarns have one value. Low and high end;
+        both are feasible, except a diameter of 0, and infinite if there is no bound. An input
+        without a feasible value is left out.
 
     Notes
     -----
-    Found by bisection of `Cloth` itself, to 1e-12 of the value: what these intervals allow is what
-    is accepted, whatever the sections of the yarns.
+    The ends are found by bisection on `Cloth` itself, to 1e-12 of the value. So values inside an
+    interval are accepted whatever the sections of the yarns.
     """
     result: dict[Quantity, Interval] = {}
     try:
@@ -50,7 +50,7 @@ def feasible_intervals(cloth: Cloth) -> dict[Quantity, Interval]:
         result["crimp", 0] = cloth.feasible_crimps(0)
         result["crimp", 1] = cloth.feasible_crimps(1)
     except GeometryError:
-        pass  # no height is feasible at all; a diameter or spacing may still mend it
+        pass  # no height is feasible; another diameter or spacing may help
     for measure, number in product(("diameter", "spacing"), (0, 1)):
         threads, family = cloth.threads[number], FAMILIES[number]
         changed = partial(_changed, cloth, family, threads, measure)
@@ -62,7 +62,7 @@ def feasible_intervals(cloth: Cloth) -> dict[Quantity, Interval]:
 
 
 def _changed(cloth: Cloth, family: str, threads: Threads, measure: str, value: float) -> bool:
-    """Return whether a cloth can be woven with another measure of a family."""
+    """Check whether a cloth can be woven with another measure of a family."""
     own: Any = {measure: value}
     changed: Any = {family: replace(threads, **own)}
     return _woven(replace(cloth, **changed))
@@ -81,7 +81,7 @@ def _woven(cloth: Cloth) -> bool:
 
 
 def _interval(feasible: Callable[[float], bool], start: float) -> Interval | None:
-    """Return the ends of the feasible values next to `start`; None if none is found."""
+    """Find the ends of the feasible values around `start`; None if there are none."""
     tried = (start * 2.0 ** (k / 4 * sign) for k in range(_STEPS) for sign in (1, -1))
     inside = next((value for value in tried if feasible(value)), None)
     if inside is None:
@@ -98,7 +98,7 @@ def _end(feasible: Callable[[float], bool], inside: float, factor: float, limit:
         inside = outside
         if not 2.0**-_STEPS < inside / start < 2.0**_STEPS:
             return limit
-        if step > 2:  # most ends are near, and what is far has none
+        if step > 2:  # most ends are close, so a distant one is searched with growing steps
             factor *= factor
     while abs(outside - inside) > _TOLERANCE * inside:
         middle = 0.5 * (inside + outside)

@@ -1,4 +1,4 @@
-"""The figures by which a cloth is judged: crimp, cover, thickness, volume and mass."""
+"""Figures of a cloth: crimp, cover, thickness, volume fraction and areal mass."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from spacemap_vtk.ndarrays import Floats
 
 
 def fabric_figures(cloth: Cloth) -> dict[str, Any]:
-    """Return the figures by which a cloth is judged.
+    """Compute the figures of a cloth.
 
     Parameters
     ----------
@@ -28,18 +28,18 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
         - ``theta_deg``, ``length`` (m), ``crimp``, ``height`` (m): Peirce's figures where a yarn
           changes side, for mean diameters and spacings;
-        - ``mean_crimp``: of the axes as built, floats included, over all yarns;
+        - ``mean_crimp``: mean over all yarns, for the axes as built, including floats;
         - ``cover``: K = width / p;
-        - ``yarn_length``: all yarns of the family as built, overhang included (m);
+        - ``yarn_length``: total length of the family's yarns as built, including overhang (m);
 
-        and of the cloth, away from its edges
+        and for the cloth, away from its edges
 
-        - ``cloths``: 2 of a double weave, otherwise 1;
-        - ``thickness``: max(h1 + d1, h2 + d2), for the thickest yarns (m); of a double weave twice
-          that, and the room between its cloths;
+        - ``cloths``: 2 for a double weave, otherwise 1;
+        - ``thickness``: max(h1 + d1, h2 + d2) for the thickest yarns (m); for a double weave twice
+          that, plus the gap between its cloths;
         - ``cover``: K1 + K2 - K1 K2, the share of the plane that the yarns cover;
         - ``volume_fraction``: V / thickness, with the volume of yarn per area
-          V = A1 (1 + c1) / p1 + A2 (1 + c2) / p2, sections A and each yarn's own crimp;
+          V = A1 (1 + c1) / p1 + A2 (1 + c2) / p2, section areas A, and the crimp of each yarn;
         - ``areal_mass``: density V (kg/m2), None for a cloth without a density.
 
     Examples
@@ -77,7 +77,7 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
 
 def _excess_lengths(cloth: Cloth, number: int) -> Floats:
-    """Return by how much each yarn of a family is longer than straight, in m."""
+    """Compute how much longer each yarn of a family is than its straight projection, in m."""
     chosen, which = cloth.courses[number]
     if cloth.axis == "spline":
         path = axes_of(cloth, number, chosen)

@@ -1,24 +1,24 @@
-"""Crimp interchange: yarns that keep their length, or their tension, where the cloth is stretched.
+"""Crimp interchange: yarns that keep their length, or their tension, when the cloth is stretched.
 
-Where space stretches by lambda_w along the warp and lambda_f along the weft, a crossing has new
-spacings, and two unknowns: h1, the crimp height of the warp, and D, twice the distance of the axes
-(h2 = D - h1). Each crossing is taken as if it were repeated all over the cloth: were neighbours
-coupled by the rise between them, heights that alternate from crossing to crossing would cost
-nothing, and the problem had no single answer. Where crossings differ `joined` corrects them.
+Space is stretched by lambda_w along the warp and lambda_f along the weft. A crossing then has new
+spacings and two unknowns: h1, the crimp height of the warp, and D, twice the distance of the axes
+(h2 = D - h1). Each crossing is solved as if it were repeated all over the cloth. If neighbours were
+coupled by the rise between them, heights that alternate from crossing to crossing would cost no
+energy, and the problem would have no unique solution. `joined` corrects crossings that differ.
 
-- In a gap where a yarn changes side it is as long as Peirce says; flats of what it crosses, and
-  floats, are straight. Floats are shared out evenly over the gaps with a change of side in the
-  repeat of the drawdown, so that a repeat of each yarn is as long as it should be.
-- Yarns pull and do not push: what is longer than its room is slack. What touches can only be
-  pressed together, down to the least D, where fibres lie as close as they can.
-- Yarns that do not stretch are the limit of stiff ones: first lengths, then contact, then bending.
-  Where both are slack bending decides; where both are pulled the crossing flattens as little as
-  lengths allow; at the least D they strain, by least squares.
-- A gap's angle resists with 12 B (s/l)²/l, of the straight and the whole length at rest: so a strip
-  begins to stretch with Leaf and Kandil's modulus, of yarns that bend all along. Arcs that bend
-  alone would be too stiff, without end in open cloth.
-- A jam is where a yarn has no straight part left while it is still slack. Space cannot press
-  the crossing any further: it holds at the stretch at which that happens.
+- In a gap where a yarn changes side, its length follows Peirce. Flats of the crossed yarn, and
+  floats, are straight. Floats are distributed evenly over the gaps with a change of side in the
+  repeat of the drawdown, so that a repeat of each yarn has the right length.
+- Yarns pull and do not push: a yarn that is longer than its room is slack. Touching yarns can only
+  be pressed together, down to the least D, where fibres are packed as closely as possible.
+- Yarns that do not stretch are the limit of stiff ones: lengths come first, then contact, then
+  bending. Where both yarns are slack, bending decides. Where both are pulled, the crossing flattens
+  as little as the lengths allow. At the least D they strain, by least squares.
+- The angle of a gap resists with 12 B (s/l)²/l, with the straight and the whole length at rest. So
+  a strip begins to stretch with Leaf and Kandil's modulus, for yarns that bend over their whole
+  length. If only the arcs bent, an open cloth would be too stiff without limit.
+- At a jam a yarn has no straight part left while it is still slack. The crossing cannot be pressed
+  any further: it keeps the stretch at which the jam occurs.
 
 Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; S.
 Kawabata, M. Niwa, H. Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile
@@ -44,16 +44,16 @@ from spacemap_vtk.fabric.joined import Joined, Said
 from spacemap_vtk.fabric.peirce import bend, both_taut
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Share of a section that fibres fill where they lie as close as they can, in hexagons.
+#: Share of a section that fibres fill in the closest (hexagonal) packing.
 CLOSEST = pi / (2.0 * sqrt(3.0))
-#: A yarn shorter than its length by more than this share of it is slack.
+#: A yarn is slack if its axis is shorter than its length by more than this share.
 _SLACK = 1e-9
-#: Crossings that are solved in one go: what they take meanwhile is some ten megabytes.
+#: Number of crossings that are solved in one block, which takes some ten megabytes.
 _BLOCK = 50_000
 
 
 class YarnMechanics(NamedTuple):
-    """What yarns resist with."""
+    """Stiffnesses of yarns."""
 
     tension: ArrayLike = (inf, inf)
     """EA of warp and weft in N, or of each at each crossing, (2, picks, ends); inf for both: they
@@ -67,7 +67,7 @@ class YarnMechanics(NamedTuple):
 
 
 class CrimpState(NamedTuple):
-    """What crossings do; arrays are (picks, ends), or (2, picks, ends) for warp and weft."""
+    """State of crossings; arrays are (picks, ends), or (2, picks, ends) for warp and weft."""
 
     height: Floats
     """(2, ...) Distances of the axes from the mid-surface, h1 / 2 and h2 / 2, in metres."""
@@ -101,7 +101,7 @@ class Forces(NamedTuple):
 
 
 class Resultants(NamedTuple):
-    """What a cloth does that is stretched alike everywhere, n times."""
+    """Response of a cloth to n uniform stretches."""
 
     force: Floats
     """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without what jams push;
@@ -117,21 +117,21 @@ class Resultants(NamedTuple):
 
 
 class Interchange:
-    """The crossings of a cloth, ready to be stretched.
+    """The crossings of a cloth, prepared for stretching.
 
     Parameters
     ----------
     cloth : Cloth
         At rest: any weave, diameters, spacings and sections.
     yarns : YarnMechanics
-        What its yarns resist with; by default they do not stretch.
+        Stiffnesses of its yarns; by default they do not stretch.
 
     Raises
     ------
     GeometryError
         There is no room for the yarns at rest.
     InputError
-        Yarns that cannot be.
+        A stiffness is not possible.
 
     Examples
     --------
@@ -165,17 +165,17 @@ class Interchange:
         self._joined = None if same else Joined(cloth, loose)
 
     def solve(self, stretch: ArrayLike) -> CrimpState:
-        """Return what the crossings do.
+        """Compute the state of the crossings.
 
         Parameters
         ----------
         stretch : (2, picks, ends) array_like
-            Stretches of space along warp and weft at each crossing, 1 at rest.
+            Stretches of space along warp and weft at each crossing; 1 at rest.
 
         Returns
         -------
         CrimpState
-            Continuous in the stretch, finite for every finite stretch.
+            Continuous in the stretch, and finite for every finite stretch.
         """
         cells, asked, back = self._alike(stretch)
         found = []
@@ -194,7 +194,7 @@ class Interchange:
         return state._replace(height=height, distance=2.0 * height.sum(axis=0))
 
     def forces(self, stretch: ArrayLike) -> Forces:
-        """Return the crossings' energy and its derivatives by the stretch.
+        """Compute the crossings' energy and its derivatives by the stretch.
 
         Parameters
         ----------
@@ -204,21 +204,21 @@ class Interchange:
         Returns
         -------
         Forces
-            The exact second derivatives, with h1 and D eliminated, but where bending turns a yarn
-            to its jam: that pushes, as if its room did not bend it. A crossing that is jammed has
-            those of the stretch at which it holds.
+            The second derivatives are exact, with h1 and D eliminated, except where bending turns a
+            yarn to its jam: the jam pushes as if the room had no effect on bending. A jammed
+            crossing has the derivatives at the stretch that it keeps.
 
         Raises
         ------
         InputError
-            The yarns do not stretch, so that there is no energy.
+            The yarns do not stretch, so there is no energy.
         """
         cells, asked, back = self._alike(stretch)
         found = self._pulls(cells, asked)
         return Forces(*(self._laid(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
-        """Return the forces of the whole cloth, stretched alike everywhere, many times at once.
+        """Compute the forces of the whole cloth for many uniform stretches.
 
         Parameters
         ----------
@@ -228,7 +228,7 @@ class Interchange:
         Returns
         -------
         Resultants
-            One for each.
+            One entry for each stretch.
         """
         asked = np.asarray(stretch, np.float64)
         first, back = self._kinds
@@ -256,11 +256,11 @@ class Interchange:
 
     @property
     def kinds(self) -> int:
-        """How many crossings there are that differ from each other."""
+        """Number of different crossings."""
         return len(self._kinds[0])
 
     def _solved(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
-        """Return the fields of `CrimpState`, and what `Said` has of lengths and slack."""
+        """Compute the fields of `CrimpState`, and lengths and slack for `Said`."""
         held, h, d = self._find(cells, asked)
         heights = np.stack([h, d - h])
         room, length = cells.asked(held)
@@ -269,7 +269,7 @@ class Interchange:
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
         contact = 2.0 * cells.contact * (cells.full - d)
-        # at the least D what presses is more than what resists
+        # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
         at = np.flatnonzero(d <= cells.floor)
         if self._stretches and len(at):
             free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
@@ -290,7 +290,7 @@ class Interchange:
         )
 
     def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
-        """Return crossings, their stretches, and which of them each one of the cloth is."""
+        """Return distinct crossings, their stretches, and which of them each crossing is."""
         asked = np.asarray(stretch, np.float64)
         if asked.shape != (2, *self.shape):
             raise InputError(
@@ -305,7 +305,7 @@ class Interchange:
         return self._cells, asked, slice(None)
 
     def _laid(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
-        """Return what crossings in a row have, as the cloth has it."""
+        """Arrange values of crossings as in the cloth."""
         if not isinstance(back, slice):
             array = array.take(back, axis=-1)
         return array.reshape(*array.shape[:-1], *self.shape)
@@ -319,7 +319,7 @@ class Interchange:
         return first, back.ravel()
 
     def _pulls(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the energy and its derivatives by the stretches at which crossings stand."""
+        """Compute the energy and its derivatives by the stretches that the crossings reach."""
         if not self._stretches:
             raise InputError(
                 "yarns that do not stretch take any force",
@@ -331,7 +331,7 @@ class Interchange:
         energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
         along, bounds = (cells.own, cells.floats), (cells.floor, cells.full)
         value, force, tangent = forces(energy, room, length, np.stack([h, d - h]), d, along, bounds)
-        # yarns that never change side are straight
+        # Yarns that never change side are straight.
         pull = np.where(cells.loose, cells.tension, 0.0)
         over = np.maximum(held - 1.0, 0.0) * cells.spacing
         force += pull * over * cells.spacing
@@ -340,19 +340,19 @@ class Interchange:
         return value, force, tangent
 
     def _find(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the stretch at which crossings stand, h1 and D."""
+        """Compute the stretch that the crossings reach, h1 and D."""
         held, most = cells.held(stretch)
         room, length = cells.asked(held)
         full, floor = cells.full, cells.floor
-        # `most` are the heights that yarns reach at the distance of rest
+        # `most` holds the heights that yarns reach while D is as at rest.
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
         bent = cells.rest + (cells.gain * (held - 1.0)).sum(axis=0)
-        # where bending alone would strain a yarn it is as long as it is
+        # Where bending alone would strain a yarn, the yarn keeps its length.
         between = full - most[1], np.maximum(most[0], full - most[1])
         h = np.clip(bent, *between)
         d = full.copy()
         if self._stretches:
-            # what yarns lack of height they and the contact give as springs in a row would
+            # Yarns and contact share the missing height like springs in series.
             slope = (cells.tension * np.sin(cells.theta) ** 2).clip(1e-300)
             share = cells.contact / slope
             give = np.maximum(full - most.sum(axis=0), 0.0) / (1.0 + share.sum(axis=0))
@@ -384,7 +384,7 @@ class Interchange:
 
 
 def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
-    """Return EA at each crossing, and refuse yarns that cannot be."""
+    """Compute EA at each crossing, and refuse impossible yarns."""
     tension = np.asarray(yarns.tension, np.float64)
     tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]
     for key, values, right, allowed in (

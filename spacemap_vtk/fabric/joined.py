@@ -1,10 +1,11 @@
-"""Yarns through crossings that differ, as long as their crossings say.
+"""Correct the heights of yarns where their crossings differ, so that yarns keep their lengths.
 
 Each crossing is solved as if it were repeated. Between crossings of unequal heights, spacings or
-diameters an axis is not as long as the mean of what both say, by the square of what they differ.
-So each yarn's heights are raised or lowered in one proportion until the whole of it is, and D
-follows, between its least and that of rest; where the other yarn is slack D stays, and that one
-gives way. A yarn that is slack somewhere, or jams, is left as it is. All changes continuously.
+diameters, the length of an axis differs from the mean of the two solutions by the square of their
+difference. So the heights of each yarn are scaled in one proportion until its total length is
+right, and D follows, between its least value and its value at rest. Where the other yarn is slack,
+D stays, and the other yarn gives way. A yarn that is slack somewhere, or jams, keeps its heights.
+All corrections are continuous.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.peirce import Gap, bend
 from spacemap_vtk.ndarrays import Bools, Floats
 
-#: Slack, or stretch past a jam, from which on a yarn is left as it is; between, in part.
+#: Slack, or stretch past a jam, from which a yarn is not corrected; below, it is corrected in part.
 _RAMP = 1e-3
-#: Most by which a step changes heights, of them.
+#: Largest relative change of heights in one step.
 _MOST = 0.05
-#: Share of its length to which a yarn's is found, and steps to that end.
+#: Relative tolerance of a yarn's length, and largest number of steps to reach it.
 _EXACT, _STEPS = 1e-11, 12
 
 
 class Said(NamedTuple):
-    """What crossings say; arrays are (2, picks, ends)."""
+    """Results of separate crossings; arrays are (2, picks, ends)."""
 
     grown: Floats
     """By how much a gap's axis is longer than at rest, in metres."""
@@ -48,7 +49,7 @@ class _Drawn(NamedTuple):
 
 
 class Joined:
-    """The yarns of a cloth between their crossings; loose are those that never change side."""
+    """The yarns of a cloth between their crossings; `loose` marks those that never change side."""
 
     def __init__(self, cloth: Cloth, loose: Floats) -> None:
         warp, weft = cloth.yarns
@@ -65,10 +66,10 @@ class Joined:
             self._families[number] = self._families[number]._replace(length=length)
 
     def heights(self, height: Floats, floor: Floats, said: Said) -> Floats:
-        """Return heights at which yarns are as long as said; floor is the least sum of both."""
+        """Correct heights so that yarns have the given lengths; `floor` is their least sum."""
         height = height.copy()
         taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _RAMP, 0.0, 1.0))
-        # of each yarn, that of its slackest crossing
+        # A yarn is as taut as its slackest crossing.
         taut[0], taut[1] = taut[0].min(axis=0), taut[1].min(axis=1)[:, None]
         gives = 1.1 - taut
         gives /= gives.sum(axis=0)
@@ -89,7 +90,8 @@ class Joined:
                 wider = _mean(own * _rows(taut[::-1], number))
                 rise = np.where(family.changes, 2.0 * _mean(own), np.abs(np.diff(own, axis=1)))
                 by = (gap.sin * rise + 2.0 * (gap.theta - gap.sin) * wider).sum(axis=1)
-                # as springs would share it: a yarn that is all but slack hardly moves
+                # Share the missing length as springs would: a yarn that is almost slack hardly
+                # moves.
                 missing = part * (goals[number] - gap.length.sum(axis=1))
                 missing -= (1.0 - part) * by * moved[number]
                 live = (np.abs(missing) > _EXACT * family.length) & (by > 1e-9 * family.length)
@@ -102,7 +104,7 @@ class Joined:
                 move = move if number else move.T
                 height[number] += move
                 height[other] -= (1.0 - taut[other]) * move
-                # what is too much for D goes where yarns are slack
+                # What exceeds D is taken from slack yarns.
                 total = height.sum(axis=0)
                 height += gives * (np.clip(total, floor, self._full) - total)
                 np.maximum(height, 0.0, out=height)
@@ -111,7 +113,7 @@ class Joined:
         return height
 
     def _drawn(self, number: int, height: Floats, room: Floats) -> Gap:
-        """Return the gaps of warp or weft as they are drawn, less the flats."""
+        """Compute the gaps of warp or weft as drawn, without the flats."""
         family, rows = self._families[number], _rows(height, number)
         wide = 2.0 * height.sum(axis=0)
         wide = _mean(wide if number else wide.T)
@@ -120,10 +122,10 @@ class Joined:
 
 
 def _rows(table: Floats, number: int) -> Floats:
-    """Return what each yarn has at its crossings, of (2, picks, ends)."""
+    """Arrange values (2, picks, ends) in a row for each yarn of a family."""
     return table[1] if number else table[0].T
 
 
 def _mean(rows: Floats) -> Floats:
-    """Return that of neighbours."""
+    """Average neighbours in each row."""
     return 0.5 * (rows[:, 1:] + rows[:, :-1])

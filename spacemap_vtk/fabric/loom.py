@@ -1,6 +1,6 @@
-"""The loom: threading, tie-up and treadling, the drawdown that they weave, and changes by hand.
+"""Looms: threading, tie-up and treadling, the drawdown that they weave, and edits of them.
 
-A change makes a new loom; ends, picks, shafts and treadles are counted from 1, as weavers do.
+An edit returns a new loom. Ends, picks, shafts and treadles are counted from 1, as weavers do.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools
 
-#: Shafts of each end, shafts of each treadle, treadles of each pick: 1-based numbers, one row each.
+#: Shafts of each end, shafts of each treadle, or treadles of each pick: numbers from 1, a row each.
 Rows = tuple[tuple[int, ...], ...]
 
 
@@ -25,19 +25,18 @@ class Loom:
     Parameters
     ----------
     threading : tuple of tuple of int
-        For each end, the first end first, the shafts whose heddles it passes through, counted
-        from 1; an empty row is an end that is not threaded.
+        For each end, first end first, the shafts whose heddles it passes through, counted from 1;
+        an empty row is an end that is not threaded.
     tieup : tuple of tuple of int
         For each treadle, the shafts tied to it.
     treadling : tuple of tuple of int
-        For each pick, the first pick first, the treadles that are pressed.
+        For each pick, first pick first, the treadles that are pressed.
     liftplan : tuple of tuple of int, optional
-        For each pick, the shafts that move. Where it is given, it stands in for tie-up and
-        treadling.
+        For each pick, the shafts that move. It replaces tie-up and treadling.
     rising : bool, optional
         True: a moved shaft rises (jack loom). False: it sinks (counterbalance).
     shafts, treadles : int, optional
-        How many the loom has; never fewer than are used.
+        Number of each on the loom; never fewer than are used.
     """
 
     threading: Rows
@@ -55,12 +54,12 @@ class Loom:
         object.__setattr__(self, "treadles", treadles)
 
     def sheds(self) -> Rows:
-        """Return the shafts that move at each pick.
+        """Find the shafts that move at each pick.
 
         Returns
         -------
         tuple of tuple of int
-            Sorted shaft numbers, one row per pick; empty where nothing moves.
+            Sorted shaft numbers, one row for each pick; empty where nothing moves.
         """
         if self.liftplan is not None:
             return self.liftplan
@@ -71,12 +70,12 @@ class Loom:
         )
 
     def drawdown(self) -> Bools:
-        """Weave the cloth.
+        """Compute the drawdown of the woven cloth.
 
         Returns
         -------
         numpy.ndarray
-            (picks, ends) bool, True where the end lies over the pick. An end in no heddle is moved
+            (picks, ends) bool, True where the end lies over the pick. An end without a heddle moves
             at no pick, and a pick without a shed moves no end: they float across the cloth.
         """
         sheds = self.sheds()
@@ -99,8 +98,8 @@ class Loom:
     def from_drawdown(cls, drawdown: Bools) -> Loom:
         """Set up the smallest loom that weaves a drawdown.
 
-        Ends that are always raised together share a shaft, and equal picks a treadle; both are
-        numbered in the order in which they first appear.
+        Ends that are always raised together share a shaft, and equal picks share a treadle. Both
+        are numbered in the order of first appearance.
 
         Parameters
         ----------
@@ -122,11 +121,11 @@ class Loom:
         )
 
     def threaded(self, end: int, shafts: tuple[int, ...]) -> Loom:
-        # without any the end floats; shafts beyond the last one are more of them
+        # An end without shafts floats. Shafts beyond the last one are added to the loom.
         return replace(self, threading=_put(self.threading, end, shafts, "end"))
 
     def treadled(self, pick: int, pressed: tuple[int, ...]) -> Loom:
-        # treadles; with a liftplan, shafts
+        # `pressed` holds treadles, or shafts if there is a liftplan.
         name = "treadling" if self.liftplan is None else "liftplan"
         rows: Rows = getattr(self, name)
         return replace(self, **{name: _put(rows, pick, pressed, "pick")})  # type: ignore[arg-type]
@@ -136,29 +135,29 @@ class Loom:
             raise InputError(
                 "a liftplan needs no tie-up", cure="Turn the liftplan into treadles first."
             )
-        # the treadle can be one that has no tie yet
+        # The treadle may have no tie yet.
         ties = (*self.tieup, *((),) * (self.treadles - len(self.tieup)))
         return replace(self, tieup=_put(ties, treadle, shafts, "treadle"))
 
     @staticmethod
     def toggled(row: tuple[int, ...], number: int) -> tuple[int, ...]:
-        # put into shafts or treadles, or taken out
+        # Add the shaft or treadle to the row, or remove it.
         return tuple(sorted(set(row) ^ {number}))
 
     def sized(self, shafts: int, treadles: int) -> Loom:
-        # no fewer than are used
+        # Tied treadles are kept.
         ties = self.tieup[: max(treadles, self.used[1])]
         return replace(self, shafts=shafts, treadles=treadles, tieup=ties)
 
     @property
     def used(self) -> tuple[int, int]:
-        """The highest shaft and treadle that are used: a loom cannot have fewer."""
+        """Highest shaft and treadle in use: the loom needs at least that many."""
         lifted = self.tieup if self.liftplan is None else self.liftplan
         ties = max((number for number, tie in enumerate(self.tieup, start=1) if tie), default=0)
         return highest(self.threading, lifted), max(ties, highest(self.treadling))
 
     def tiled(self, ends: int, picks: int) -> Loom:
-        # threading and treadling are repeated over a cloth of another size, and cut off there
+        # Repeat threading and treadling over a cloth of another size, and cut them off there.
         return replace(
             self,
             threading=_along(self.threading, ends),
@@ -168,7 +167,7 @@ class Loom:
 
     @property
     def with_liftplan(self) -> Loom:
-        """One that weaves the same cloth, as a dobby or a table loom does, shed by shed."""
+        """Equivalent loom with a liftplan, as for a dobby or a table loom."""
         return Loom(
             self.threading,
             liftplan=self.sheds(),
@@ -179,7 +178,7 @@ class Loom:
 
     @property
     def with_treadles(self) -> Loom:
-        """One that weaves the same cloth by a treadle for each shed, in order of appearance."""
+        """Equivalent loom with one treadle for each shed, in order of appearance."""
         if self.liftplan is None:
             return self
         number: dict[tuple[int, ...], int] = {}
@@ -193,12 +192,12 @@ class Loom:
 
 
 def highest(*rows: Iterable[tuple[int, ...]]) -> int:
-    """Return the highest number in any row."""
+    """Find the highest number in any row."""
     return max(chain.from_iterable(chain.from_iterable(rows)), default=0)
 
 
 def _numbered(lines: Bools) -> tuple[list[int], list[int]]:
-    """Number equal rows alike from 1; return each row's number, and each number's first row."""
+    """Number distinct rows from 1; return each row's number and each number's first row."""
     number: dict[bytes, int] = {}
     first: list[int] = []
     numbers: list[int] = []

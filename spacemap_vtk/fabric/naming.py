@@ -7,8 +7,8 @@ from collections.abc import Callable
 #: Warp and weft, by their numbers.
 FAMILIES = ("warp", "weft")
 
-#: Returns how a message names a quantity, as "diameter", of the warp (0) or the weft (1). Whoever
-#: makes a cloth of a user's values hands in the names that the user knows these by.
+#: Function that names a quantity, such as "diameter", of the warp (0) or weft (1) in messages. Code
+#: that makes a cloth from a user's values passes one with the names that the user knows.
 Naming = Callable[[str, int], str]
 
 

@@ -1,4 +1,4 @@
-"""Normals of single places on Bézier patches, degenerate ones too."""
+"""Normals at single points of Bézier patches, including degenerate ones."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 from spacemap_vtk.fabric.patch_chunks import Chunk, multiply
 from spacemap_vtk.ndarrays import Floats
 
-# How far inside, in parameter, the normal is taken where it is undefined. The area element grows
-# in proportion to the distance from a collapsed edge, so this is also about the share of the
-# area element that counts as none.
+# Distance, in the patch parameter, at which the normal is evaluated where it is undefined. The area
+# element grows in proportion to the distance from a collapsed edge, so this is also roughly the
+# share of the area element that counts as zero.
 _INSIDE = 1e-3
-# Rounding of an area element, next to the square of the patch's size.
+# Rounding error of an area element, relative to the square of the patch's size.
 _NOTHING = 1e-12
 
 
 class RobustNormals:
-    """Normals of some samples of a chunk's patches, the same ones at each step of a motion."""
+    """Normals of selected samples of a chunk's patches, the same ones at each step of a motion."""
 
-    # They are at few places of the grid, and a patch has several, as at the pole of a cap: each
-    # place is evaluated on each patch, by one product.
+    # The samples lie at few places of the grid, and several patches share a place, as at the pole
+    # of a cap. So one product evaluates each place on each patch.
 
     def __init__(
         self, chunk: Chunk, found: NDArray[np.intp], degree: tuple[int, int], subdivisions: int
     ) -> None:
-        #: Their places in the chunk, sample after sample.
+        #: Indices of the samples in the chunk.
         self.found = found
         sample, patch = np.divmod(found, chunk.patch_count)
         samples, self._row = np.unique(sample, return_inverse=True)
@@ -49,13 +49,13 @@ class RobustNormals:
         weights: NDArray[Any] | None = None,
         loops: ModuleType | None = None,
     ) -> Floats:
-        """Return unit normals, (n, 3), never NaN for finite control points."""
+        """Compute unit normals, (n, 3); never NaN for finite control points."""
         if loops is not None and weights is None:
             made = np.empty((len(self.found), 3))
             places = self._nets, self._row, self._column
             if loops.robust_normals(points, *places, self._bases, _INSIDE, _NOTHING, made):
                 return made
-        # Places last, so that every operation runs over contiguous memory.
+        # The index of the place is last, so that every operation runs over contiguous memory.
         local = points.take(self._nets, axis=0).transpose(2, 0, 1).astype(np.float64, order="C")
         local -= local[:, :1].copy()
         size = np.abs(local).max(axis=(0, 1))
@@ -70,7 +70,7 @@ class RobustNormals:
         clear = length > np.maximum(_NOTHING, _INSIDE * within)
         if (within > _NOTHING).all():  # as at the poles of caps
             return (np.where(clear, here, inside) / np.where(clear, length, within)).T
-        # across the longest direction: what has no area may still be a line
+        # Use a normal to the longest direction: a patch without area may still be a line.
         du, dv = du[:, :count], dv[:, :count]
         along = np.where(_length(du) >= _length(dv), du, dv)
         across = _cross(along, np.eye(3)[:, np.abs(along).argmin(axis=0)])
@@ -106,7 +106,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 def _slopes(
     bases: Floats, local: Floats, weights: Floats | None, places: NDArray[np.intp]
 ) -> Floats:
-    """Return ``du`` and ``dv``, (2, 3, n), of nets (3, size, patches) at places of all of them."""
+    """Compute ``du`` and ``dv``, (2, 3, n), of nets (3, size, patches) at selected places."""
     used = bases if weights is not None else bases[1:]
     matrix = used.reshape(-1, bases.shape[2])
 
@@ -125,7 +125,7 @@ def _slopes(
 
 
 def _bases(degree: tuple[int, int], u: Floats, v: Floats) -> Floats:
-    """Return what each control point counts in the value, in du and in dv, (3, n, size)."""
+    """Compute weights of control points for the value, for du and for dv, (3, n, size)."""
     (here, along_u), (there, along_v) = (
         (bernstein(p, t), bernstein_derivative(p, t)) for p, t in zip(degree, (u, v), strict=True)
     )

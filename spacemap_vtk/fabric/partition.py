@@ -1,8 +1,8 @@
-"""A cloth in pieces: which yarns each process makes, and what it knows of the others without them.
+"""Divide a cloth among processes: which yarns each one builds, and what it knows of the others.
 
-A piece is a run of neighbouring yarns, the ends counted first, then the picks. Yarns share no
-control points, so that pieces need no layer of neighbours. Of a large cloth some crops, in which
-each of its local weaves occurs, tell what all would.
+A piece is a run of neighbouring yarns, counted ends first, then picks. Yarns share no control
+points, so pieces need no layer of neighbours. In a large cloth a few crops that contain each local
+weave represent the whole.
 """
 
 from __future__ import annotations
@@ -19,31 +19,32 @@ from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: Crossings along both sides of the weave round a crossing: where a yarn bends is told by it and
-#: the crossings beside it.
+#: Crossings along both sides of a local weave: the crossing and its neighbours decide where a yarn
+#: bends.
 _LOCAL = 3
-#: Codes of local weaves up to which they are numbered by a table.
+#: Largest number of codes of local weaves for which a table numbers them.
 _MOST_CODES = 2**22
-#: Crossings along both sides of a crop: so many times the root of the number of weaves that are
-#: looked for, of which a crop of a cloth without order then holds nearly all; and at least.
+#: Crossings along both sides of a crop: this multiple of the square root of the number of weaves
+#: that are still missing, so that a crop of a cloth without order contains nearly all of them; and
+#: the least number.
 _PER_WEAVE, _LEAST = 3.0, 12
 
 
 def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
-    """Return the yarns of a piece: all pieces are about the same work.
+    """Choose the yarns of a piece; all pieces take about the same work.
 
     Parameters
     ----------
     cloth : Cloth
-        The whole of it.
+        The whole cloth.
     piece, pieces : int
-        Number of the piece, from 0, and of how many. Each yarn belongs to one piece; the first
-        piece is never empty, others are where there are more pieces than yarns.
+        Number of the piece, from 0, and number of pieces. Each yarn belongs to one piece. The first
+        piece is never empty; others are if there are more pieces than yarns.
 
     Returns
     -------
     Share
-        Slices.
+        Slices of ends and picks.
 
     Examples
     --------
@@ -66,19 +67,19 @@ def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
 
 
 def cropped(cloth: Cloth, part: Share) -> Cloth:
-    """Return the part of a cloth where some ends cross some picks, in its place.
+    """Crop a cloth to some ends and picks, in place.
 
     Parameters
     ----------
     cloth : Cloth
-        The whole of it.
+        The whole cloth.
     part : Share
-        Slices of neighbours; of each family at least one.
+        Slices of neighbouring yarns, at least one of each family.
 
     Returns
     -------
     Cloth
-        Its yarns lie as they do in the whole, but for those by splines near the cut.
+        Its yarns lie as in the whole cloth, except splines near the cut.
 
     Examples
     --------
@@ -119,7 +120,7 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
         drawdown=drawdown,
         warp=warp,
         weft=weft,
-        # The height is shared out as in the whole, whose mean yarns may be others.
+        # The height is divided as in the whole cloth, whose mean diameters may differ.
         crimp_height=cloth.share * (warp.mean_diameter + weft.mean_diameter),
         middle=(middle[0], middle[1]),
         layers=layers,
@@ -130,16 +131,16 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
 
 
 def whole_bounds(cloth: Cloth) -> Floats:
-    """Return the bounds of all control points of a cloth, from a few of its yarns.
+    """Compute the bounds of all control points of a cloth from a few of its yarns.
 
-    Peirce's axes are highest and lowest at crossings, so that the yarns which are the highest, the
-    lowest and the outermost there bound the cloth. A spline swings over between crossings: of each
-    course that occurs, one yarn is built.
+    Peirce's axes are highest and lowest at crossings. So the yarns that are highest, lowest and
+    outermost there bound the cloth. A spline overshoots between crossings; so one yarn of each
+    course is built.
 
     Parameters
     ----------
     cloth : Cloth
-        The whole of it.
+        The whole cloth.
 
     Returns
     -------
@@ -167,23 +168,23 @@ def whole_bounds(cloth: Cloth) -> Floats:
 
 
 def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], Ints]:
-    """Return some parts of a cloth in which each of its local weaves occurs.
+    """Find parts of a cloth that contain each of its local weaves.
 
-    A local weave is a crossing with those round it; at the cloth's edges some of these are missing.
+    A local weave is a crossing with the crossings around it; some are missing at the cloth's edges.
 
     Parameters
     ----------
     cloth : Cloth
-        The whole of it.
+        The whole cloth.
     most : int
-        Crossings in all parts, at most.
+        Largest number of crossings in all parts.
 
     Returns
     -------
     parts : list of (slice, slice)
-        Ends and picks of each.
+        Ends and picks of each part.
     weaves : (picks, ends) int64
-        Number of the local weave of each crossing, with the yarns' own measures.
+        Number of the local weave of each crossing, including the measures of its yarns.
 
     Examples
     --------
@@ -211,7 +212,7 @@ def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], I
         if most < 0 and found:
             break
         found.append((ends, picks))
-        # At the border of a crop some of the crossings round one are missing.
+        # At the border of a crop some of the surrounding crossings are missing.
         whole = (
             slice(part.start + (part.start > 0), part.stop - (part.stop < size))
             for part, size in zip((picks, ends), cloth.drawdown.shape, strict=True)
@@ -222,7 +223,7 @@ def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], I
 
 
 def _parts(cloth: Cloth, number: int) -> Floats:
-    """Return about how many patches each yarn of a family has."""
+    """Estimate the number of patches of each yarn of a family."""
     upper, threads = cloth.upper(number), cloth.threads[number]
     ring = section(threads.shape, threads.aspect, cloth.exact).size
     gaps = upper.shape[1] + 1
@@ -233,7 +234,7 @@ def _parts(cloth: Cloth, number: int) -> Floats:
 
 
 def _telling(cloth: Cloth, number: int) -> Ints:
-    """Return the numbers of the yarns that bound a family."""
+    """Find the yarns that bound a family."""
     own, upper = cloth.yarns[number], cloth.upper(number)
     radius = 0.5 * own.diameter
     wide = own.aspect * radius
@@ -250,13 +251,13 @@ def _telling(cloth: Cloth, number: int) -> Ints:
 
 
 def _numbered(codes: Ints) -> tuple[Ints, Ints]:
-    """Return where each code comes first, in ascending order of codes, and the number of each."""
+    """Number the codes; also return the first place of each code, in ascending order of codes."""
     flat = codes.ravel()
     bound = int(flat.max()) + 1
     if bound > _MOST_CODES:
         first, numbers = np.unique(flat, return_index=True, return_inverse=True)[1:]
         return first, numbers.reshape(codes.shape)
-    # By a table of all codes: to sort those of four million crossings takes half a second.
+    # A table of all codes is faster than sorting those of four million crossings (half a second).
     places = np.full(bound, -1)
     places[flat[::-1]] = np.arange(flat.size)[::-1]
     used = places >= 0
@@ -264,7 +265,7 @@ def _numbered(codes: Ints) -> tuple[Ints, Ints]:
 
 
 def _codes(cloth: Cloth) -> Ints:
-    """Return a number for the yarns and the local weave of each crossing."""
+    """Encode the yarns and the local weave of each crossing in one number."""
     state, states = cloth.drawdown + 1, 3
     if cloth.layers is not None:
         state, states = state + 2 * cloth.layers.own + 4 * cloth.layers.above, 9
@@ -283,7 +284,7 @@ def _codes(cloth: Cloth) -> Ints:
 
 
 def _kinds(cloth: Cloth, number: int) -> Ints:
-    """Return a number for the measures of each yarn of a family and of those beside it."""
+    """Number the yarns of a family by their measures and those of their neighbours."""
     own = cloth.yarns[number]
     apart = np.diff(own.position, prepend=np.nan, append=np.nan)
     thick = np.pad(np.broadcast_to(own.diameter, len(own.position)), 1, mode="edge")

@@ -1,17 +1,18 @@
-"""Bézier patches in chunks that stay in the processor's cache.
+"""Evaluate Bézier patches in chunks that stay in the processor's cache.
 
-Each chunk goes through these steps: gather the control points, one matrix product straight into the
-positions, one for the slopes, cross product, normalisation. What the speed hangs on, each measured:
+Each chunk passes through these steps: gather the control points, compute the positions with one
+matrix product and the slopes with another, then cross products and normalisation. The speed depends
+on the following, each measured:
 
-- The patches are the last axis but that of x, y, z, and the samples the one before. So the points
-  of a chunk lie sample after sample, not patch after patch, and a product with points as rows
-  writes them where they belong.
-- For the normals x, y and z lie apart, so that every ufunc runs over contiguous memory; only the
-  last operation on each writes into the interleaved result.
-- The products are done in blocks of columns, so narrow that OpenBLAS does each in the calling
-  thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
-- What is written lies on the borders of 64 bytes (`spacemap_vtk.memory.aligned`): on others each
-  vector that is stored crosses one in two, and a product of two arrays takes twice as long.
+- The last axis is x, y, z, the one before it the patches, and the one before that the samples. So
+  the points of a chunk are stored sample after sample, not patch after patch, and a product with
+  points as rows writes them to the right place.
+- For normals, x, y and z are separate arrays, so that every ufunc runs over contiguous memory. Only
+  the last operation writes into the interleaved result.
+- Products are computed in blocks of columns that are narrow enough for OpenBLAS to compute each in
+  the calling thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
+- Results begin at multiples of 64 bytes (`spacemap_vtk.memory.aligned`). Otherwise each stored
+  vector crosses a cache line, and a product of two arrays takes twice as long.
 """
 
 from __future__ import annotations
@@ -28,20 +29,21 @@ from spacemap_vtk.memory import aligned
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL
 
-# Scratch of a chunk of float32. More leaves the cache; with less, calls are so short that threads
-# wait for the interpreter's lock: half of this takes a quarter longer in two threads.
+# Scratch memory of a chunk in float32. A larger chunk leaves the cache. In a smaller one calls are
+# so short that threads wait for the interpreter's lock: half of this takes a quarter longer in two
+# threads.
 _CHUNK_BYTES = 2**23
 
-#: Patches of which x, y and z fill whole lines of the cache, in single and in double precision.
+#: Number of patches whose x, y and z fill whole cache lines, in single and in double precision.
 _LINES = 16
 
-#: |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
-#: error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
+#: |du x dv| below this, over the square of the patch's size, is suspect: it may be the rounding
+#: error (1e-6 and less in float32) of a collapsed edge. Suspect samples are examined one by one.
 SUSPECT = 1e-4
 
 
 class Chunk(NamedTuple):
-    """Consecutive patches."""
+    """Consecutive patches and the control points that they use."""
 
     first: int  # number of the first patch
     rows: slice | Ints  # the control points in use
@@ -69,28 +71,28 @@ def cut_into_chunks(patches: AnyInts, rows: int, *, narrow: bool = True) -> list
         part = patches[first : first + width]
         low, high = int(part.min()), int(part.max()) + 1
         used: slice | Ints = slice(low, high)
-        # neighbouring patches share points with near numbers, unless someone has shuffled them
+        # Neighbouring patches use points with similar numbers, unless the points are shuffled.
         if high - low > part.size:
             used, part = np.unique(part, return_inverse=True)
             part = part.reshape(-1, size)
         else:
             part = part - low
-        # Few are kept as NumPy takes them.
+        # NumPy's own index type, so that `take` needs no copy; `narrowed` saves memory.
         chunk = Chunk(first, used, np.ascontiguousarray(part.T, np.intp))
         result.append(narrowed(chunk) if narrow else chunk)
     return result
 
 
 def narrowed(chunk: Chunk) -> Chunk:
-    """Return a chunk with places in few bits: they are read from memory at every step."""
-    # Not narrower than 16 bits: compiled loops are made anew for each type.
+    """Store a chunk's indices in few bits, because they are read from memory at every step."""
+    # At least 16 bits: compiled loops are compiled again for each type.
     largest = int(chunk.gather.max(initial=0))
     kind = np.promote_types(np.uint16, np.min_scalar_type(largest))
     return chunk._replace(gather=chunk.gather.astype(kind, copy=False))
 
 
 def multiply(matrix: AnyFloats, columns: AnyFloats, out: AnyFloats) -> AnyFloats:
-    """Multiply in this thread alone."""
+    """Multiply in the calling thread only."""
     width = max(8, BLAS_SERIAL // matrix.size // 16 * 16)
     whole = columns.shape[-1] // width * width
     if whole:
@@ -105,11 +107,11 @@ def multiply(matrix: AnyFloats, columns: AnyFloats, out: AnyFloats) -> AnyFloats
 
 
 class Scratch:
-    """One thread's working memory, and the steps that use it."""
+    """Working memory of one thread, and the steps that use it."""
 
     def __init__(self, chunks: list[Chunk], rows: int, size: int) -> None:
         most = max(chunk.patch_count for chunk in chunks)
-        # Enough for float64; of what float32 leaves unused the system never makes pages.
+        # Enough for float64; the system allocates no pages for what float32 leaves unused.
         self._places = np.empty(size * most, np.intp)
         self._gathered = aligned(3 * size * most)
         self._net = aligned(3 * (size + 1) * most)
@@ -119,7 +121,7 @@ class Scratch:
         self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
 
     def net(self, chunk: Chunk, rows: NDArray[Any], kind: DTypeLike) -> AnyFloats:
-        """Gather what a chunk's rows have, relative to the first of each patch, which is last."""
+        """Gather the rows of each patch relative to its first one, which is appended."""
         places: NDArray[Any] = chunk.gather
         if places.dtype != np.intp:
             places = _part(self._places, places.shape, np.intp)
@@ -128,17 +130,17 @@ class Scratch:
         net = _part(self._net, (len(places) + 1, *shape[1:]), kind)
         same = rows.dtype == kind
         gathered = net[:-1] if same else _part(self._gathered, shape, rows.dtype)
-        # "clip" is the mode without a buffered copy; every index is in range
+        # "clip" is the mode without a buffered copy; every index is in range.
         np.take(rows, places, axis=0, out=gathered, mode="clip")
         origin = gathered[0].copy()
         net[-1] = origin
-        gathered -= origin  # before it is cast: to do both at once takes longer
+        gathered -= origin  # before the cast: both at once take longer
         if not same:
             net[:-1] = gathered
         return net
 
     def apart(self, net: AnyFloats) -> AnyFloats:
-        """Part the components of a net."""
+        """Separate the components of a net."""
         size, count, columns = net.shape
         result = _part(self._apart, (columns, size - 1, count), net.dtype)
         for column, component in enumerate(result):
@@ -169,7 +171,7 @@ class Scratch:
     def normals(
         self, apart: AnyFloats, slopes: AnyFloats, out: AnyFloats, corners: list[int], scale: float
     ) -> NDArray[np.intp]:
-        """Write the unit normals."""
+        """Write the unit normals; return the suspect samples."""
         samples = slopes.shape[1] // 2
         shape = samples, slopes.shape[2]
         du, dv = slopes[:, :samples], slopes[:, samples:]
@@ -185,7 +187,7 @@ class Scratch:
         for component in normal[1:]:
             np.multiply(component, component, out=product)
             np.add(length, product, out=length)
-        # the size of a patch: its other corners as seen from the first
+        # Size of a patch: distances of its other corners from the first.
         diagonal = apart[:, corners] / scale
         size = np.square(diagonal, out=diagonal).sum(axis=(0, 1))
         suspect = length <= np.square(SUSPECT * size)
@@ -219,7 +221,7 @@ class Bicubic:
         *,
         streamed: bool = False,
     ) -> Ints:
-        """Write the points of a chunk and their unit normals, or the points alone."""
+        """Write the points of a chunk, and their unit normals if an array is given for them."""
         kind = positions.dtype
         curve = self._curve.copy()
         curve[1] /= scale
@@ -240,8 +242,8 @@ class Bicubic:
     def interpolate(
         self, chunk: Chunk, columns: NDArray[Any], values: AnyFloats, *, streamed: bool = False
     ) -> None:
-        """Write an array of the control points, carried over to the points of a chunk."""
-        if columns.shape[1] == 3:  # as places are, each patch from its own first control point
+        """Interpolate an array of the control points at the points of a chunk."""
+        if columns.shape[1] == 3:  # like positions, relative to the first control point of a patch
             self.evaluate(chunk, columns, 1.0, values, streamed=streamed)
             return
         origin = columns[0].astype(values.dtype)

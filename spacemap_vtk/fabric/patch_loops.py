@@ -1,14 +1,14 @@
-"""Bicubic Bézier patches in compiled loops: the same numbers as by matrix products, sooner.
+"""Evaluate bicubic Bézier patches in compiled loops, faster than matrix products, equal in result.
 
-Patches go through in groups whose control points lie side by side, so that each operation is done
-on a whole group, in vector registers. A patch is a tensor product: its four curves along u are
-evaluated first, then those along v from their points, 320 multiplications for a coordinate of 16
-samples where one matrix product takes 768. The innermost loops are long, x, y and z in one, for
-each costs as much to enter as a hundred multiplications.
+Patches are processed in groups whose control points lie next to each other, so that each operation
+runs over a whole group in vector registers. A patch is a tensor product: its four curves along u
+are evaluated first, then the curves along v from the resulting points. That takes 320
+multiplications for a coordinate of 16 samples; one matrix product takes 768. The innermost loops
+run over x, y and z at once, because entering a loop costs as much as a hundred multiplications.
 
-What is left is memory. A control point is gathered by vector instructions, three coordinates at
-once. A large result is written past the cache, in whole lines: otherwise the processor reads each
-line before it writes it, and the write takes as long as everything else together.
+Then memory limits the speed. Vector instructions gather a control point, three coordinates at once.
+A large result is written past the cache, in whole lines. Otherwise the processor would read each
+line before it writes it, and writing would take as long as everything else together.
 
 Needs Numba; see `spacemap_vtk.parallel`.
 """
@@ -25,14 +25,14 @@ from spacemap_vtk.parallel import compiled
 from spacemap_vtk.simd import LINE, stream_line, subtract_point
 
 _GROUP = 64  # patches; 32 and 128 are slower
-_ROW = 3 * _GROUP  # their x, y and z, patch after patch as they are written
+_ROW = 3 * _GROUP  # x, y and z of a group, patch after patch, in the order of the output
 
 
 @compiled
 def write(
     target: NDArray[Any], begin: int, source: NDArray[Any], count: int, streamed: bool
 ) -> None:
-    """Copy the first numbers of an array to a place in another."""
+    """Copy the first `count` numbers of an array to a position in another array."""
     if streamed:
         for k in range(0, count, LINE // source.itemsize):
             stream_line(target, begin + k, source, k)
@@ -54,14 +54,14 @@ def evaluate(
     suspects: Ints,
     streamed: bool,
 ) -> int:
-    """Write the points of some patches and their unit normals, if these are asked for."""
-    # `points` is flat. What is streamed begins at borders of 64 bytes, and so does each sample's
-    # row of patches.
+    """Write the points of some patches, and their unit normals if an array is given for them."""
+    # `points` is flat. A streamed result begins at a multiple of 64 bytes, and so does the row of
+    # patches of each sample.
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
     count, steps, found = gather.shape[1], curve.shape[1], 0
-    # In the points' own precision, as long as the numbers are large: all first control points,
-    # and those that are gathered.
-    # One more than there is room for: `subtract_point` writes four numbers.
+    # First control points stay in the precision of the points while numbers are large: coordinates
+    # are subtracted before they are rounded. Arrays have room for one number more, because
+    # `subtract_point` writes four.
     first = np.zeros(_ROW + 1, points.dtype)
     origin = np.zeros(_ROW, kind)
     net = np.zeros((4, 4 * _ROW + 1), kind)  # along u, then along v, patch and axis
@@ -77,7 +77,7 @@ def evaluate(
             for axis in range(3):
                 first[3 * patch + axis] = points[3 * row + axis]
                 origin[3 * patch + axis] = points[3 * row + axis]
-        # In this order what is written too much is written again, with what belongs there.
+        # In this order, each number that is written too much is overwritten with the right one.
         for place in range(16):
             line = (place & 3) * (4 * _ROW + 1) + (place >> 2) * _ROW
             rows = gather[place, start : start + width]
@@ -85,7 +85,7 @@ def evaluate(
                 row = np.intp(rows[patch])
                 subtract_point(points, 3 * row, first, 3 * patch, nets, line + 3 * patch)
         if normals is not None:
-            limit[:] = 0  # from the size of a patch: its other corners as seen from the first
+            limit[:] = 0  # size of a patch: distances of its other corners from the first
             for along, across in ((3, 0), (0, 3), (3, 3)):
                 corner = net[along, across * _ROW :]
                 for patch in range(_GROUP):
@@ -112,7 +112,7 @@ def evaluate(
                     p2, p3 = p[lane + 2 * _ROW], p[lane + 3 * _ROW]
                     q0, q1 = q[lane], q[lane + _ROW]
                     q2, q3 = q[lane + 2 * _ROW], q[lane + 3 * _ROW]
-                    # the origin last: the sum of the others is small, and keeps its digits
+                    # The origin is added last: the sum of the others is small and keeps its digits.
                     point[lane] = (b0 * p0 + b1 * p1 + b2 * p2 + b3 * p3) + origin[lane]
                     if normals is not None:
                         du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
@@ -135,7 +135,7 @@ def evaluate(
                 small = 0
                 for patch in range(_GROUP):
                     small += square[patch] <= limit[patch]
-                if small:  # rarely, and then one by one
+                if small:  # rare, so a slow loop is enough
                     for patch in range(width):
                         if square[patch] <= limit[patch]:
                             suspects[found] = at + patch
@@ -155,7 +155,7 @@ def robust_normals(
     nothing: float,
     normals: Floats,
 ) -> bool:
-    """Write normals as `RobustNormals.of` does; not all where one has no area inside either."""
+    """Write the normals of `RobustNormals.of`; return False if a patch has no area inside."""
     size, patches = nets.shape
     half = bases.shape[1] // 2
     local = np.zeros((patches, size, 3))
@@ -172,7 +172,7 @@ def robust_normals(
     made, lengths = np.zeros((2, 3)), np.zeros(2)
     for sample in range(len(row)):
         net = local[column[sample]]
-        for side in range(2):  # there, and slightly inside
+        for side in range(2):  # at the sample, and slightly inside
             at = row[sample] + side * half
             ux, uy, uz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for place in range(size):
@@ -199,7 +199,7 @@ def interpolate(
     curve: NDArray[Any],
     out: NDArray[Any],
 ) -> None:
-    """Write an array of the control points, carried over to the points of some patches."""
+    """Interpolate an array of the control points at the points of some patches."""
     kind = curve.dtype
     count, steps, columns = gather.shape[1], curve.shape[1], values.shape[1]
     net = np.zeros((4, 4, _GROUP), kind)  # along u, along v, patch

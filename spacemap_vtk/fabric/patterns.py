@@ -1,7 +1,7 @@
-"""The classical patterns (plain weave, twill, satin, basket, rib), and the words that name them.
+"""Classical weaves (plain weave, twill, satin, basket, rib) and the words that name them.
 
-A name is a weave, the counts that it takes (with ``/`` between them) and a word for its side, in
-any order and case: "Left twill 2/1" and "2/1 twill left" are the same.
+A name consists of a weave, its numbers (separated by ``/``) and a word for its side, in any order
+and in upper or lower case: "Left twill 2/1" and "2/1 twill left" are the same.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.parameters import suggestion
 
 _Counts = tuple[int, ...]
-#: A repeat has no more yarns than this: more is a slip of the keyboard.
+#: Largest number of yarns in a repeat; a larger one is a typing error.
 MOST_YARNS = 1000
 
 
 def plain() -> Bools:
-    """Return plain weave: every end goes over one pick and under the next."""
+    """Build plain weave: every end goes over one pick and under the next."""
     return twill(1, 1)
 
 
 def twill(*counts: int, direction: str = "right") -> Bools:
-    """Return a twill: each end does what its neighbour does, one pick later."""
-    # With any even number of floats: 3, 1, 1, 2 goes over 3, under 1, over 1, under 2.
+    """Build a twill: each end repeats its neighbour, one pick later."""
+    # Any even number of floats is possible: 3, 1, 1, 2 goes over 3, under 1, over 1, under 2.
     for name, count in zip(cycle(("over", "under")), counts, strict=False):
         at_least_one(**{name: count})
     line = np.repeat(np.arange(len(counts)) % 2 == 0, counts)
@@ -41,7 +41,7 @@ def twill(*counts: int, direction: str = "right") -> Bools:
 
 
 def satin(shafts: int, step: int, face: str = "warp") -> Bools:
-    """Return a satin: one binding point in each end and pick of the repeat, none adjacent."""
+    """Build a satin: one binding point in each end and pick of the repeat, none adjacent."""
     at_least_one(shafts=shafts)
     if step not in range(2, shafts - 1) or gcd(step, shafts) != 1:
         steps = [str(k) for k in range(2, min(shafts, 100) - 1) if gcd(k, shafts) == 1]
@@ -58,33 +58,33 @@ def satin(shafts: int, step: int, face: str = "warp") -> Bools:
 
 
 def basket(n: int) -> Bools:
-    """Return basket (hopsack) weave: plain weave of groups of n ends and n picks."""
+    """Build basket (hopsack) weave: plain weave of groups of n ends and n picks."""
     at_least_one(n=n)
     return np.kron(plain(), np.ones((n, n), dtype=bool))
 
 
 def rib(over: int, under: int, family: str = "warp") -> Bools:
-    """Return a rib: plain weave drawn out along one family, whose floats lie side by side."""
+    """Build a rib: plain weave extended along one family, whose floats lie side by side."""
     at_least_one(over=over, under=under)
     return np.repeat(plain(), (over, under), axis=0 if family == "warp" else 1)
 
 
 def satin_step(shafts: int) -> int:
-    """Return the smallest step of a satin; where there is none one that `satin` refuses."""
+    """Find the smallest step of a satin; if there is none, return a step that `satin` refuses."""
     return next((k for k in range(2, shafts - 1) if gcd(k, shafts) == 1), 2)
 
 
 @dataclass(frozen=True)
 class _Weave:
-    """How a weave is named."""
+    """Grammar of the names of a weave."""
 
-    #: How many numbers it takes.
+    #: Allowed numbers of counts.
     counts: tuple[int, ...]
-    #: The sides that it can have, the usual one first.
+    #: Allowed words for the side, the usual one first.
     words: tuple[str, ...]
-    #: From the numbers and the side to one repeat.
+    #: Makes one repeat from the counts and the side.
     make: Callable[[_Counts, str], Bools]
-    #: As a user might write it.
+    #: A typical name.
     example: str
 
 
@@ -110,14 +110,14 @@ _WEAVES = {
         "rib 2/1 weft",
     ),
 }
-#: Other words of the trade for the same.
+#: Synonyms used by weavers.
 _SYNONYMS = {
     "tabby": "plain",
     "hopsack": "basket",
     "z": "right",
     "s": "left",
 }
-#: What may be said of a weave and says nothing.
+#: Words that are allowed and have no effect.
 _IDLE = {"weave", "faced"}
 
 #: The grammar, for messages and help.
@@ -128,22 +128,22 @@ GRAMMAR = (
 
 
 def canonical(text: str) -> str:
-    """Return a pattern's name in one spelling.
+    """Normalise the name of a pattern.
 
     Parameters
     ----------
     text : str
-        As a user wrote it.
+        Name as the user wrote it.
 
     Returns
     -------
     str
-        Weave, counts and side, in small letters; the usual side left out.
+        Weave, counts and side in small letters; the usual side is left out.
 
     Raises
     ------
     InputError
-        If it names no weave, or one that cannot be woven.
+        The text names no weave, or one that cannot be woven.
 
     Examples
     --------
@@ -151,24 +151,24 @@ def canonical(text: str) -> str:
     'twill 2/2'
     """
     name, counts, word = _parsed(text)
-    _made(name, counts, word)  # so that what is stored can be woven
+    _made(name, counts, word)  # refuse names of weaves that cannot be woven
     usual = _WEAVES[name].words[:1]
     parts = [name, "/".join(map(str, counts)), "" if word in usual else word]
     return " ".join(part for part in parts if part)
 
 
 def named(text: str) -> Bools:
-    """Return one repeat of a pattern.
+    """Build one repeat of a named pattern.
 
     Parameters
     ----------
     text : str
-        Its name.
+        Name of the pattern.
 
     Returns
     -------
     (picks, ends) bool
-        End 0 lies over pick 0, but for warp satins.
+        End 0 lies over pick 0, except in warp satins.
 
     Raises
     ------
@@ -187,19 +187,19 @@ def _made(name: str, counts: _Counts, word: str) -> Bools:
     try:
         return _WEAVES[name].make(counts, word)
     except InputError as error:
-        # key and value are of a function that the user did not call: put them into the sentence
+        # Key and value belong to a function that the user did not call, so name them in the text.
         raise InputError(
             f"{error.message}: {error.key} {error.value}, allowed: {error.allowed}", cure=error.cure
         ) from None
 
 
 def _parsed(text: str) -> tuple[str, _Counts, str]:
-    """Return the weave, its counts and its side."""
+    """Split a name into the weave, its counts and its side."""
     names: list[str] = []
     counts: list[_Counts] = []
     words: list[str] = []
     side_words = {word for weave in _WEAVES.values() for word in weave.words}
-    # weavers write 2-2 for 2/2, and weft-faced
+    # Weavers also write 2-2 for 2/2, and weft-faced.
     text = re.sub(r"(?<=\d)\s*-\s*(?=\d)", "/", text.lower()).replace("-", " ")
     for token in re.findall(r"\d+(?:\s*/\s*\d+)*|[^\s,\d]+", text):
         word = _SYNONYMS.get(token, token)

@@ -1,21 +1,21 @@
-"""Peirce's geometry of plain cloth: round yarns that bend over each other without being squeezed.
+"""Peirce's geometry of plain cloth: round yarns that bend over each other and are not squeezed.
 
 Between two neighbouring crossings a yarn runs arc - straight - arc. The arcs have the angle
-theta and radii that sum up to D, the sum of the two yarn diameters; then, over the spacing p of
-the crossings and the height h by which the axis changes,
+theta, and the sum of their radii is D, the sum of the two yarn diameters. Over the spacing p of the
+crossings the height of the axis changes by h:
 
     p = D sin(theta) + s cos(theta)        h = D (1 - cos(theta)) + s sin(theta)
 
-with the straight length s. The warp bends over the weft spacing p2 with h1, the weft over the
-warp spacing p1 with h2, and h1 + h2 = D because the yarns touch where they cross.
+with the straight length s. The warp bends over the weft spacing p2 with h1, and the weft over the
+warp spacing p1 with h2. h1 + h2 = D because the yarns touch where they cross.
 
 Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45. His
-equations are solved for theta here in closed form: with t = tan(theta/2) both give
+equations are solved for theta in closed form: with t = tan(theta/2) both give
 t**2 (2D - h) - 2 p t + h = 0.
 
-`solve` and the functions after it refuse what is jammed. `bend` and those after it are for many
-gaps at once and refuse nothing; arrays have the families first, (2, n): the gap of the warp over
-picks, that of the weft over ends.
+`solve` and the functions after it refuse jammed yarns. `bend` and the functions after it handle
+many gaps at once and refuse nothing. Their arrays have the families first, (2, n): the gap of the
+warp over picks, that of the weft over ends.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ from spacemap_vtk.fabric.naming import Naming, in_words
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.units import metres
 
-#: Rounding allowed in the square of the straight length, over D**2. Clamping inside it moves the
-#: yarn by about as much, times D.
+#: Rounding tolerance of the square of the straight length, over D**2. A square within it is set to
+#: 0, which moves the yarn by about this tolerance times D.
 JAM = 1e-12
-#: A straight length whose square is below this, over D**2, is taken for zero: it would be a sliver.
+#: A straight length whose square is below this, over D**2, counts as zero; it would be a sliver.
 _SLIVER = 1e-14
-#: Below this tan(theta/2) the series of t - arctan(t) is better than the difference.
+#: Below this tan(theta/2) the series of t - arctan(t) is more accurate than the difference.
 _SERIES_BELOW = 0.1
-#: Steps of squares of heights, in which lengths are all but linear, that are enough, over D**2.
+#: Tolerance of the squares of heights, over D**2; Newton's method uses them because lengths are
+#: almost linear in them.
 _ALIKE = 1e-7
-#: Over D: a height below which a yarn is straight.
+#: Height over D below which a yarn is straight.
 _LEAST = 1e-9
 
 
 class Crimp(NamedTuple):
-    """How a yarn bends between two neighbouring crossings where it changes side."""
+    """Bending of a yarn between two neighbouring crossings where it changes side."""
 
     # Each field is a float64 array of the arguments' common shape, a scalar for scalars.
 
@@ -60,7 +61,7 @@ class Crimp(NamedTuple):
 
 
 def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Crimp:
-    """Return angle, straight length, axis length and crimp of a yarn between two crossings."""
+    """Compute angle, straight length, axis length and crimp of a yarn between two crossings."""
     p, h, d = np.broadcast_arrays(
         np.asarray(spacing, np.float64),
         np.asarray(height, np.float64),
@@ -72,10 +73,10 @@ def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Cri
         where = int(np.argmax(refused))
         _refuse(float(p.flat[where]), float(h.flat[where]), float(d.flat[where]))
     s = np.sqrt(np.where(square > _SLIVER * d * d, square, 0.0))
-    # p + s is 0 only for crossings on one spot
+    # p + s is 0 only if both crossings are at the same point.
     theta = 2.0 * np.arctan2(h, p + s)
     length = d * theta + s
-    # l - p = h t - 2 D (t - arctan t), because p - s = t (2D - h): nothing large is subtracted
+    # l - p = h t - 2 D (t - arctan t), because p - s = t (2D - h). This subtracts no large numbers.
     t = np.tan(0.5 * theta)
     excess = h * t - 2.0 * d * _minus_arctan(t)
     crimp = np.divide(excess, p, out=np.zeros_like(excess), where=p > 0)
@@ -85,7 +86,7 @@ def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Cri
 def feasible_height(
     warp_spacing: float, weft_spacing: float, diameter_sum: float
 ) -> tuple[float, float]:
-    """Return the interval of warp crimp heights h1 that leave room for both families."""
+    """Compute the interval of warp crimp heights h1 that leave room for both families."""
     return (
         _least_height(warp_spacing, diameter_sum),
         diameter_sum - _least_height(weft_spacing, diameter_sum),
@@ -93,14 +94,14 @@ def feasible_height(
 
 
 def balanced_height(warp_spacing: float, weft_spacing: float, diameter_sum: float) -> float:
-    """Return the middle of the feasible interval of the warp crimp height h1."""
+    """Compute the middle of the feasible interval of the warp crimp height h1."""
     low, high = feasible_height(warp_spacing, weft_spacing, diameter_sum)
     return 0.5 * (low + high)
 
 
 def largest_diameter_sum(warp_spacing: float, weft_spacing: float) -> float:
-    """Return the largest sum of diameters that can be woven at given spacings: a jammed cloth."""
-    # over the larger spacing, so that the squares of tiny lengths stay normal numbers
+    """Compute the largest sum of diameters that can be woven at given spacings (jammed cloth)."""
+    # Relative to the larger spacing, so that squares of tiny lengths do not underflow.
     scale = max(warp_spacing, weft_spacing)
     a, b = (warp_spacing / scale) ** 2, (weft_spacing / scale) ** 2
     return scale * sqrt((a + b + 2.0 * sqrt(a * a - a * b + b * b)) / 3.0)
@@ -130,7 +131,7 @@ def check_height(
     inside = -JAM * d <= height <= (1.0 + JAM) * d
     if not inside or _jammed(p1, p2, height, d):
         side = "warp" if height > middle else "weft"
-        # printed a little inside, so that a bound copied from the message is accepted
+        # Bounds are printed slightly inside, so that one copied from the message is accepted.
         margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
         shown_low = metres(low + margin) if low > 0.0 else "0 mm"
         raise GeometryError(
@@ -150,7 +151,7 @@ def _straight_squared(p: NDArray, h: NDArray, d: NDArray) -> Floats:
 
 
 def _jammed(p1: float, p2: float, height: float, d: float) -> bool:
-    # by the squares, not by the interval: its roots lose half the digits where D is nearly p
+    # Compare squares: the roots in the interval lose half the digits where D is almost p.
     square = _straight_squared(np.array([p2, p1]), np.array([height, d - height]), np.array(d))
     return not bool(np.all(square >= -JAM * d * d))
 
@@ -161,7 +162,7 @@ def _least_height(p: float, d: float) -> float:
 
 
 def _minus_arctan(t: NDArray) -> Floats:
-    """Return t - arctan(t) for t >= 0, without loss where t is small."""
+    """Compute t - arctan(t) for t >= 0 without loss of digits for small t."""
     small = np.minimum(t, _SERIES_BELOW) ** 2
     series = np.zeros_like(small)
     for n in range(17, 1, -2):
@@ -184,7 +185,7 @@ def _refuse(p: float, h: float, d: float) -> None:
 
 
 class Gap(NamedTuple):
-    """A yarn between two crossings: Peirce's figures, without refusals."""
+    """Peirce's figures of a yarn between two crossings, without checks."""
 
     theta: Floats
     straight: Floats
@@ -196,8 +197,8 @@ class Gap(NamedTuple):
 
 
 def bend(room: Floats, height: Floats, distance: Floats) -> Gap:
-    """Return Peirce's figures; past the jam those of no straight part."""
-    # few arrays at once: memory that is given back and taken anew costs as much as the arithmetic
+    """Compute Peirce's figures; past a jam there is no straight part."""
+    # Few arrays are alive at once: allocating memory anew costs as much as the arithmetic.
     s = room * room
     s -= height * (2.0 * distance - height)
     np.sqrt(np.maximum(s, 0.0, out=s), out=s)
@@ -211,19 +212,19 @@ def bend(room: Floats, height: Floats, distance: Floats) -> Gap:
 
 
 def jam_height(room: Floats, distance: Floats) -> Floats:
-    """Return the height at which no straight part is left, or the most there is, D."""
+    """Compute the height at which no straight part is left; at most D."""
     room = np.minimum(room, distance)
-    # D - sqrt(D**2 - p**2), and nothing large is subtracted
+    # This is D - sqrt(D**2 - p**2), without subtracting large numbers.
     return room**2 / (distance + np.sqrt((distance - room) * (distance + room)))
 
 
 def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
-    """Return the heights at which yarns are as long as asked; 0 where they are too short."""
+    """Compute heights at which yarns have the given lengths; 0 for yarns that are too short."""
     shape = room.shape
     most = jam_height(room, distance).ravel() ** 2
     live: Ints = np.arange(room.size)
     p, goal, d = room.ravel(), length.ravel(), distance.ravel()
-    # Peirce's own approximation, c = (9/16) (h/p)**2, is off by some per cent
+    # Start with Peirce's approximation, c = (9/16) (h/p)**2, which is off by some per cent.
     square = np.minimum(16.0 / 9.0 * p * np.maximum(goal - p, 0.0), most)
     result = np.empty_like(square)
     for _ in range(40):
@@ -231,7 +232,7 @@ def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
         s = np.sqrt(np.maximum(p * p - h * (2.0 * d - h), 0.0))
         reach = p + s
         t = h / reach
-        # in h**2 the length is all but linear: d l / d(h**2) = sin(theta) / (2 h)
+        # The length is almost linear in h**2: d l / d(h**2) = sin(theta) / (2 h).
         step = (goal - 2.0 * d * np.arctan(t) - s) * reach * (1.0 + t * t)
         before, square = square, np.clip(square + step, 0.0, most)
         done = np.abs(square - before) <= _ALIKE * d * d
@@ -247,8 +248,9 @@ def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
 
 
 def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Floats:
-    """Return heights (2, n) at which both yarns are as long as asked, by crossings that flatten."""
-    # Heights whose sum is below the floor say no more than that; the start is that of a larger D.
+    """Compute heights (2, n) at which both yarns have the given lengths; crossings may flatten."""
+    # Heights whose sum is below the floor only mean that D is at the floor. The start is the
+    # solution for a larger D.
     result, live = np.empty_like(height), np.arange(height.shape[1])
     p, goal, least = room, length, _LEAST * floor
     h = np.where(length > room, np.maximum(height, least), least)
@@ -256,14 +258,14 @@ def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Fl
         d = h[0] + h[1]
         gap = bend(p, h, d)
         a, b = gap.theta, gap.theta - gap.sin
-        # a yarn that is too short to bend at all is straight
+        # A yarn that is too short to bend at all is straight.
         missing = np.where(goal > p, goal - gap.length, 0.0)
         step = a[::-1] * missing - b * missing[::-1]
         step /= a[0] * a[1] - b[0] * b[1]
-        # Newton's step, taken in squares: lengths are all but linear in them
+        # Newton's step in squares of heights, because lengths are almost linear in them.
         square, before = np.maximum(h * (h + 2.0 * step), 0.0), h
         h = np.maximum(np.sqrt(square), least)
-        # pressed far past the floor it does not matter how far
+        # Far below the floor the exact value does not matter.
         done = (np.abs(h * h - before * before) <= _ALIKE * d * d).all(axis=0) | (d <= 0.5 * floor)
         if 8 * np.count_nonzero(done) > len(done):
             result[:, live[done]] = h[:, done]
@@ -277,7 +279,7 @@ def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Fl
 
 
 def _both_taut_surely(room: Floats, length: Floats, above: Floats, floor: Floats) -> Floats:
-    """Return what `both_taut` does, by halving: the lower D, the more height there is for it."""
+    """Solve as `both_taut` does, by bisection: a lower D leaves more height relative to it."""
     low, high = 0.5 * floor, np.maximum(2.0 * above, 2.0 * floor)
     for _ in range(50):
         middle = 0.5 * (low + high)

@@ -1,16 +1,16 @@
-"""Twist and plies of yarns: how fibres wind about them, and the grooves between their plies.
+"""Twist and plies of yarns: how fibres wind around a yarn, and the grooves between its plies.
 
-Appearance alone: mechanics, mass and contact know the section that holds all plies. Fibres lie on
-helices, as in the idealised yarn of J. W. S. Hearle, P. Grosberg and S. Backer (1969, chapter 2):
-at the surface of a yarn of diameter d and T turns in a length they lean by ``tan(angle) = pi d T``.
-Z twist is a right-handed screw, and T above 0 (ISO 2:1973). Tubes of `spacemap_vtk.fabric.sweep`
-count their way round, phi in turns, against that screw: what winds with the twist keeps
-``phi + T s``, s along the yarn.
+They affect appearance only; mechanics, mass and contact use the section that contains all plies.
+Fibres are helices, as in the idealised yarn of J. W. S. Hearle, P. Grosberg and S. Backer (1969,
+chapter 2): at the surface of a yarn of diameter d with T turns per length they are inclined by
+``tan(angle) = pi d T``. Z twist is a right-handed screw, and T is positive for it (ISO 2:1973).
+Tubes of `spacemap_vtk.fabric.sweep` count phi, the turns around the yarn, against that screw. So
+``phi + T s``, with s along the yarn, is constant on a line that winds with the twist.
 
-The plies of a yarn touch the circle that its section is, are pressed into each other, and turn with
-the twist: an outline that is drawn between the section's middle and its rim, so that flattened
-sections have flattened plies (L. R. G. Treloar, "The Geometry of Multi-ply Yarns", J. Textile Inst.
-47 (1956) T348, has plies as circles about a common axis).
+Plies touch the circle that is the yarn's section, are pressed into each other, and turn with the
+twist. Their outline is drawn between the section's centre and its rim, so flattened sections have
+flattened plies. (L. R. G. Treloar, "The Geometry of Multi-ply Yarns", J. Textile Inst. 47 (1956)
+T348, has plies as circles about a common axis.)
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 
-#: Middles of plies, nearer to the yarn's than of circles that touch: they flatten each other.
+#: Distance of the centres of plies, over that of circles that touch: plies flatten each other.
 _PRESSED = 0.8
-#: How sharp the grooves are: at 1 circles would meet in an edge, between samples of a surface.
+#: Sharpness of the grooves. At 1 the circles would meet in an edge, between samples of a surface.
 _SHARP = 0.985
-#: In turns, from the beginning of a yarn to that of the next: no number of yarns comes round to it.
+#: Turns from the start of a yarn to that of the next; no number of yarns adds up to whole turns.
 APART = 0.6180339887498949
-#: Samples round a yarn that each ply needs to be made, and not only shaded.
+#: Least number of samples around a yarn for each ply; with fewer, plies are only shaded.
 _LEAST_SAMPLES = 4
 _ORDER = quadrilateral_order(3, 3)
 
 
 def middle_of_plies(plies: AnyFloats) -> AnyFloats:
-    """Return how far the middles of plies are from the yarn's, as a share of its radius."""
+    """Compute the distance of the plies' centres from the yarn's axis, as a share of its radius."""
     return _PRESSED / (1.0 + np.sin(pi / plies))
 
 
 def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
-    """Return how far plies reach, 1 on crowns, and its slope by the phase: turns from a crown."""
+    """Compute radius (1 on crowns) and slope of the plies' outline by the phase in turns."""
     middle = middle_of_plies(plies)
     wave, rise = np.sin(pi * plies * phase), np.cos(pi * plies * phase)
     turn = 2.0 / plies * np.arcsin(_SHARP * wave)
@@ -60,7 +60,7 @@ def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
 
 @lru_cache
 def sharpness(plies: int) -> float:
-    """Return how many times as curved an outline of plies is as the circle that is about them.
+    """Compute the largest curvature of an outline of plies over that of the circle around them.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def sharpness(plies: int) -> float:
     Returns
     -------
     float
-        1 for singles.
+        1 for a single yarn.
     """
     if plies == 1:
         return 1.0
@@ -82,30 +82,30 @@ def sharpness(plies: int) -> float:
 
 
 def frames(rings: AnyFloats) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
-    """Return the middles of rings, (..., size, 3), and the vectors to their top and their side."""
+    """Compute the centres of rings, (..., size, 3), and the vectors to their top and their side."""
     middle = rings.mean(axis=-2)
     top = 0.5 * (rings[..., 0, :] + rings[..., -3 if rings.shape[-2] > 12 else 0, :])
     return middle, top - middle, rings[..., 3, :] - middle
 
 
 class Strands:
-    """Where fibres and plies run on the patches of a cloth, whatever these are moved to.
+    """Fibres and plies on the patches of a cloth, wherever the patches are moved.
 
     Parameters
     ----------
     patches : ndarray of int, shape (P, 16)
-        Of a cloth, or of a piece of it, as `spacemap_vtk.fabric.weave.build` makes them.
+        Patches of a cloth, or of a piece of it, as made by `spacemap_vtk.fabric.weave.build`.
     cloth : Cloth
-        Theirs.
+        The cloth of the patches.
     places : ndarray of float, shape (parts, 4)
-        Their `Weave.places`.
+        `Weave.places` of the patches.
     sides : int
-        Quadrilaterals along each side of a patch.
+        Number of quadrilaterals along each side of a patch.
 
     Raises
     ------
     GeometryError
-        The patches are not those of the places.
+        The patches do not match the places.
     """
 
     def __init__(self, patches: AnyInts, cloth: Cloth, places: AnyFloats, sides: int) -> None:
@@ -124,14 +124,14 @@ class Strands:
         self._net = patches[:, _ORDER].reshape(-1, 4, 4)
         self._around, self._first = around, np.cumsum(around) - around
         self.tubes = int(around.sum())
-        #: Of each patch its part of a yarn; of those that close it, the last ring, too.
+        #: Part of a yarn for each patch; for patches that close a yarn, also the last ring.
         self._part = np.concatenate(
             [np.repeat(np.arange(len(yarn)), around), np.repeat(ends.ravel(), closing)]
         )
         self._ring = np.repeat(np.tile([0, 3], len(line)), closing)
         half = np.array([s.aspect - 1.0 if s.size > 12 else 0.0 for s in shapes])[own]
         self._half = half
-        # from the top's end over the side; a racetrack has flats between its quarters
+        # Phi runs from the end of the top over the side; a racetrack has flats between quarters.
         quarter, length = 0.5 * pi, 2.0 * pi + 4.0 * half
         part = self._part[: self.tubes]
         step, flattened = np.arange(self.tubes) - self._first[part], around[part] > 4
@@ -142,7 +142,7 @@ class Strands:
         turns, plies, diameter = (values[yarn] for values in cloth.strands)
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
-        # looms do not turn bobbins alike: plies beside each other begin anywhere
+        # Looms do not align bobbins, so plies of neighbouring yarns begin at different phases.
         begin = turns * places[:, 0] + APART * places[:, 3]
         self._turned = begin - np.floor(begin), turns * self._along[1]
         self._most = int(plies.max(initial=1))
@@ -157,44 +157,44 @@ class Strands:
         self._basis = np.concatenate(
             [np.kron(curve, curve), np.kron(curve, slope), np.kron(slope, curve)]
         )
-        #: Whether plies are made; where there are too few samples they can only be shaded.
+        #: Whether plies get a shape; with too few samples they are only shaded.
         self.made = self.makes_plies(sides)
 
     def makes_plies(self, sides: int) -> bool:
-        """Return whether plies are made, and not only shaded.
+        """Check whether plies get a shape and not only shading.
 
         Parameters
         ----------
         sides : int
-            Quadrilaterals along each side of a patch.
+            Number of quadrilaterals along each side of a patch.
 
         Returns
         -------
         bool
-            False where there are too few samples.
+            False if there are too few samples.
         """
         most, winds = self._most, self._winds
         return most > 1 and 4 * sides >= _LEAST_SAMPLES * most and sides >= 2.0 * winds
 
     def with_sides(self, sides: int) -> Strands:
-        """Return the same strands on other facets.
+        """Copy the strands for another number of facets.
 
         Parameters
         ----------
         sides : int
-            Quadrilaterals along each side of a patch.
+            Number of quadrilaterals along each side of a patch.
 
         Returns
         -------
         Strands
-            Sampled so.
+            Strands with the new samples.
         """
         other = copy(self)
         other._sample(sides)
         return other
 
     def coordinates(self, which: Ints) -> AnyFloats:
-        """Return what shading needs at the samples of some patches.
+        """Compute the coordinates that shading needs at the samples of some patches.
 
         Parameters
         ----------
@@ -204,9 +204,9 @@ class Strands:
         Returns
         -------
         ndarray of float32, shape (samples, patches, 3)
-            What stays along a fibre, in turns of the yarn; phase of the plies, in plies from a
-            crown, where they are to be shaded and are not made; place along the yarn in diameters.
-            0 on what closes tubes.
+            Coordinate that is constant along a fibre, in turns of the yarn; phase of the plies, in
+            plies from a crown, if they are only shaded; position along the yarn, in diameters. All
+            are 0 on patches that close tubes.
         """
         part = self._part[which]
         found = np.zeros((len(self._u), len(part), 3), np.float32)
@@ -214,7 +214,7 @@ class Strands:
         part = part[:tubes]
         phi, turned, along = self._ways(which[:tubes], part)
         plied = self._plies[part] > 1
-        # of plies the fibres run about along the yarn: they are twisted against their singles
+        # Fibres of plies run about along the yarn, because plies are twisted against their singles.
         found[:, :tubes, 0] = phi + np.where(plied, 0.0, turned)
         if not self.made:
             found[:, :tubes, 1] = np.where(plied, self._plies[part] * (phi + turned), 0.0)
@@ -222,7 +222,7 @@ class Strands:
         return found
 
     def _ways(self, which: Ints, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
-        """Return the way round, turns and the way along at the samples of patches on tubes."""
+        """Compute turns around the yarn, twist and position along it at samples on tubes."""
         begin, span = self._phi[:, which]
         turned, more = (each[part] for each in self._turned)
         along, further = (each[part] for each in self._along)
@@ -235,17 +235,17 @@ class Strands:
         weights: NDArray[Any] | None,
         views: Iterable[tuple[Ints, AnyFloats, AnyFloats]],
     ) -> None:
-        """Draw a surface in to its plies.
+        """Move a surface in to its plies.
 
         Parameters
         ----------
         points : ndarray of float, shape (N, 3)
-            Control points, wherever they have been moved to.
+            Control points, wherever they have been moved.
         weights : ndarray of float, shape (N,), optional
-            Of rational patches.
+            Weights of rational patches.
         views : iterable of tuple
-            Of runs of patches their numbers, and positions and normals, (samples, patches, 3); both
-            are changed. See `spacemap_vtk.fabric.tessellation.Tessellation.views`.
+            For runs of patches: their numbers, positions and normals, (samples, patches, 3); the
+            last two are changed. See `spacemap_vtk.fabric.tessellation.Tessellation.views`.
         """
         middle, top, side = np.empty((3, len(self._around), 4, 3))
         for count in np.unique(self._around):
@@ -270,7 +270,7 @@ class Strands:
     def _tube(
         self, patch: Ints, points: NDArray[Any], weights: NDArray[Any] | None, middle: AnyFloats
     ) -> tuple[AnyFloats, AnyFloats]:
-        """Return positions and normals, (samples, patches, 3)."""
+        """Compute positions and normals, (samples, patches, 3), on tubes."""
         part, net = self._part[patch], self._net[patch].reshape(-1, 16)
         size, first = len(self._u), middle[part, :1]
         nets, axis = points[net] - first, middle[part] - first
@@ -311,7 +311,7 @@ class Strands:
         top: AnyFloats,
         side: AnyFloats,
     ) -> AnyFloats:
-        """Return positions on closed ends."""
+        """Compute positions on closed ends."""
         arm, half = place - middle, self._half[part]
         up, right = (
             np.einsum("snk,nk->sn", arm, axis) / np.square(axis).sum(axis=1) for axis in (top, side)

@@ -1,10 +1,11 @@
-"""How far each point of a fabric's surface is from the next yarn, as the fabric lies now.
+"""Distance of each point of a fabric's surface from the next yarn, in the fabric's current state.
 
-`yarn_clearance` finds the least distance of a cloth as woven, exactly; here the yarns are surfaces
-of points, moved in any way, and every point gets its distance. Nearest points are found with trees:
-two different numbers of yarns have a lowest binary digit in which they differ, so for each digit
-yarns that agree in those below it are looked up among each other, the ones among the zeros. Where
-the lowest digits tell neighbours apart, all that differ in higher ones are far, and soon passed by.
+`yarn_clearance` finds the least distance of a cloth at rest exactly. Here yarns are surfaces of
+points that may have moved in any way, and every point gets a distance. Trees find nearest points.
+Two different yarn numbers have a lowest binary digit in which they differ. So for each digit, yarns
+that agree in the lower digits are searched among each other, those with 0 against those with 1.
+Where the lowest digits differ between neighbours, yarns that differ in higher digits only are far
+apart, and their search ends soon.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 
-#: Of the largest coordinate: so far apart distances are taken for equal, of points in single
-#: precision.
+#: Distances that differ by less than this share of the largest coordinate count as equal, for
+#: points in single precision.
 _TIED = 16 * float(np.finfo(np.float32).eps)
 
 
@@ -28,7 +29,7 @@ def gaps(
     asked: Bools | None = None,
     known: Bools | None = None,
 ) -> Floats:
-    """Return the distance from each point to the surface of the next other yarn.
+    """Compute the distance from each point to the surface of the nearest other yarn.
 
     Parameters
     ----------
@@ -37,27 +38,26 @@ def gaps(
     normals : (n, 3) array_like of float
         Their outward unit normals.
     yarn : (n,) array_like of int
-        The yarn of each, from 0 on.
+        Yarn of each point, from 0.
     reach : float or (n,) array_like of float
-        Half the distance between neighbouring points of a surface, in m: so far around a point its
-        surface is taken for flat, which leaves an error of ``reach**2 / diameter``.
+        Half the distance between neighbouring points of a surface, in m. Within it the surface
+        around a point counts as flat, with an error of ``reach**2 / diameter``.
     asked : (n,) ndarray of bool, optional
-        Which points get their distance; by default all.
+        Points that get a distance; by default all.
     known : (n,) ndarray of bool, optional
-        Which points tell where surfaces are; by default all. Of some at the same place one is
-        enough.
+        Points that define the surfaces; by default all. One of several coincident points is enough.
 
     Returns
     -------
     (n,) ndarray of float64
-        In m; below 0 where yarns overlap, infinite where there is one yarn only, or none is asked.
+        In m; negative where yarns overlap, infinite if there is only one yarn or for other points.
 
     Examples
     --------
     >>> gaps([[0, 0, 0], [0, 0.2, 1]], [[0, 0, 1], [0, 0, -1]], [0, 1], reach=0.3).tolist()
     [1.0, 1.0]
     """
-    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+    from scipy.spatial import cKDTree  # imported here: it takes a tenth of a second
 
     place = np.asarray(points, np.float64)
     outward, number = np.asarray(normals, np.float64), np.asarray(yarn, np.int64)
@@ -69,12 +69,12 @@ def gaps(
     )
 
     def look_up(mine: Ints, others: Ints) -> None:
-        """Let each of some points know how far the next of some others is."""
+        """Update the distances of some points to the nearest of some others."""
         mine, others = mine[wanted[mine]], others[there_are[others]]
         if not len(mine) or not len(others):
             return
-        most = float(found[mine].max()) + farthest  # beyond that nothing is nearer
-        # four, which may be as near but for rounding, as at a cut end: it would choose one
+        most = float(found[mine].max()) + farthest  # points beyond cannot be nearer
+        # Four points may be equally near up to rounding, as at a cut end, which would choose one.
         distance, nearest = cKDTree(place[others]).query(
             place[mine], k=4, distance_upper_bound=most, workers=-1
         )
@@ -102,25 +102,24 @@ def crossing_means(
     facets: tuple[ArrayLike, Floats, Floats],
     values: AnyFloats,
 ) -> Floats:
-    """Return the mean of what is seen of yarns at some crossings: of the half that looks outwards.
+    """Average values over the outward halves of the yarns at some crossings.
 
     Parameters
     ----------
     cloth : Cloth
-        As woven.
+        At rest.
     part : (slice, slice)
-        Ends and picks that cross there.
+        Ends and picks of these crossings.
     facets : tuple
-        Of facets of its yarns: the yarn of each (n,), the ends before the picks; x and y of its
-        middle at rest (n, 2), in m; and what it covers, seen from above (n,), below 0 if it looks
-        down.
+        Yarn of each facet (n,), ends before picks; x and y of its centre at rest (n, 2), in m; and
+        the area that it covers seen from above (n,), negative if it faces down.
     values : (n,) ndarray of float
-        What is to be averaged.
+        Values to average.
 
     Returns
     -------
     (2, picks, ends) ndarray of float64
-        Of the end and the pick that cross there; NaN where no facet is.
+        Means for the end and the pick of each crossing; NaN where there is no facet.
     """
     numbers, middle, area = np.asarray(facets[0], np.int64), *facets[1:]
     family = (numbers >= cloth.size[0]).astype(np.int64)
@@ -146,28 +145,28 @@ def crossing_means(
 def spread_over(
     weaves: Ints, over: Bools, strains: Floats, cells: Ints, known: Ints, values: Floats
 ) -> NDArray[np.float32]:
-    """Return a number for each crossing, where some are known: it goes with weave and strain.
+    """Extrapolate values from known crossings to all, by local weave and strain.
 
     Parameters
     ----------
     weaves : (picks, ends) ndarray of int64
-        Number of the weave round each crossing.
+        Number of the local weave of each crossing.
     over : (picks, ends) ndarray of bool
         The drawdown.
     strains : (cells, k) ndarray of float64
-        How the cloth is strained.
+        Strains of the cloth.
     cells : (picks, ends) ndarray of int64
-        Where.
+        Cell of each crossing.
     known : (m,) ndarray of int64
-        Crossings, row by row.
+        Known crossings, numbered row by row.
     values : (2, m) ndarray of float64
-        Theirs, of warp and weft.
+        Their values, for warp and weft.
 
     Returns
     -------
     (2, picks, ends) ndarray of float32
-        Crossings of one weave have one number at rest; all that lie over, and all that lie under,
-        change it alike with strain, as a linear fit has it.
+        Crossings of one weave have one value at rest. Strain changes it linearly, with one fit for
+        all yarns that lie over and one for all that lie under.
     """
     found = np.zeros((2, *weaves.shape), np.float32)
     weave, lies, strain = weaves.ravel()[known], over.ravel()[known], strains[cells.ravel()[known]]
