@@ -1,1 +1,1 @@
-"""One renderer for the window, pictures, films and figures."""
+"""Render scenes with one renderer for the window, pictures, films and figures."""

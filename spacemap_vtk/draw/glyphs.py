@@ -1,4 +1,4 @@
-"""What stands round the object: outlines, ghost, cage, supports, loads, dots, a cut, a shadow."""
+"""Actors drawn with the object: outlines, ghost, cage, supports, loads, dots, ground shadow."""
 
 from __future__ import annotations
 
@@ -26,24 +26,28 @@ from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import Style
 
-#: Normal and origin of a plane; the normal points to what stays in sight.
+#: Normal and origin of a clipping plane; the normal points to the side that remains visible.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
-#: Width of a support's dot, of a picked point's and of the cage's lines alone, in points.
+#: Widths in points: DOT of a support's dot, PICKED of the dot at a picked point, LINE of the
+#: cage's lines if nothing else is drawn.
 DOT, PICKED, LINE = 9.0, 14.0, 1.5
-#: Likewise of lines over the cloth, and how much these hide of it: of a cage, and of a dense one.
+#: THIN: width in points of the cage's lines over the cloth. _FAINT: opacity of these lines, for a
+#: cage and for a dense cage.
 THIN, _FAINT = 1.2, (0.55, 0.45)
-#: Of more tetrahedra only the surface's edges are drawn.
+#: If a cage has more tetrahedra than this, only the edges of its surface are drawn.
 _DENSE = 1000
 
-#: Share of the shadow that is left free on each side of what casts it, and most cells of the rest:
-#: so many, as points leave no holes in.
+#: _MARGIN: margin of the shadow's image on each side, as a share of the image. _CELLS: largest
+#: number of cells along the rest. _POINTS: points for each cell along a side; with fewer the shadow
+#: would have holes.
 _MARGIN, _CELLS, _POINTS = 0.21, 92, 1.5
-#: Most points that cast it, and slices that are each blurred: by such shares of it on the ground,
-#: and where they are as high as it is long.
+#: _MOST: largest number of points that cast a shadow. _SLICES: number of horizontal slices that are
+#: blurred separately. _SHARP: blur of a point on the ground, as a share of the shadow's length.
+#: _SOFT: additional blur of a point that is as high as the shadow is long.
 _MOST, _SLICES, _SHARP, _SOFT = 150_000, 4, 0.01, 0.1
 
-#: Of each vertex of what is drawn in lines round yarns.
+#: Vertex shader that moves the vertices of an outline away from the yarn's axis and backwards.
 _WIDER = """
   //VTK::PositionVC::Impl
   vec2 away = (normalMatrix * normalMC).xy;
@@ -59,7 +63,7 @@ _WIDER = """
 
 
 class PlainActor(vtkActor):
-    """What is of one colour, and is not picked."""
+    """An actor of a single colour that cannot be picked."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -69,12 +73,13 @@ class PlainActor(vtkActor):
 
 
 class OutlineActor(PlainActor):
-    """Lines round yarns: their far sides, a little wider, in one colour."""
+    """Lines around yarns: the back faces, slightly enlarged, in one colour."""
 
     def __init__(self) -> None:
         super().__init__()
         self.GetMapper().SetVBOShiftScaleMethod(0)
-        #: By how much it is wider, as shares of half the picture's sides; and at most [m].
+        #: `wider`: width of the lines, as shares of half the picture's width and height.
+        #: `most`: largest width of the lines [m].
         self.wider, self.most = (0.0, 0.0), 0.0
         self.GetProperty().FrontfaceCullingOn()
         shader = self.GetShaderProperty()
@@ -85,7 +90,7 @@ class OutlineActor(PlainActor):
     def show(
         self, surface: vtkPolyData, style: Style, pixels: float, size: tuple[int, int], most: float
     ) -> None:
-        """Draw lines of so many pixels, of `size` in all, and at most so wide [m]."""
+        """Draw lines with a width in pixels, in a picture of `size`, but at most `most` m wide."""
         self.GetMapper().SetInputData(surface)
         self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
         uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
@@ -95,7 +100,7 @@ class OutlineActor(PlainActor):
 
 
 class GhostActor(PlainActor):
-    """The fabric at rest, pale: its moved points less their displacement."""
+    """The pale fabric at rest: its moved points minus their displacements."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -103,24 +108,25 @@ class GhostActor(PlainActor):
         self.GetProperty().SetOpacity(0.25)
 
     def show(self, surface: vtkPolyData, closed: bool = False) -> None:
-        """Draw where a surface comes from."""
+        """Draw the rest shape of a surface that has displacements."""
         rest = vtkPolyData()
         if surface.GetPointData().GetArray("displacement") is not None:
             rest.ShallowCopy(surface)
             rest.SetPoints(to_points(rest_of(surface)))
-            # Those of the moved one would cast its folds on what is flat.
+            # Normals of the moved surface would show its folds on the flat rest shape.
             rest.GetPointData().SetNormals(None)
         self.GetMapper().SetInputData(rest)
-        # Far sides, seen through near ones, would darken it.
+        # Back faces would shine through the front faces and darken the ghost.
         self.GetProperty().SetBackfaceCulling(closed)
 
 
 class CageActor(PlainActor):
-    """The cage's edges, moved."""
+    """The edges of the deformed cage."""
 
     def __init__(self) -> None:
         super().__init__()
-        # Blended as it is drawn, after the cloth: VTK's own way costs a quarter of a frame more.
+        # The lines are blended when they are drawn, after the cloth. VTK's pass for translucent
+        # actors would make a frame 25 % slower.
         self.ForceOpaqueOn()
         self.GetProperty().SetLighting(False)
         self._kept: tuple[Ints, vtkCellArray] | None = None
@@ -128,13 +134,13 @@ class CageActor(PlainActor):
     def show(
         self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
     ) -> None:
-        """Draw a cage in lines of so many points; over something else it is to be seen through."""
+        """Draw a cage; `point` is pixels per point, `over` makes the lines thin and translucent."""
         lines, faint = vtkPolyData(), _FAINT[cage is not None and cage.GetNumberOfCells() > _DENSE]
         self.GetProperty().SetLineWidth((THIN if over else LINE) * point)
         self.GetProperty().SetOpacity(faint if over else 1.0)
         if cage is not None:
             elements = elements_of(cage)
-            # By content: a box of another size is divided as before, and its edges are the same.
+            # Elements are compared by content: a box of another size often has the same edges.
             if self._kept is None or not np.array_equal(self._kept[0], elements):
                 self._kept = elements, to_cells(_edges(elements, points_of(cage)))
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
@@ -143,7 +149,7 @@ class CageActor(PlainActor):
 
 
 class GroundActor(PlainActor):
-    """A soft shadow on level ground: of what stands over it, blurred the more, the higher."""
+    """A soft shadow on level ground; higher parts of the object cast a more blurred shadow."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -156,7 +162,7 @@ class GroundActor(PlainActor):
         self.ForceTranslucentOn()
 
     def show(self, points: AnyFloats, up: int, floor: float, strength: float) -> None:
-        """Draw the shadow of some points, (n, 3), on a floor so high along an axis."""
+        """Draw the shadow of points (n, 3) on a floor at height `floor` along the axis `up`."""
         points = points[:: 1 + len(points) // _MOST]
         sides = [(up + 1) % 3, (up + 2) % 3]
         low, high = points[:, sides].min(axis=0), points[:, sides].max(axis=0)
@@ -194,7 +200,7 @@ class DotsActor(PlainActor):
         self.GetProperty().SetRenderPointsAsSpheres(True)
 
     def place(self, points: AnyFloats) -> None:
-        """Draw dots at some points, (n, 3)."""
+        """Draw dots at points (n, 3)."""
         dots = vtkPolyData()
         if len(points):
             dots.SetPoints(to_points(points))
@@ -221,9 +227,9 @@ class SupportActor(DotsActor):
 
 
 class LoadActor(vtkActor):
-    """Arrows for what acts on the cage; `through` is the same, pale, for a renderer in front."""
+    """Arrows of loads on the cage; `through` draws them pale, for a renderer in front."""
 
-    # A load mostly acts where the cloth is, and often behind it: there its arrow shines through.
+    # A load acts at the cloth and often behind it. There the pale arrow shines through the cloth.
 
     def __init__(self) -> None:
         super().__init__()
@@ -238,7 +244,7 @@ class LoadActor(vtkActor):
         look.BackfaceCullingOn()
 
     def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
-        """Draw arrows."""
+        """Draw arrows; a cut hides those whose load acts on the hidden side."""
         places = vtkPolyData()
         if arrows is not None and len(arrows.starts):
             seen = np.ones(len(arrows.starts), bool)
@@ -270,12 +276,12 @@ def _arrows_mapper() -> vtkGlyph3DMapper:
 
 
 def moved_points(cage: vtkUnstructuredGrid) -> Floats:
-    """Return a cage's vertices where they are now."""
+    """Return the displaced vertices of a cage, (V, 3)."""
     return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
 
 
 def _edges(elements: Ints, points: AnyFloats) -> Ints:
-    """Return each edge of tetrahedra once, (n, 2): of many the surface's; of 10 nodes halves."""
+    """Return distinct edges (n, 2): of a dense cage the surface's; half edges for 10 nodes."""
     ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
     shown = np.ones((len(elements), 6), bool)
     if len(elements) > _DENSE:
@@ -283,7 +289,7 @@ def _edges(elements: Ints, points: AnyFloats) -> Ints:
         positive = np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0
         whose, face = boundary(elements[:, :4], positive)
         shown[:] = False
-        # A face has the edges that do not end in the corner opposite.
+        # A face contains the edges that do not end at the opposite corner.
         np.logical_or.at(shown, whose, (ends != face[:, None, None]).all(axis=2))
     if elements.shape[1] == 10:
         ends = np.stack([ends, np.stack([np.arange(4, 10)] * 2, axis=1)], axis=2)
@@ -293,13 +299,13 @@ def _edges(elements: Ints, points: AnyFloats) -> Ints:
 
 
 def rest_of(surface: vtkPolyData) -> AnyFloats:
-    """Return where a surface's points are at rest."""
+    """Return the rest positions of a surface's points."""
     moved = surface.GetPointData().GetArray("displacement")
     return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)
 
 
 def cut_of(view: View, surface: vtkPolyData) -> Cut | None:
-    """Return the plane that a view is cut open with."""
+    """Return the clipping plane of a view; None without one. It defaults to the centre at rest."""
     if view.clip_normal is None:
         return None
     if view.clip_origin is not None:

@@ -1,6 +1,7 @@
-"""The light of a style on a surface: the same in the shaders of yarns, of sheets and of cuts.
+"""Shaders for the light of a style, and for the fibres and plies of yarns.
 
-And the fibres and plies of yarns in a surface's shading, as far as pixels can show them.
+Surfaces of yarns, sheets and cut faces use the same light. Fibres and plies are shaded only as
+finely as pixels can show them.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.styles import Style
 
-#: Most lamps of a style.
+#: Largest number of lamps of a style.
 _LAMPS = 3
 
-#: What lights something, of constants that `light_of` puts before it.
+#: GLSL functions that light a surface; `light_of` puts the constants before them.
 _FUNCTIONS = """
 // Light that leaves a surface: in its own colour, and white.
 vec4 lit(vec3 n, vec3 eye)
@@ -51,7 +52,7 @@ vec3 seen(vec3 hue, vec4 light, float line)
 }
 """
 
-#: In a fragment shader, in place of VTK's lights.
+#: Fragment shader code that computes `eye` and the coverage `line` of an outline.
 _LINE = """
   vec3 eye = cameraParallel == 1 ? vec3(0.0, 0.0, 1.0) : normalize(-vertexVC.xyz);
   float line = 0.0;
@@ -64,6 +65,7 @@ _LINE = """
     line *= 1.0 - smoothstep(rim, 1.1 * rim, front);
   }
 """
+#: Fragment shader code that replaces VTK's lights on a smooth surface.
 _FRAGMENT = f"""{_LINE}
   gl_FragData[0] = vec4(seen(diffuseColor, lit(normalVCVSOutput, eye), line), opacity);
 """
@@ -71,9 +73,9 @@ _FRAGMENT = f"""{_LINE}
 
 @lru_cache(32)
 def light_of(style: Style, point: float = 1.0) -> str:
-    """Return what a shader needs to light something in a style; a point is so many pixels."""
-    # Constants: uniforms take software OpenGL half as long again for a picture. The lamps turn with
-    # the camera, so that nothing of this changes while it does.
+    """Return the GLSL constants and functions of a style's light; `point` is pixels per point."""
+    # With uniforms in place of constants, software OpenGL takes 50 % more time for a picture. The
+    # lamps turn with the camera, so the constants stay valid when the camera moves.
     triples, numbers = _named(style, point)
     lines = []
     for key, triple in triples.items():
@@ -84,7 +86,7 @@ def light_of(style: Style, point: float = 1.0) -> str:
 
 
 def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
-    """Return colours and ways, and numbers, by the names that shaders have for them."""
+    """Return colours and directions, and numbers, by their names in shaders."""
     places, colors = np.zeros((2, _LAMPS, 3))
     for number, lamp in enumerate(style.lamps):
         places[number] = np.array(lamp.place) / np.linalg.norm(lamp.place)
@@ -103,10 +105,10 @@ def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]
         "sheen": style.sheen,
         "facing": style.facing,
         "colored": style.colored,
-        # Half of a line: the other half is beyond the edge, see `OutlineActor`.
+        # Half the width of a line. `OutlineActor` draws the other half outside the silhouette.
         "lined": style.outline_afar if style.outline else 0.0,
         "lineWidth": 0.5 * style.outline * point,
-        # The cosine as far from the edge as a line is wide at most.
+        # Cosine between normal and view at the largest distance of a line from the silhouette.
         "rim": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),
     }
     return triples, numbers
@@ -114,8 +116,8 @@ def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]
 
 @lru_cache(32)
 def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
-    """Return the same as tables, for `spacemap_vtk.draw.raster_loops`."""
-    # Rows: ways to the lamps, their colours, then what the lists below say.
+    """Return the constants of a style's light as tables for `spacemap_vtk.draw.raster_loops`."""
+    # Rows: directions to the lamps, their colours, then the names in the lists below.
     triples, numbers = _named(style, point)
     ways = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_LAMPS)]
     rows = [*ways, "sky", "earth", "halfway", "dark", "pale", "ink"]
@@ -127,24 +129,24 @@ def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
 
 
 def light_by_shader(actor: vtkActor, light: str) -> None:
-    """Let an actor be lit by what `light_of` returns, in its fragment shader."""
+    """Light an actor in its fragment shader by the code that `light_of` returns."""
     shader, declared = actor.GetShaderProperty(), "//VTK::Light::Dec"
     shader.AddFragmentShaderReplacement(declared, True, declared + light, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
 
 
-# Two sizes of strands lie along the fibres' helices: each tilts the normal and has a tone of its
-# own, as staple yarns have, and goes where it would be finer than two samples. Of plies too
-# few pixels wide to be made the normals alone are theirs. A pixel takes `fine` samples a side: a
-# picture, whose pixels are means of smaller ones, one in each, and a window as many as it has time
-# for, so that both show fibres of the same width.
+# Strands of two sizes follow the helices of the fibres. Each strand tilts the normal and has a
+# different brightness, as in staple yarns. A strand fades out where it would be finer than two
+# samples. Plies that are too narrow to be modelled appear only in the normals. Each pixel has
+# `fine` samples along each side. A picture, whose pixels are means of smaller ones, has one sample
+# in each of these; a window has as many as it has time for. So both show fibres of the same width.
 _IN, _OUT = "strandsMC", "strandsVSOutput"
 _FINE = "fine"
-#: Samples a side that a window takes at rest: as many as a picture's block has.
+#: Samples along each side of a pixel in a window at rest: as many as in a picture.
 FINE_SAMPLES = 2
 
-# Gradients of what varies over the surface come from its differences between pixels, as M. S.
-# Mikkelsen has bump maps without texture coordinates (J. Graphics Tools 15, 2010).
+# Gradients on the surface are computed from differences between pixels, as for bump maps without
+# texture coordinates (M. S. Mikkelsen, J. Graphics Tools 15, 2010).
 _DECLARED = f"""
 in vec3 {_OUT};
 // a number from 0 to 1 for each strand: no two beside each other are alike
@@ -189,7 +191,7 @@ vec3 acrossPlies = growing(vec2(byX.y, byY.y), right, up);
 // in each of the samples
 vec2 widths = (abs(byX.xy) + abs(byY.xy)) / float({_FINE});
 """
-#: In place of what lights a smooth surface, see `_FRAGMENT`.
+#: Fragment shader code that lights a surface with fibres; it takes the place of `_FRAGMENT`.
 _LIT_FIBRES = f"""
   // what is far finer than a sample, or far wider than a pixel, needs no more than one
   float finest = 47.0 * widths.x * float({_FINE});
@@ -214,8 +216,8 @@ _LIT_FIBRES = f"""
 def show_fibres(
     actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool, sampled: bool = False
 ) -> None:
-    """Shade fibres, on a surface whose points say where they run; else forget those points."""
-    # Where they are `sampled`, `sample_fibres` says how finely.
+    """Shade fibres on a surface with strand coordinates; or stop using the coordinates."""
+    # If `sampled`, the number of samples is a uniform that `sample_fibres` sets.
     if not wanted:
         mapper.RemoveVertexAttributeMapping(_IN)
         return
@@ -232,5 +234,5 @@ def show_fibres(
 
 
 def sample_fibres(actor: vtkActor, side: int) -> None:
-    """Take so many samples a side in each pixel of an actor whose fibres are sampled."""
+    """Set the samples along each side of a pixel, for an actor whose fibres are sampled."""
     actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi(_FINE, side)

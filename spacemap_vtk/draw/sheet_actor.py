@@ -1,13 +1,14 @@
-"""A cloth whose yarns are too small to be seen, drawn as a sheet with its colours as textures.
+"""Draw a cloth as a sheet with yarn colours as textures, if its yarns are too small to be seen.
 
-The sheet is lit as its yarns would be. A tube's half that is seen holds normals all round its axis,
-so that its mean light is not that of a plane: it is summed up over the part of the half that its
-neighbour does not hide, at each vertex, for tubes of both families, on top and between others.
+The sheet is lit like its yarns. The visible half of a tube has normals in all directions around its
+axis, so its mean light differs from that of a plane. The light is therefore summed at each vertex
+over the part of this half that the neighbouring tube does not hide, for tubes of both families, on
+top and between others.
 
-A pixel shows the exact mean of the crossings in it, each weighted by the area that lies in the
-pixel, in linear light: half black and half white gives the sRGB value 188. OpenGL's own filters
-cannot be used for that: the levels of a texture whose size is no power of two leave out rows and
-columns, so that one of two alternating colours can vanish, and they blur over several pixels.
+A pixel shows the exact mean of the crossings in it, weighted by their areas in the pixel, in linear
+light: half black and half white gives the sRGB value 188. OpenGL's filters cannot do this. The mip
+levels of a texture whose size is not a power of two leave out rows and columns, so that one of two
+alternating colours can vanish, and they blur over several pixels.
 """
 
 from __future__ import annotations
@@ -45,16 +46,18 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
 
-#: The textures: colours of the yarns that lie on top, 0 elsewhere; and colours of all, with an
-#: alpha of 1 where they lie on top. A single texel needs the last two only.
+#: Names of the textures. The first two contain the colours of yarns where they lie on top, and 0
+#: elsewhere. The last two contain the colours everywhere, with alpha 1 where the yarn lies on top.
+#: Means over several crossings need all four, a single texel only the last two.
 _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
-#: Halvings of a texture that are exact means: its sides are multiples of 2 to this power.
+#: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
+#: power.
 _LEVELS = 6
-#: Texels that a pixel sums up before it takes those of half the width and height.
+#: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
 _MOST_TEXELS = 1024
-#: Places along each side of a pixel where yarns of some pixels are looked for.
+#: Number of samples along each side of a pixel if single yarns are drawn.
 _POINTS = 4
-#: How much darker is what lies as deep as the middle of the cloth.
+#: Share by which contact shadows darken a yarn where it lies deepest.
 _SHADOW = 0.8
 
 _VERTEX_DECLARATIONS = """
@@ -327,7 +330,7 @@ _FRAGMENT = """
 
 
 class SheetActor(SurfaceActor):
-    """A cloth as a sheet."""
+    """A cloth drawn as a sheet."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -342,17 +345,17 @@ class SheetActor(SurfaceActor):
         self.resolve(False)
 
     def behind(self, below: Sequence[int], above: Sequence[int]) -> None:
-        """Take the colours of the background, which is seen between yarns."""
+        """Set the colours of the background, which is visible between yarns."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform3f("below", [part / 255 for part in below])
         uniforms.SetUniform3f("above", [part / 255 for part in above])
 
     def fit_pixels(self, grain: int) -> None:
-        """Average over so many drawn pixels along each side: those of one in the picture."""
+        """Set how many drawn pixels, along each side, make one pixel of the finished picture."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("grain", float(grain))
 
     def resolve(self, resolved: bool) -> None:
-        """Draw each yarn as it lies over and under others, where it is some pixels wide."""
+        """Draw single yarns, over and under each other; for yarns that are a few pixels wide."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniformf("resolved", float(resolved))
 
@@ -365,7 +368,7 @@ class SheetActor(SurfaceActor):
         style: Style = STUDIO,
         crossings: NDArray[Any] | None = None,
     ) -> None:
-        """Draw a cloth's sheet, where it has been moved to."""
+        """Draw the deformed sheet of a cloth."""
         scaled = COLORINGS[color].numbers
         numbers = crossings if scaled else None
         worn = style if numbers is None else style.of_numbers
@@ -373,7 +376,7 @@ class SheetActor(SurfaceActor):
         if numbers is not None:
             span = span or natural_span(numbers)
             self.scale(color, span)
-            self.GetMapper().SetScalarVisibility(False)  # they are in the texture
+            self.GetMapper().SetScalarVisibility(False)  # the texture contains the colours
             self.bar.SetVisibility(True)
         wanted = cloth, color, None if numbers is None else span
         if self._shown == wanted and self._crossings is crossings:
@@ -410,13 +413,13 @@ class SheetActor(SurfaceActor):
             if texture is None:
                 texture = _texture()
                 self.GetProperty().SetTexture(name, texture)
-            # the same one for good, see `SurfaceActor`
+            # The texture is never replaced: see `SurfaceActor._paint`.
             for _ in range(halvings):
                 pixels = _halved(pixels)
             texture.SetInputData(to_image(_padded(pixels, _LEVELS)))
 
     def shade(self, depth: float) -> None:
-        """Have the contact shadows of yarns, so deep."""
+        """Set the strength of the yarns' contact shadows, 0 to 1."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
 
     def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
@@ -442,7 +445,7 @@ class SheetActor(SurfaceActor):
 
 
 def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
-    """Return the middle of a cloth as quadrilaterals, flat."""
+    """Return the flat mid-plane of a cloth as quadrilaterals, with the given columns and rows."""
     x, y = (grid_lines(cloth, number, cells[number]) for number in (0, 1))
     across, up = np.meshgrid(x, y)
     points = np.stack([across, up, np.zeros_like(up)], axis=-1).reshape(-1, 3)
@@ -456,7 +459,7 @@ def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
 
 
 def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
-    """Put on a sheet which way its yarns run, where it has been moved to."""
+    """Add the directions of warp and weft to a deformed sheet as point arrays."""
     points = points_of(sheet).astype(np.float32).reshape(cells[1] + 1, cells[0] + 1, 3)
     for name, axis in (("warp", 0), ("weft", 1)):
         along = np.asarray(np.gradient(points, axis=axis), np.float32)
@@ -466,8 +469,9 @@ def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
 def thinned(
     sheet: vtkPolyData, cells: tuple[int, int], most: int, hole: tuple[slice, slice] | None = None
 ) -> vtkPolyData:
-    """Return a sheet of at most so many cells along each side, without those in a hole."""
-    # Its shader works at vertices. The hole is said in columns and rows of the cells as they are.
+    """Return a sheet with at most `most` cells along each side, without the cells in a hole."""
+    # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
+    # columns and rows of the original cells.
     lines = [np.linspace(0, n, min(n, most) + 1).astype(np.int64) for n in cells]
     chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
     polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
@@ -485,14 +489,14 @@ def thinned(
 
 
 def quadrilaterals(columns: int, rows: int) -> Ints:
-    """Return the corners of the cells of a sheet, row by row, (cells, 4)."""
+    """Return the corners of a sheet's cells, row by row, (cells, 4)."""
     place = np.arange((columns + 1) * (rows + 1)).reshape(rows + 1, columns + 1)
     corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
     return np.stack(corners, axis=-1).reshape(-1, 4)
 
 
 def _colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
-    """Return the colours of ends and picks, white where they are not shown."""
+    """Return the colours of ends and picks; white for colourings that do not use them."""
     if color == "own":
         return cloth.warp.colors, cloth.weft.colors
     if color not in ("family", "yarn"):
@@ -515,18 +519,18 @@ def _of_crossings(crossings: NDArray[Any], color: str, span: Span | None) -> tup
 
 
 def _padded(pixels: Bytes, levels: int) -> Bytes:
-    """Return an image with empty texels beside it, so that it is halved without a remainder."""
+    """Return an image padded with empty texels, so that its sides can be halved `levels` times."""
     more = [(0, -count % 2**levels) for count in pixels.shape[:2]]
     return np.pad(pixels, (*more, (0, 0)))
 
 
 def _halvings(count: int) -> int:
-    """Return how often an image must be halved until OpenGL takes so many texels in a row."""
+    """Return how often `count` texels must be halved until they fit into an OpenGL texture."""
     return max(0, (count - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
 
 
 def _halved(pixels: Bytes) -> Bytes:
-    """Return the means of two by two texels, in linear light."""
+    """Return the means of blocks of 2 x 2 texels, computed in linear light."""
     even = _padded(pixels, 1)
     share = np.arange(256, dtype=np.float32) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
@@ -543,11 +547,11 @@ def _halved(pixels: Bytes) -> Bytes:
 
 def _texture() -> vtkTexture:
     texture = vtkTexture()
-    texture.UseSRGBColorSpaceOn()  # fetched and halved as linear light
+    texture.UseSRGBColorSpaceOn()  # OpenGL converts texels to linear light before it averages
     texture.SetColorModeToDirectScalars()
     texture.InterpolateOn()
     texture.MipmapOn()
-    # Mesa's software makes stripes of it, and takes half as long again.
+    # Anisotropic filtering in Mesa's software renderer causes stripes and takes 50 % more time.
     texture.SetMaximumAnisotropicFiltering(1.0)
     texture.RepeatOff()
     texture.EdgeClampOn()
