@@ -1,4 +1,4 @@
-"""What is written over a view: a round length, the axes, the time, what points are; on plates."""
+"""Draw annotations over a view: scale bar, axes, time and labels of points, on plates."""
 
 from __future__ import annotations
 
@@ -26,60 +26,61 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.settings import View, is_dark
 from spacemap_vtk.units import format_quantity
 
-#: Share of the picture's width that a length may have.
+#: Largest length of the scale bar, as a share of the picture's width.
 _LONGEST = 0.2
-#: Most labels of points.
+#: Largest number of labels of points.
 MOST_LABELS = 6
 
 Polygon = Floats
 
 
 class Annotations:
-    """Stands over a renderer's view, and follows its camera."""
+    """Annotations over a renderer's view; they follow its camera."""
 
     def __init__(self, renderer: vtkRenderer) -> None:
         self._renderer = renderer
         self._plates, self._shapes = _Polygons(), _Polygons()
-        #: The length, the time, the axes' names, which stand about their places, and labels.
+        #: Texts: scale bar, time, three names of axes (centred at their places), labels of points.
         self._texts = [vtkTextActor() for _ in range(5 + MOST_LABELS)]
         for text in self._texts:
             take_font(text.GetTextProperty())
         for text in self._texts[2:5]:
             text.GetTextProperty().SetJustificationToCentered()
             text.GetTextProperty().SetVerticalJustificationToCentered()
-        #: All that may be seen.
+        #: All props of the annotations.
         self.props: list[vtkProp] = [self._plates, self._shapes, *self._texts]
         for prop in self.props:
             renderer.AddViewProp(prop)
-        #: Left, low, right and high ends of the plates, in drawn pixels: always the same list.
+        #: Left, bottom, right, top of the plates in drawn pixels. The list object stays the same.
         self.boxes: list[tuple[float, float, float, float]] = []
-        #: What is written beside points [m].
+        #: Position [m] and text of each label.
         self.labels: list[tuple[Floats, str]] = []
-        #: Where the axes end, and where they would end the other way, in drawn pixels, (2, 3, 3):
-        #: right, up, towards the eye. None: there are none, or they are not to be clicked at.
+        #: Ends of the axes in positive and in negative direction, (2, 3, 3): right and up in drawn
+        #: pixels, and towards the eye. None if no axes are shown or they cannot be clicked.
         self.ends: Floats | None = None
         self._view, self._scaled = View(), False
-        #: Whether axes and length are shown; axes that are handled have their other ends, too.
+        #: Whether axes and scale bar are shown, and whether the axes can be clicked. Only then are
+        #: their negative ends shown.
         self._triad = self._bar = self._handled = False
         self._time: float | None = None
         self._size, self._pixels = (1, 1), 1.0
         self._background: tuple[int, ...] = ()
         self._ink, self._axes = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * 3
         self._paper = np.ones(3)
-        #: What all that is written was placed for last.
+        #: State for which the annotations were last placed.
         self._placed: tuple[object, ...] | None = None
-        # VTK would keep alive whatever it calls.
+        # The reference is weak, because VTK would keep the object of a callback alive.
         place = weakref.WeakMethod(self._place)
         self._following = renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
 
     def led(self) -> Callable[[], None]:
-        """Follow the camera no more, but only where what is returned is called before drawing."""
-        # numpy lets go of Python's lock, which a window must keep while VTK draws.
+        """Stop following the camera; call the returned function before each drawing instead."""
+        # numpy releases Python's global lock, which a window must keep while VTK draws.
         self._renderer.RemoveObserver(self._following)
         return self._place
 
     def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
-        """Fit a picture of so many pixels, each of which is drawn so large."""
+        """Set background and size of the picture, and the drawn pixels per pixel of the picture."""
         self._size, self._pixels = size, pixels
         self._background = tuple(background)
         self._ink, plate = inks(background)
@@ -95,7 +96,7 @@ class Annotations:
     def show(
         self, view: View, time: float | None, scaled: bool, triad: bool, bar: bool, handled: bool
     ) -> None:
-        """Show what a view asks for at a time, if any, and what is wanted besides."""
+        """Show the annotations that a view or the other arguments request, at a time."""
         self._view, self._time, self._scaled = view, time, scaled
         self._triad, self._bar = triad or view.triad, bar or view.scale_bar
         self._handled = handled
@@ -104,12 +105,12 @@ class Annotations:
 
     @property
     def written(self) -> bool:
-        """Whether anything is written over the view."""
+        """Whether any annotation is shown."""
         stamped = self._view.time_stamp and self._time is not None
         return stamped or self._scaled or self._triad or self._bar or bool(self.labels)
 
     def axis_at(self, x: float, y: float) -> Floats | None:
-        """Return which way an axis ends at a drawn pixel, as a vector; None where none does."""
+        """Return the unit vector of the axis that ends at a drawn pixel; None if there is none."""
         if self.ends is None:
             return None
         away = np.linalg.norm(self.ends[..., :2] - (x, y), axis=2)
@@ -127,7 +128,7 @@ class Annotations:
         if not self._plates.GetVisibility():
             return
         view, camera = self._view, self._renderer.GetActiveCamera()
-        # VTK draws a text anew that is set anew: a motion costs nothing here while nothing moves.
+        # VTK renders a text again whenever it is set. So nothing is set while the view stays.
         signs = self._scaled, self._triad, self._bar, self._handled, self._background
         stamp = self._time if view.time_stamp else None
         seen_by = Viewpoint.of(camera), camera.GetViewAngle(), self._renderer.GetSize()
@@ -135,7 +136,7 @@ class Annotations:
         if placed == self._placed and not self.labels:
             return
         self._placed = placed
-        # A window may have another size than when it was fitted.
+        # The window may have been resized after `fit`.
         width, height = (side / self._pixels for side in self._renderer.GetSize())
         letter = letters_of(self._size)
         self.boxes.clear()
@@ -201,11 +202,11 @@ class Annotations:
     def _free(
         self, at: Polygon, others: Polygon, size: Polygon, whole: Polygon, away: float
     ) -> Polygon:
-        """Return where beside a point a plate lies on no other, if there is such a place."""
+        """Return a place near a point where a plate overlaps no other; else the first candidate."""
         points = np.stack([others - 0.7 * away, others + 0.7 * away], axis=1)
         boxes = np.concatenate([np.array(self.boxes).reshape(-1, 2, 2) / self._pixels, points])
         ways = np.array([[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
-        # Farther above and below where there is a crowd.
+        # Further candidates lie above and below, for labels that are close together.
         far = away + np.arange(MOST_LABELS)[:, None, None] * [0.0, size[1]]
         lows = (at + ways * far - size * (ways < 0.0)).reshape(-1, 2)
         lows = np.clip(lows, 0.0, np.maximum(whole - size, 0.0))
@@ -216,12 +217,12 @@ class Annotations:
         self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
 
     def _sized(self, number: int, words: str) -> tuple[Polygon, Polygon]:
-        """Return where words begin that are written at the corner, and how large they are."""
+        """Return the lower left corner of a text placed at the origin, and its size."""
         ends = np.zeros(4)
         self._write(number, words, np.zeros(2))
         if isinstance(self._renderer.GetRenderWindow(), vtkRenderWindow):
             self._texts[number].GetBoundingBox(self._renderer, ends)
-        else:  # which asks a window of VTK's how large letters are
+        else:  # GetBoundingBox would need a VTK window for the resolution
             look, box = self._texts[number].GetTextProperty(), [0, 0, 0, 0]
             dpi = round(72 * self._pixels)
             vtkTextRenderer.GetInstance().GetBoundingBox(look, words, box, dpi)
@@ -235,7 +236,7 @@ class Annotations:
 
 
 class _Polygons(vtkActor2D):
-    """Polygons in the pixels of a view."""
+    """Polygons in pixel coordinates of a view."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -243,7 +244,7 @@ class _Polygons(vtkActor2D):
         self.VisibilityOff()
 
     def fill(self, polygons: list[Polygon], colors: list[Any] | None = None) -> None:
-        """Draw others."""
+        """Replace the polygons and their colours."""
         drawn, flat = vtkPolyData(), np.concatenate([*polygons, np.zeros((0, 2))])
         offsets = np.cumsum([0, *map(len, polygons)], dtype=np.int64)
         drawn.SetPoints(to_points(np.column_stack([flat, np.zeros(len(flat))])))
@@ -263,7 +264,7 @@ def _disc(middle: Polygon, radius: float) -> Polygon:
 
 
 def _arrow(begin: Polygon, end: Polygon, letter: float) -> list[Polygon]:
-    """Return shaft and head of an arrow; of one that points at the eye a dot."""
+    """Return shaft and head of an arrow; a dot if the arrow points at the eye."""
     way = end - begin
     size = float(np.hypot(*way))
     if size < 0.15 * letter:

@@ -1,4 +1,4 @@
-"""Where a picture is seen from, and by what light."""
+"""Place cameras, convert between metres and pixels, and light renderers."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRen
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints, Singles
 from spacemap_vtk.scenes.settings import CAMERAS, FLAT
 
-#: How much of what is up must be seen of it: nearer to a pole no camera turns.
+#: Least component of the camera's up vector along the up axis: cameras turn no nearer to a pole.
 _POLE = 0.01
-#: Full opening of the lens, in degrees.
+#: Vertical view angle of the camera, in degrees.
 VIEW_ANGLE = 24.0
 
 
 def upward(name: str) -> int:
-    """Return which axis is up for a camera."""
+    """Return the index of the up axis for a named camera."""
     return 2 if name == "lying" else 1
 
 
 def seen_from(name: str, up: int) -> Floats:
-    """Return the way to a camera, and what is up in its picture, where an axis is up, (2, 3)."""
+    """Return the direction to a named camera and its up direction, for an up axis, (2, 3)."""
     way = np.array(CAMERAS[name])
     if up == 2 and name not in ("lying", FLAT):
         way = way[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
@@ -31,19 +31,19 @@ def seen_from(name: str, up: int) -> Floats:
 
 
 def stand_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -> None:
-    """Have a camera turn about an axis, as on a turntable; what is over a pole goes back."""
+    """Align a camera with the up axis, like a turntable; a turn over a pole is undone."""
     axis = np.eye(3)[up]
     if before is not None and np.dot(camera.GetViewUp(), axis) < _POLE:
         before.take(camera)
     height = -float(np.dot(camera.GetDirectionOfProjection(), axis))
-    if abs(height) > 1.0 - 0.4 * _POLE**2:  # nothing is up there
+    if abs(height) > 1.0 - 0.4 * _POLE**2:  # at the pole, the up axis has no direction in the view
         camera.OrthogonalizeViewUp()
         camera.Elevation(-float(np.sign(height)))
     camera.SetViewUp(*axis)
 
 
 class Viewpoint(NamedTuple):
-    """Where a camera stands, in m."""
+    """The placement of a camera, in m."""
 
     position: tuple[float, float, float]
     focus: tuple[float, float, float]
@@ -55,19 +55,19 @@ class Viewpoint(NamedTuple):
 
     @classmethod
     def of(cls, camera: vtkCamera) -> Viewpoint:
-        """Return where a camera stands."""
+        """Return the placement of a camera."""
         scale = camera.GetParallelScale() if camera.GetParallelProjection() else 0.0
         stands = camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()
         return cls(*stands, scale, camera.GetViewAngle())
 
     @classmethod
     def from_json(cls, numbers: Sequence[Any]) -> Viewpoint:
-        """Return the viewpoint that a JSON list holds; older ones lack the angle."""
+        """Return the viewpoint in a JSON list; older lists lack the angle."""
         position, focus, up = [(float(x), float(y), float(z)) for x, y, z in numbers[:3]]
         return cls(position, focus, up, *map(float, numbers[3:]))
 
     def take(self, camera: vtkCamera) -> None:
-        """Let a camera stand here."""
+        """Place a camera at this viewpoint."""
         camera.SetPosition(*self.position)
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.up)
@@ -77,41 +77,42 @@ class Viewpoint(NamedTuple):
             camera.SetParallelScale(self.parallel_scale)
 
     def widened(self, factor: float) -> Viewpoint:
-        """Return the same place and perspective with a picture that shows more, or below 1 less."""
+        """Return this viewpoint with a field of view that is `factor` times as high."""
         slope = factor * np.tan(np.radians(self.angle / 2))
         angle = float(np.degrees(2 * np.arctan(slope)))
         return self._replace(parallel_scale=factor * self.parallel_scale, angle=angle)
 
 
 class Seen(NamedTuple):
-    """What a view looks at."""
+    """The viewpoint and size of a view."""
 
     place: Viewpoint
-    #: Share of the width by which the middle of the picture is aside.
+    #: Horizontal offset of the picture's centre, as in vtkCamera.SetWindowCenter.
     aside: float
     #: Width and height in pixels.
     size: tuple[int, int]
 
     @classmethod
     def through(cls, camera: vtkCamera, size: tuple[int, int]) -> Seen:
-        """Return what a picture of some size looks at through a camera."""
+        """Return the view of a picture with a size, through a camera."""
         return cls(Viewpoint.of(camera), camera.GetWindowCenter()[0], size)
 
     @property
     def camera(self) -> vtkCamera:
-        """A camera of its own that sees the same."""
+        """A new camera with this view."""
         camera = vtkCamera()
         self.place.take(camera)
         camera.SetWindowCenter(self.aside, 0.0)
         return camera
 
 
-#: Share of the picture left free at each edge, and by `FLAT`.
+#: Margin of the picture at each edge, as a share of the picture: in perspective, and for the camera
+#: `FLAT`.
 _MARGIN, _FLAT_MARGIN = 0.06, 0.01
 
 
-#: Place, strength and colour of each light of what no style lights (signs, ghosts, lines), in the
-#: camera's coordinates: it looks along -z, y is up.
+#: Position, intensity and colour of each light for objects that no style lights (arrows, ghosts,
+#: lines), in the camera's coordinates: it looks along -z, y is up.
 LIGHTS = (
     ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
     ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
@@ -120,14 +121,14 @@ LIGHTS = (
 
 
 def lit_renderer() -> vtkRenderer:
-    """Return a renderer that lights what it draws."""
+    """Return a renderer with lights."""
     renderer = vtkRenderer()
     add_lights(renderer)
     return renderer
 
 
 def add_lights(renderer: vtkRenderer) -> None:
-    """Light what a renderer draws."""
+    """Add the lights of `LIGHTS` to a renderer."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in LIGHTS:
         light = vtkLight()
@@ -139,14 +140,14 @@ def add_lights(renderer: vtkRenderer) -> None:
 
 
 def set_background(renderer: vtkRenderer, below: Sequence[int], above: Sequence[int]) -> None:
-    """Let the background go from one colour to another."""
+    """Set a background gradient from one colour at the bottom to another at the top."""
     renderer.GradientBackgroundOn()
     renderer.SetBackground(*(part / 255 for part in below))
     renderer.SetBackground2(*(part / 255 for part in above))
 
 
 def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
-    """Return a renderer that draws over another one, through the same camera."""
+    """Return a renderer that draws in front of another one, with the same camera."""
     front = vtkRenderer()
     front.AutomaticLightCreationOff()
     front.SetActiveCamera(renderer.GetActiveCamera())
@@ -160,7 +161,7 @@ def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
 def aim(
     camera: vtkCamera, points: Floats, aspect: float, name: str | None, zoom: float, axis: int = 1
 ) -> None:
-    """Place the camera so that the points just fill the picture; an axis is up for its name."""
+    """Place a camera so that the points just fill the picture; `axis` is up for a named camera."""
     if name is None:
         ways = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
@@ -173,8 +174,8 @@ def aim(
     seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     slope = np.tan(np.radians(VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
-    # What is near looks larger, so the middle of the picture is not that of the scene: a few
-    # rounds of placing the camera and centring what it sees.
+    # Near points look larger, so the centre of the picture is not the centre of the scene. A few
+    # rounds of placing the camera and centring the picture converge.
     for _ in range(4):
         across, above, toward = (seen - middle).T
         # A point is in the picture if |across| <= slope * (distance - toward), above likewise.
@@ -195,7 +196,7 @@ def aim(
 
 
 def nearer(camera: vtkCamera, factor: float) -> None:
-    """Look from so many times as near."""
+    """Move a camera nearer by a factor, or zoom in by it without perspective."""
     if camera.GetParallelProjection():
         camera.SetParallelScale(camera.GetParallelScale() / factor)
     else:
@@ -203,12 +204,12 @@ def nearer(camera: vtkCamera, factor: float) -> None:
 
 
 def half_height(camera: vtkCamera) -> float:
-    """Return half the height of what a camera shows in perspective, at its focus."""
+    """Return half the height [m] of the visible area at the focus of a perspective camera."""
     return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
 def _flatten(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> None:
-    """Take the perspective away, and with it most of the margin."""
+    """Switch to parallel projection, with a smaller margin."""
     across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     half = 0.5 * float((np.ptp(seen, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
     camera.SetPosition(across, above, camera.GetPosition()[2])
@@ -218,7 +219,7 @@ def _flatten(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> Non
 
 
 def metres_from(camera: vtkCamera, depths: Singles) -> Singles:
-    """Return how far from a camera is what OpenGL has these depths of; nan where nothing is."""
+    """Convert OpenGL's depths to distances from the camera [m]; NaN where nothing is drawn."""
     near, far = camera.GetClippingRange()
     distance = depths * np.float32(far - near)
     if camera.GetParallelProjection():
@@ -231,13 +232,13 @@ def metres_from(camera: vtkCamera, depths: Singles) -> Singles:
 
 
 def pixels_of(camera: vtkCamera, height: float) -> float:
-    """Return how many pixels of a picture's height a metre has at the camera's focus."""
+    """Return the pixels per metre at the camera's focus, in a picture of some height."""
     flat = camera.GetParallelProjection()
     return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
 
 
 def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
-    """Return how large a picture of some height shows what is nearest of some points."""
+    """Return the pixels per metre at the nearest of some points, in a picture of some height."""
     if camera.GetParallelProjection():
         return pixels_of(camera, height)
     away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
@@ -246,7 +247,7 @@ def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
 
 
 def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
-    """Return homogeneous places of points, (n, 4): in the picture x and y are within w."""
+    """Return clip coordinates of points, (n, 4); points in the picture have |x| and |y| <= w."""
     matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
     table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
     return np.column_stack([points, np.ones(len(points))]) @ table.T
@@ -256,9 +257,9 @@ def refitted(
     place: Viewpoint, things: Sequence[tuple[AnyFloats, Ints]], aspect: float, other: float
 ) -> Viewpoint:
     """Return a viewpoint that shows the same content in a picture of another aspect ratio."""
-    # Things are the corners of cells, and of each cell its first one. What is seen of them is as
-    # large in the new picture as it fits, and what is in the middle stays there; where nothing is
-    # seen of them, the height stays.
+    # Each thing is the corners of its cells, and the index of each cell's first corner. The visible
+    # part becomes as large as the new picture allows, and the centre stays. If nothing is visible,
+    # the height stays.
     camera = vtkCamera()
     place.take(camera)
     reach = np.zeros(2)
@@ -267,7 +268,7 @@ def refitted(
             continue
         at = projected(camera, points, aspect)
         w = at[:, 3:]
-        # What is behind the camera is taken to reach beyond all edges.
+        # Corners behind the camera count as beyond all edges of the picture.
         xy = np.where(w > 0.0, at[:, :2] / np.where(w > 0.0, w, 1.0), [[np.inf, np.inf]])
         low, high = (op.reduceat(xy, first, axis=0) for op in (np.minimum, np.maximum))
         seen = ((low < 1.0) & (high > -1.0)).all(axis=1)

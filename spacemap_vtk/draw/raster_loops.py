@@ -1,10 +1,10 @@
-"""Triangles become pixels in compiled loops: what a graphics card does, on the processor.
+"""Rasterise triangles on the processor, in compiled loops.
 
-`fill` finds which triangle is seen in each pixel, `shade` what colour it has there. The light is
-that of the shaders in `spacemap_vtk.draw.lighting`, formula by formula: a change there is a change
-here, and `tests/test_software.py` compares the two.
+`fill` finds the visible triangle of each pixel, and `shade` computes its colour there. The light
+follows the shaders in `spacemap_vtk.draw.lighting` formula by formula. A change there needs the
+same change here; `tests/test_software.py` compares the two.
 
-Needs Numba; see `spacemap_vtk.parallel`.
+This module needs Numba; see `spacemap_vtk.parallel`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from spacemap_vtk.ndarrays import Floats, Singles
 from spacemap_vtk.parallel import compiled
 
-#: How a triangle is lit: not at all, by VTK's own lights, or by a style's.
+#: Lighting of a triangle: none, VTK's lights, or the light of a style.
 UNLIT, PLAIN, STYLED = 0, 1, 2
-#: Which triangles are left out: none, those seen from behind, those seen from in front.
+#: Triangles that are culled: none (ALL are drawn), back faces, or front faces.
 ALL, BACK, FRONT = 0, 1, 2
 
 
-# `triples` and `numbers` are the tables that `spacemap_vtk.draw.lighting.constants_of` returns.
+# In this module, `triples` and `numbers` are the tables from
+# `spacemap_vtk.draw.lighting.constants_of`.
 
 
 @compiled
@@ -38,9 +39,10 @@ def fill(
     depth: Singles,
     which: NDArray[Any],
 ) -> None:
-    """Write the nearest triangle of each pixel, and its depth, in rows `top` to `bottom`."""
-    # `screen` has x, y and depth of each vertex and the reciprocal of its distance, which is 0 for
-    # one behind the camera. Where `cut`, one number a vertex, is below zero nothing is seen.
+    """Write index and depth of the nearest triangle in each pixel, for rows `top` to `bottom`."""
+    # `screen` contains x, y, depth and the reciprocal distance of each vertex; the last is 0 for a
+    # vertex behind the camera. `cut` has one number for each vertex: where the number interpolated
+    # between the vertices is negative, nothing is drawn.
     width = depth.shape[1]
     for number in range(len(corners)):
         a, b, c = corners[number, 0], corners[number, 1], corners[number, 2]
@@ -55,7 +57,7 @@ def fill(
         if first > last or left > right:
             continue
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        # Rows go down, so what runs round anticlockwise has an area below zero.
+        # Rows count downwards, so an anticlockwise triangle has a negative area.
         if area == 0.0 or (cull == 1 and area > 0.0) or (cull == 2 and area < 0.0):
             continue
         scale = 1.0 / area
@@ -82,7 +84,7 @@ def fill(
 
 @compiled
 def _weights(screen: Floats, a: int, b: int, c: int, x: float, y: float) -> Any:
-    """Return the shares of a triangle's corners in what it has at a place of the picture."""
+    """Return perspective-correct weights of a triangle's corners at a place of the picture."""
     ax, ay = screen[a, 0], screen[a, 1]
     abx, aby, acx, acy = screen[b, 0] - ax, screen[b, 1] - ay, screen[c, 0] - ax, screen[c, 1] - ay
     scale = 1.0 / (abx * acy - aby * acx)
@@ -95,7 +97,7 @@ def _weights(screen: Floats, a: int, b: int, c: int, x: float, y: float) -> Any:
 
 @compiled
 def _mixed(table: Any, a: int, b: int, c: int, w: Any) -> Any:
-    """Return three numbers between those of a triangle's corners."""
+    """Return three numbers interpolated between a triangle's corners."""
     return (
         w[0] * table[a, 0] + w[1] * table[b, 0] + w[2] * table[c, 0],
         w[0] * table[a, 1] + w[1] * table[b, 1] + w[2] * table[c, 1],
@@ -134,7 +136,7 @@ def _eye(place: Any, parallel: bool) -> Any:
 
 @compiled
 def _step(low: float, high: float, x: float) -> float:
-    """Return GLSL's smoothstep."""
+    """Compute GLSL's smoothstep."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
@@ -147,7 +149,7 @@ def _tone(strand: float) -> float:
 
 @compiled
 def lit(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
-    """Return the light that leaves a surface in its own colour, and the white."""
+    """Return the light that a surface reflects: red, green, blue for its colour, and white."""
     wrap, gloss, power, sheen, facing = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     up = 0.5 + 0.5 * n[1]
     red = triples[7, 0] + (triples[6, 0] - triples[7, 0]) * up
@@ -169,7 +171,7 @@ def lit(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
 
 @compiled
 def seen(triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any) -> None:
-    """Write the colour that is seen of a hue under a light, and under a line."""
+    """Write the visible colour of a hue under a light; `line` is the coverage by an outline."""
     colored = numbers[5]
     grey = 0.299 * hue[0] + 0.587 * hue[1] + 0.114 * hue[2]
     for k in range(3):
@@ -181,8 +183,8 @@ def seen(triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, ou
 
 @compiled
 def _with_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -> Any:
-    """Return the normal tilted by fibres and plies, and how bright these are."""
-    # `across` and `down` are place and strands beside the pixel, to the right and further up.
+    """Return the normal tilted by fibres and plies, and their brightness."""
+    # `across` and `down` are place and strands of the points to the right of the pixel and above.
     slope_x, slope_y = _less(across[0], here), _less(down[0], here)
     right, up = _cross(slope_y, normal), _cross(normal, slope_x)
     if _dot(slope_x, right) < 0.0:
@@ -220,7 +222,7 @@ def _with_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -
 
 @compiled
 def _grown(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -> Any:
-    """Return a normal tilted along the way that a phase with these slopes grows."""
+    """Return a normal tilted in the direction in which a phase with the given slopes grows."""
     x, y = dx * right[0] + dy * up[0], dx * right[1] + dy * up[1]
     z = dx * right[2] + dy * up[2]
     scale = much / math.sqrt(max(x * x + y * y + z * z, 1e-30))
@@ -245,10 +247,11 @@ def shade(
     top: int,
     out: Singles,
 ) -> None:
-    """Write the colour of each pixel in which a triangle is seen, in rows from `top` on."""
-    # Colours are of vertices, or of `cells`, one number a triangle. Without normals facets are
-    # flat, without strands yarns are smooth: these tables are empty then. Where a shader takes
-    # differences between pixels, these are taken over `grain` pixels.
+    """Write the colour of each covered pixel, in rows from `top` on."""
+    # Colours belong to vertices. If `cells` is not empty, it contains the index of each triangle's
+    # colour instead. Empty `normals` mean flat facets, empty `strands` smooth yarns. Where a shader
+    # uses differences between neighbouring pixels, this function uses differences over `grain`
+    # pixels.
     shown = np.zeros(3)
     for row in range(len(which)):
         for column in range(which.shape[1]):

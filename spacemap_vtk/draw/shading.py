@@ -1,9 +1,9 @@
-"""Soft contact shadows, made from the depth buffer.
+"""Compute soft contact shadows from the depth buffer.
 
-OpenGL's shadow maps are hard-edged and its screen-space ambient occlusion is noisy and shows every
-facet, so the shading is done here: a pixel darkens by how far it lies behind the mean depth of its
-surroundings ("unsharp masking the depth buffer", T. Luft, C. Colditz, O. Deussen, ACM Trans.
-Graph. 25, 2006). The result depends on no driver.
+A pixel is darkened in proportion to its distance behind the mean depth of its surroundings ("Image
+enhancement by unsharp masking the depth buffer", T. Luft, C. Colditz, O. Deussen, ACM Trans. Graph.
+25, 2006). OpenGL's shadow maps have hard edges, and its screen-space ambient occlusion is noisy and
+shows every facet. The result here does not depend on the driver.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Bools, Floats, Singles
 
-#: Radii of the surroundings in yarn diameters, and how dark each can make a pixel.
+#: Radius of the surroundings in yarn diameters, and largest darkening by it, for two radii.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
-#: The depth is blurred at a lower resolution: a blurred image has no detail to lose. So many times
-#: lower at least, and as long as a radius has so many pixels left.
+#: The depth is blurred at a lower resolution, because a blurred image has no detail to lose.
+#: _COARSER: least factor of reduction. _LEAST: the factor is doubled as long as the radius keeps at
+#: least this many pixels.
 _COARSER, _LEAST = 4, 3.0
-#: Rows, or columns, that are worked on at a time.
+#: Number of rows or columns that are processed at a time.
 STRIP = 64
 
 
 def contact_shade(
     depth: Singles, diameter: float, diameter_pixels: float, strength: float = 1.0, thin: int = 0
 ) -> Singles:
-    """Return the factor by which each pixel keeps its colour; lines up to 2 `thin` cast nothing."""
+    """Return each pixel's brightness factor; lines up to 2 `thin` pixels wide cast no shadow."""
     height, width = depth.shape
     there = np.isfinite(depth)
     filled = np.where(there, depth, np.float32(0.0))
@@ -36,7 +37,7 @@ def contact_shade(
         far = _widened(np.where(there, depth, np.float32(np.inf)), thin)
         stays = np.isfinite(far)
         casting = [np.where(stays, far, np.float32(0.0)), stays.astype(np.float32)]
-        there &= _widened(stays, thin)  # lines alone
+        there &= _widened(stays, thin)  # pixels that only lines cover stay unshaded
     coarse = [_reduced(part, _COARSER) for part in casting]
     coarser, shades = _COARSER, []
     for radius, deepest in SCALES:
@@ -46,7 +47,7 @@ def contact_shade(
             coarse, coarser = [_reduced(part, 2) for part in coarse], 2 * coarser
         near, weight = (blurred(part, max(0.7, spread / coarser)) for part in coarse)
         slope = np.float32(darkness / (radius * diameter))
-        # A pixel keeps 1 - slope (its depth - the mean depth), and never less than 1 - darkness.
+        # The factor is 1 - slope * (depth - mean depth), but never less than 1 - darkness.
         mean = 1 + slope * near / np.maximum(weight, np.float32(1e-6))
         tall = np.ascontiguousarray(_enlarged(np.ascontiguousarray(mean.T), coarser, height).T)
         shades.append((tall, coarser, slope, np.float32(1.0 - darkness)))
@@ -62,7 +63,7 @@ def contact_shade(
 
 
 def part_with(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
-    """Return the part of a picture in which anything is, as far about it as shades are coarse."""
+    """Return rows and columns around all covered pixels, in whole coarse pixels; None if empty."""
     block = _COARSER
     while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST * block:
         block *= 2
@@ -77,7 +78,7 @@ def part_with(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | Non
 
 
 def softened(image: Singles) -> Singles:
-    """Return an image whose edges are as soft as smooth lines are."""
+    """Return an image whose edges are as soft as those of smooth lines."""
     for _ in range(2):
         image = np.ascontiguousarray(image.T)
         image[1:-1] = 0.25 * (image[:-2] + image[2:]) + 0.5 * image[1:-1]
@@ -85,7 +86,7 @@ def softened(image: Singles) -> Singles:
 
 
 def _widened(image: NDArray[Any], radius: int) -> NDArray[Any]:
-    """Return what is largest about each pixel."""
+    """Return the maximum of the pixels within a radius around each pixel."""
     for _ in range(2):
         image = np.ascontiguousarray(image.T)
         for _ in range(radius):
@@ -94,12 +95,12 @@ def _widened(image: NDArray[Any], radius: int) -> NDArray[Any]:
 
 
 def strips(height: int) -> list[slice]:
-    """Divide a picture into strips that a processor's cache holds."""
+    """Divide a picture into strips of rows that fit into the processor's cache."""
     return [slice(top, min(top + STRIP, height)) for top in range(0, height, STRIP)]
 
 
 def blurred(image: Singles, sigma: float) -> Singles:
-    """Return an image blurred by a Gaussian, which is cut off at 2.5 sigma."""
+    """Return an image blurred by a Gaussian that is cut off at 2.5 sigma."""
     radius = int(2.5 * sigma + 0.5)
     weights = np.exp(-0.5 / sigma**2 * np.arange(-radius, radius + 1) ** 2)
     weights /= weights.sum()
@@ -109,7 +110,7 @@ def blurred(image: Singles, sigma: float) -> Singles:
 
 
 def _blurred_down(image: Singles, weights: Floats) -> Singles:
-    """Blur along the columns, some of them at a time."""
+    """Blur an image along its columns, strip by strip."""
     radius, (height, width) = len(weights) // 2, image.shape
     wide = np.pad(image.astype(np.float64), ((radius, radius), (0, 0)), mode="edge")
     result = np.empty_like(image)
@@ -127,11 +128,11 @@ def _blurred_down(image: Singles, weights: Floats) -> Singles:
 
 
 def _reduced(image: Singles, factor: int) -> Singles:
-    """Return an image reduced by averaging blocks of pixels."""
+    """Return an image reduced to the means of blocks of `factor` x `factor` pixels."""
     rows, columns = (-size % factor for size in image.shape)
     if rows or columns:
         image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
-    # Sums of strided views: five times as fast as a mean over two axes of a reshaped array.
+    # Sums of strided views are five times as fast as a mean over two axes of a reshaped array.
     total = image[::factor].copy()
     for row in range(1, factor):
         total += image[row::factor]
@@ -142,7 +143,7 @@ def _reduced(image: Singles, factor: int) -> Singles:
 
 
 def _enlarged(image: Singles, factor: int, length: int) -> Singles:
-    """Return rows made longer, linear between the coarse pixels' centres."""
+    """Return rows enlarged to a length, interpolated between the centres of coarse pixels."""
     most = image.shape[1] - 1
     places = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, most)
     low = np.minimum(places.astype(int), max(most - 1, 0))

@@ -1,7 +1,8 @@
-"""A window without OpenGL: draws what a renderer holds on the processor, for bare machines.
+"""Draw a renderer's contents on the processor, for machines without OpenGL.
 
-It stands in for `spacemap_vtk.draw.offscreen.Offscreen` where no OpenGL library can be loaded: the
-same actors, camera, light and shadows. Needs Numba, which comes with this program.
+`SoftwareWindow` replaces `spacemap_vtk.draw.offscreen.Offscreen` if no OpenGL library can be
+loaded, with the same actors, camera, light and shadows. It needs Numba, which this program
+installs.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# VTK finds the classes that actors and letters are made of once these modules are loaded.
+# VTK finds its implementations of actors and text only after these modules are imported.
 import vtkmodules.vtkRenderingFreeType
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 from numpy.typing import NDArray
@@ -46,14 +47,14 @@ from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.ndarrays import Bytes, Floats, Ints, Singles
 from spacemap_vtk.parallel import for_each, thread_count
 
-#: Corners of a dot's disc.
+#: Number of corners of the disc that draws a dot.
 _CORNERS = 16
-#: Rows that a thread draws at a time are the picture's by so many for each thread.
+#: Number of bands of rows into which the picture is divided for each thread.
 _BANDS = 4
 
 
 class _Renderer(vtkRenderer):
-    """A renderer without a VTK window: of its window only the size is asked for."""
+    """A renderer without a VTK window; it is also its window, of which only the size is used."""
 
     size = (1, 1)
 
@@ -65,7 +66,7 @@ class _Renderer(vtkRenderer):
 
 
 class _Lamps(NamedTuple):
-    """How a shape is lit, as `spacemap_vtk.draw.raster_loops.shade` takes it."""
+    """The light of a shape, as arguments of `spacemap_vtk.draw.raster_loops.shade`."""
 
     mode: int
     triples: Floats
@@ -79,74 +80,77 @@ _NO_STRANDS = np.zeros((0, 3), np.float32)
 class _Shape(NamedTuple):
     """Triangles of one actor, ready to be drawn."""
 
-    #: Places in m, (n, 3), and the corners of triangles among them, (m, 3).
+    #: Points in m, (n, 3).
     points: Floats
+    #: Point indices of the triangles, (m, 3).
     corners: Ints
-    #: From 0 to 1, of each point, or of what `cells` names for each triangle.
+    #: Colours, 0 to 1, (k, 3): one for each point, or a table that `cells` refers to.
     colors: Singles
     lamps: _Lamps
+    #: Index of each triangle's colour; empty if the points have the colours.
     cells: Ints = _NO_CELLS
     normals: Floats = _NO_NORMALS
     strands: Singles = _NO_STRANDS
     #: `ALL`, `BACK` or `FRONT` of `spacemap_vtk.draw.raster_loops`.
     cull: int = 0
-    #: Of triangles that were made on the screen: x, y, depth and the reciprocal of the distance.
-    #: Their normals are in the camera's coordinates.
+    #: x, y, depth and reciprocal distance of triangles that were made in screen coordinates. Their
+    #: normals are in the camera's coordinates.
     screen: Floats | None = None
-    #: What a picture multiplies colours by, and where in it each point is.
+    #: Texture by which colours are multiplied.
     picture: Bytes | None = None
+    #: Texture coordinates of the points.
     texels: Floats | None = None
 
 
 class SoftwareWindow:
-    """Draws one renderer on the processor."""
+    """A window that draws one renderer on the processor."""
 
     def __init__(self, size: tuple[int, int], samples: int = 0, pixels: int = 1) -> None:
         self.renderer = _Renderer()
         add_lights(self.renderer)
         self.size = self.renderer.size = size
-        #: Of letters, as VTK has it: a point is so many pixels.
+        #: Resolution of text, as in VTK: 72 dpi for one pixel per point.
         self._dpi = 72 * pixels
         self._front: list[vtkProp] = []
         self.take_samples(samples)
 
     def add_in_front(self, prop: vtkProp) -> None:
-        """Add what is drawn over all else, wherever it stands."""
+        """Add a prop that is drawn in front of everything else."""
         self._front.append(prop)
 
     def leave_background(self) -> None:
-        """Draw no background: this window never draws one."""
+        """Do nothing, because this window never draws a background."""
 
     def take_samples(self, samples: int) -> None:
-        """Take four samples of each pixel if more than one is asked for."""
+        """Set the number of samples: four per pixel if more than one is requested, else one."""
         width, height = self.size
-        #: Samples along each side of a pixel.
+        #: Number of samples along each side of a pixel.
         self._grain = 2 if samples > 1 else 1
         self._drawn = np.zeros((self._grain * height, self._grain * width, 4), np.float32)
         self._depths = np.ones(self._drawn.shape[:2], np.float32)
-        #: What was drawn, in the window's own pixels, with letters; None: not yet asked for.
+        #: The drawn picture with its text, in pixels of the window; None until it is requested.
         self._pixels: Singles | None = None
 
     @property
     def camera(self) -> vtkCamera:
-        """What the picture is seen through."""
+        """The active camera."""
         return self.renderer.GetActiveCamera()
 
     def draw(self) -> Bytes:
-        """Draw."""
+        """Draw the renderer and return red, green, blue and coverage of each pixel."""
         self.renderer.ResetCameraClippingRange()
         self.render()
         return self.pixels()
 
     def render(self, front: bool = True, over: bool = False) -> None:
-        """Draw within the camera's present range, over what was drawn before or in place of it."""
+        """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
         self.renderer.InvokeEvent("StartEvent")
         self._pixels = None
         if not over:
             self._drawn[:] = 0.0
             self._depths = np.ones_like(self._depths)
         else:
-            self._depths = self._depths.copy()  # a caller may have been given them
+            self._depths = self._depths.copy()  # a caller may still hold the depths
         actors = [a for a in _listed(self.renderer.GetActors()) if a.GetVisibility()]
         clear = [a for a in actors if _is_translucent(a)]
         for actor in actors:
@@ -162,7 +166,7 @@ class SoftwareWindow:
             self._depths = kept
 
     def pixels(self) -> Bytes:
-        """Return red, green, blue, and how much is covered."""
+        """Return red, green, blue and coverage of each pixel, 0 to 255, (height, width, 4)."""
         if self._pixels is None:
             (width, height), grain = self.size, self._grain
             fine = self._drawn.reshape(height, grain, width, grain, 4)
@@ -174,11 +178,11 @@ class SoftwareWindow:
         return made
 
     def depths(self, over: bool = False) -> Singles:
-        """Return depths from 0 to 1, which is where nothing is."""
+        """Return the depth of each pixel, 0 to 1; 1 where nothing is drawn."""
         return self._depths[:: self._grain, :: self._grain]
 
     def close(self) -> None:
-        """Free what was drawn."""
+        """Remove all props from the renderer."""
         self.renderer.RemoveAllViewProps()
 
     def _draw_actor(self, actor: vtkActor, solid: bool) -> None:
@@ -219,7 +223,7 @@ class SoftwareWindow:
         for_each(_bands(len(self._drawn)), lambda: draw)
 
     def _draw_letters(self, canvas: Singles) -> None:
-        """Draw the annotations over the view: panels, text and colour bars."""
+        """Draw annotations over the view: panels, text and colour bars."""
         for prop in _listed(self.renderer.GetViewProps()):
             if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
                 continue
@@ -249,7 +253,7 @@ class SoftwareWindow:
     def _draw_polygon(
         self, canvas: Singles, ring: NDArray[Any], color: list[int], opacity: float
     ) -> None:
-        """Draw a polygon in pixels, upwards from the lowest row."""
+        """Draw a polygon whose corners are in pixels, with y upwards from the lowest row."""
         mask = Image.new("L", self.size)
         corners = [(float(x), self.size[1] - float(y)) for x, y in ring]
         ImageDraw.Draw(mask).polygon(corners, fill=255)
@@ -260,7 +264,7 @@ class SoftwareWindow:
     def _write(
         self, canvas: Singles, look: vtkTextProperty, words: str, x: float, y: float
     ) -> None:
-        """Write words, of which a place in pixels is where they are anchored."""
+        """Draw text whose anchor is at (x, y) in pixels."""
         if not words:
             return
         image, ends = vtkImageData(), [0, 0]
@@ -272,7 +276,7 @@ class SoftwareWindow:
         rows = slice(max(0, top), min(top + high, self.size[1]))
         columns = slice(max(0, left), min(left + wide, self.size[0]))
         if rows.start >= rows.stop or columns.start >= columns.stop:
-            return  # beyond the picture's edges
+            return  # the text is outside the picture
         part = letters[
             rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
         ]
@@ -283,7 +287,7 @@ class SoftwareWindow:
         canvas[rows, columns] = own + under * (1.0 - cover)
 
     def _draw_scale(self, canvas: Singles, bar: vtkScalarBarActor) -> None:
-        """Draw a scale of colours: its title, a strip, and numbers to the right of it."""
+        """Draw a colour scale: title, strip of colours, and numbers to the right of the strip."""
         width, height = self.size
         table, labels = bar.GetLookupTable(), vtk_to_numpy(bar.GetCustomLabels())
         title, text = bar.GetTitleTextProperty(), bar.GetLabelTextProperty()
@@ -306,7 +310,7 @@ class SoftwareWindow:
             self._write(canvas, title, line, middle, high - letter * (number + 0.6))
         least, most = table.GetTableRange()
         for value in labels:
-            # Its first and last numbers stay beside the strip.
+            # The margins keep the first and last number within the height of the strip.
             share = (value - least) / (most - least)
             place = low + 0.15 * letter + (top - low - 0.5 * letter) * share
             words = f"{value:.3g}"
@@ -314,12 +318,13 @@ class SoftwareWindow:
 
 
 class _View(NamedTuple):
-    """The matrices of a camera: from world coordinates to its own, and to the screen."""
+    """The matrices of a camera: world to camera coordinates, and world to screen."""
 
     turned: Floats
     projected: Floats
-    #: In samples, of which a pixel has so many along each side.
+    #: Width and height of the picture in samples.
     size: tuple[int, int]
+    #: Number of samples along each side of a pixel.
     grain: int
     parallel: bool
 
@@ -340,15 +345,15 @@ class _View(NamedTuple):
         return np.ascontiguousarray(points @ self.turned[:3, :3].T + self.turned[:3, 3])
 
     def clip(self, points: Floats) -> Floats:
-        """Return homogeneous places, (n, 4): in the picture all are within the fourth."""
+        """Return clip coordinates (n, 4); a point is in the picture if |x|, |y| and |z| <= w."""
         return np.asarray(points @ self.projected[:, :3].T + self.projected[:, 3])
 
     def screen(self, points: Floats) -> Floats:
-        """Return pixels, depths and reciprocals of distances."""
+        """Return x and y in samples, depth and reciprocal distance of points, (n, 4)."""
         return self.on_screen(self.clip(points))
 
     def on_screen(self, clip: Floats) -> Floats:
-        """Return pixels, depths and reciprocals of distances of homogeneous places."""
+        """Return x and y in samples, depth and reciprocal distance from clip coordinates."""
         behind = clip[:, 3] <= 1e-9 * np.abs(clip[:, 3]).max(initial=1e-300)
         share = 1.0 / np.where(behind, 1.0, clip[:, 3])
         x, y, z = (clip[:, :3] * share[:, None]).T
@@ -358,7 +363,7 @@ class _View(NamedTuple):
 
 
 def _bands(height: int) -> list[slice]:
-    """Divide a picture's rows among threads."""
+    """Divide the rows of a picture into bands for threads."""
     step = max(16, -(-height // (_BANDS * thread_count())))
     return [slice(top, min(top + step, height)) for top in range(0, height, step)]
 
@@ -375,7 +380,7 @@ def _is_translucent(actor: vtkActor) -> bool:
 
 
 def _clipping(actor: vtkActor, points: Floats) -> Floats:
-    """Return how far each point is on the side of all clipping planes that stays in sight."""
+    """Return each point's smallest signed distance from the clipping planes; negative: hidden."""
     planes = actor.GetMapper().GetClippingPlanes()
     if planes is None or not planes.GetNumberOfItems():
         return np.zeros(0)
@@ -387,7 +392,7 @@ def _clipping(actor: vtkActor, points: Floats) -> Floats:
 
 
 def _shapes(actor: vtkActor, view: _View) -> Iterator[_Shape]:
-    """Yield the triangles of an actor."""
+    """Yield the shapes of an actor."""
     if isinstance(actor, SheetActor):
         graphics.require_opengl("a cloth of so many yarns that it is drawn as a sheet needs")
     mapper = actor.GetMapper()
@@ -411,18 +416,18 @@ def _shapes(actor: vtkActor, view: _View) -> Iterator[_Shape]:
 
 
 def _triangulated(data: vtkPolyData) -> vtkPolyData:
-    """Return a surface of triangles alone, with its lines and dots."""
+    """Return a surface whose polygons and strips are cut into triangles; lines and dots stay."""
     if not data.GetNumberOfPolys() and not data.GetNumberOfStrips():
         return data
     filter_ = vtkTriangleFilter()
     filter_.SetInputData(data)
-    # Through the executive, which keeps Python's lock: see `Stage.update`.
+    # The executive's Update keeps Python's global lock: see `Stage.update`.
     filter_.GetExecutive().Update()
     return filter_.GetOutput()
 
 
 def _edges(data: vtkPolyData) -> vtkPolyData:
-    """Return the edges of a surface's facets."""
+    """Return the edges of a surface's facets as lines."""
     edges = vtkExtractEdges()
     edges.SetInputData(data)
     edges.GetExecutive().Update()
@@ -430,7 +435,7 @@ def _edges(data: vtkPolyData) -> vtkPolyData:
 
 
 def _colors(actor: vtkActor, data: vtkPolyData) -> tuple[Singles, bool]:
-    """Return colours from 0 to 1, and whether they are of cells, not of points."""
+    """Return colours, 0 to 1, and whether they belong to cells instead of points."""
     mapper = actor.GetMapper()
     plain = np.array(actor.GetProperty().GetColor(), np.float32)
     if mapper.GetScalarVisibility() and not isinstance(mapper, vtkGlyph3DMapper):
@@ -454,7 +459,7 @@ def _unlit() -> _Lamps:
 
 
 def _plain_light(ambient: float) -> _Lamps:
-    """Return VTK's own lights."""
+    """Return the light of `spacemap_vtk.draw.camera.LIGHTS`, as VTK computes it."""
     from spacemap_vtk.draw.raster_loops import PLAIN
 
     triples, numbers = np.zeros((12, 3)), np.zeros(8)
@@ -502,7 +507,7 @@ def _surface(
 
 
 def _outline(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View) -> _Shape:
-    """Return a surface made wider, as the shader of `OutlineActor` makes it."""
+    """Return a surface enlarged as by the vertex shader of `OutlineActor`."""
     from spacemap_vtk.draw.raster_loops import FRONT
 
     corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
@@ -526,7 +531,7 @@ def _outline(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View
 
 
 def _glyphs(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
-    """Yield arrows along vectors."""
+    """Yield an arrow for each vector of a glyph mapper."""
     places, look = mapper.GetInput(), actor.GetProperty()
     if places is None or not places.GetNumberOfPoints():
         return
@@ -567,7 +572,7 @@ def _lines_and_dots(
     of_cells: bool,
     view: _View,
 ) -> Iterator[_Shape]:
-    """Yield lines and dots, so wide in pixels, as triangles on the screen."""
+    """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
     look, screen = actor.GetProperty(), view.screen(points)
     verts, lines = (_chains(cells) for cells in (data.GetVerts(), data.GetLines()))
     if len(lines[0]):
@@ -594,7 +599,8 @@ def _lines_and_dots(
         whole = np.repeat(screen[dots], count, axis=0)
         whole[:, :2] += np.tile(radius * disc * [1.0, -1.0], (len(dots), 1))
         if sphere:
-            # Its middle is nearer by its radius: what it lies on would hide half of it.
+            # The centre is nearer to the camera by the radius. Otherwise a surface through the
+            # point would hide half of the sphere.
             scale = np.linalg.norm(view.projected[1, :3]) * screen[dots, 3] * view.size[1] / 2
             toward = np.array(view.turned[2, :3])
             near = view.screen(points[dots] + toward * (radius / np.maximum(scale, 1e-12))[:, None])
@@ -613,7 +619,7 @@ def _lines_and_dots(
 
 def _chains(cells: Any) -> tuple[Ints, Ints]:
     """Return the point pairs of all line segments, (n, 2), and the cell of each segment."""
-    # A cell of one point is a step from it to itself.
+    # A cell with one point becomes a segment from this point to itself.
     offsets = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)
     numbers = vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)
     if len(offsets) < 2 or not len(numbers):
@@ -626,7 +632,7 @@ def _chains(cells: Any) -> tuple[Ints, Ints]:
 
 
 def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Singles:
-    """Return what a picture has in the pixels of a shape, linear between its own pixels."""
+    """Return the texture's colour and coverage in each pixel of a shape, (n, 4)."""
     assert shape.picture is not None
     assert shape.texels is not None
     rows, columns = np.nonzero(which >= 0)
@@ -643,7 +649,7 @@ def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Sin
 
 
 def _sampled(picture: Bytes, s: Floats, t: Floats) -> Singles:
-    """Return a picture's colours, and how much they cover, at shares of its sides; it repeats."""
+    """Sample a repeating texture at coordinates (s, t), bilinearly: RGB and coverage, (n, 4)."""
     high, wide, depth = picture.shape
     x, y = s * wide - 0.5, t * high - 0.5
     left, low = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
@@ -653,7 +659,7 @@ def _sampled(picture: Bytes, s: Floats, t: Floats) -> Singles:
         share = (across if column else 1.0 - across) * (up if row else 1.0 - up)
         found += share * picture[(low + row) % high, (left + column) % wide]
     found /= 255.0
-    if depth < 3:  # of greys
+    if depth < 3:  # a grey image, with or without coverage
         found = np.concatenate([found[:, :1]] * 3 + [found[:, 1:]], axis=1)
     if found.shape[1] == 3:
         found = np.concatenate([found, np.ones((len(found), 1))], axis=1)
