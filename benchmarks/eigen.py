@@ -23,11 +23,11 @@ import numpy as np
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics import factors, lanczos
-from spacemap_vtk.mechanics.eigen import lowest
-from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.pencil import Pencil, selection
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.linalg import factors, lanczos
+from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.pencil import Pencil, selection
 
 #: Name of each method, and the package it needs.
 METHODS = {"spacemap": "", "cholmod": "sksparse", "pardiso": "pypardiso", "eigsh": ""}

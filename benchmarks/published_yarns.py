@@ -19,10 +19,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
-from spacemap_vtk.fabric.peirce import largest_diameter_sum
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import largest_diameter_sum
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: Half waves along x and y, and heights at rest, over the radius.
 WEAVES = {"basket": (5.3524, 5.1505, 2.80, 2.55), "satin": (5.5556, 5.5093, 3.42, 3.39)}

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous, measured
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
+from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.units import GRAVITY
 
 FloatArray = NDArray[np.float64]

@@ -33,13 +33,13 @@ from vtkmodules.vtkFiltersCore import vtkProbeFilter
 from spacemap_vtk.cli.options import numbers_table, opened, print_json, print_plain
 from spacemap_vtk.datasets.arrays import points_of, to_points
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
-from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks, for_each, thread_count
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
+from spacemap_vtk.textile.patches.tessellation import Tessellation
 
 #: Scene and changed values where no scene is named.
 _DEFAULT = (("plain_weave", ()), ("plain_weave", ("weave.ends=100", "weave.picks=100")))

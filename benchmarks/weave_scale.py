@@ -41,11 +41,11 @@ def measure(size: int, weave_name: str, exact: bool) -> dict[str, Any]:
     """Build one weave in this process and return what it took."""
     import numpy as np
 
-    from spacemap_vtk.fabric import patterns
-    from spacemap_vtk.fabric.cloth import Cloth
-    from spacemap_vtk.fabric.drawdown import tile
-    from spacemap_vtk.fabric.threads import Threads
-    from spacemap_vtk.fabric.weave import build, estimate_bytes
+    from spacemap_vtk.textile.drafts import patterns
+    from spacemap_vtk.textile.drafts.drawdown import tile
+    from spacemap_vtk.textile.geometry.weave import build, estimate_bytes
+    from spacemap_vtk.textile.weave.cloth import Cloth
+    from spacemap_vtk.textile.weave.threads import Threads
 
     unit = patterns.plain() if weave_name == "plain" else patterns.twill(2, 2)
     over = tile(unit, size, size)

@@ -18,7 +18,7 @@ from PySide6.QtCore import QCoreApplication, QEvent, QSettings
 from PySide6.QtWidgets import QApplication
 
 from spacemap_vtk.app.launch import MainWindow
-from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.textile.drafts.loom import Loom
 
 #: A diamond twill: pointed threading, and a treadling that follows it.
 POINT = tuple((8 - abs(k - 7),) for k in range(15))

@@ -18,7 +18,7 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
 
 ROOT = Path(__file__).parents[1]
-_ROOMS = {"fabric": "Fabric", "cage": "Cage", "mechanics": "Mechanics", "embedding": "Embedding"}
+_ROOMS = {"textile": "Textile", "cage": "Cage", "mechanics": "Mechanics", "embedding": "Embedding"}
 
 
 def write(folder: Path) -> None:

@@ -7,9 +7,9 @@ strained, slack or pressed, until the weft jams, and prints it beside what embed
 
 import numpy as np
 
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import Interchange
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.crimp.interchange import Interchange
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
 crossings = Interchange(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))

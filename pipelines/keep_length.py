@@ -21,7 +21,7 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.fabric.axes import axis_points
+from spacemap_vtk.textile.geometry.axes import axis_points
 
 PULL = np.array([0.92, 1.05, 1.0])  # along the weft, the warp and the normal
 

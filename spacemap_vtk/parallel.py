@@ -100,7 +100,7 @@ def for_each(
 #: Modules whose machine code goes into the user's cache folder instead of the package's folder. pip
 #: does not remove files that it did not install. What it leaves behind would hide the editable
 #: package of the README's second command.
-_IN_CACHE = ("spacemap_vtk.draw.raster_loops",)
+_IN_CACHE = ("spacemap_vtk.draw.software.raster_loops",)
 
 
 def compiled(function: Function) -> Function:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements import shape_functions, volumes, with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import shape_functions, volumes, with_midpoints
 
 CCX = shutil.which("ccx")
 ABSENT = 'CalculiX is not installed ("apt-get install calculix-ccx")'

@@ -34,7 +34,7 @@ IGNORED = {
 
 HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
-SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding"}
 #: Modules of which a user, or who writes a stage, meets every public name.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
 USERS |= {"filters.base", "filters.load", "filters.textile"}

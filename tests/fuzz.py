@@ -60,7 +60,7 @@ INSTRUMENTED = [
     *(f"spacemap_vtk.{part}" for part in ("io", "scenes", "parameters", "parameterised", "units")),
     *(
         f"spacemap_vtk.{part}"
-        for part in ("cache", "mechanics.places", "filters.load", "fabric.loom")
+        for part in ("cache", "mechanics.boundary.places", "filters.load", "textile.drafts.loom")
     ),
     *("tomllib", "json", "zipfile", "xml.etree", "numpy.lib", "meshio"),
 ]
@@ -128,7 +128,7 @@ def _scene(path: Path) -> None:
 
 
 def _draft(path: Path) -> None:
-    from spacemap_vtk.io.draft_file import read_draft
+    from spacemap_vtk.io.drafts.draft_file import read_draft
     from spacemap_vtk.scenes.scene import Scene
 
     draft = read_draft(path)

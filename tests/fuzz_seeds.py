@@ -167,9 +167,9 @@ def quick() -> dict[str, list[bytes]]:
     import numpy as np
     from PIL import Image
 
-    from spacemap_vtk.io.draft_file import format_rows
-    from spacemap_vtk.io.dtx import format_dtx
-    from spacemap_vtk.io.wif import parse_wif
+    from spacemap_vtk.io.drafts.draft_file import format_rows
+    from spacemap_vtk.io.drafts.dtx import format_dtx
+    from spacemap_vtk.io.drafts.wif import parse_wif
 
     texts = [SHORT_WIF, *(path.read_bytes() for path in sorted(SCENES.glob("*.wif")))]
     found: dict[str, list[bytes]] = {

@@ -75,13 +75,13 @@ def warm() -> None:
             import_module(each.name)
     for name in ("PIL.Image", "h5py", "pxr.UsdSkel", "matplotlib.figure", "scipy.sparse.linalg"):
         import_module(name)
-    import_module("spacemap_vtk.app.document")
+    import_module("spacemap_vtk.app.documents.document")
     assert len(os.listdir("/proc/self/task")) == 1, "a fork would lack the other threads"
 
 
 def carry_out(name: str, place: Path) -> None:
     if name == "scene.toml":
-        from spacemap_vtk.app.document import Document
+        from spacemap_vtk.app.documents.document import Document
 
         document = Document()
         document.open("plain_weave")

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.mechanics.eigen import lowest
-from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
-from spacemap_vtk.mechanics.pencil import Pencil, selection
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.pencil import Pencil, selection
 
 
 def stiffness_and_mass(points: Any, cells: Any, elasticity: Any, density: float) -> tuple[Any, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacemap_vtk.draw.annotations import Annotations
+from spacemap_vtk.draw.annotate.annotations import Annotations
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 

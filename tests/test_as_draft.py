@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.draft import Draft, DraftThreads
-from spacemap_vtk.fabric.resolve import resolve
-from spacemap_vtk.io.wif import parse_wif, read_wif
-from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.io.drafts.wif import parse_wif, read_wif
+from spacemap_vtk.io.drafts.wif_writer import format_wif
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
+from spacemap_vtk.textile.weave.resolve import resolve
 
 #: Nothing, but what is so without a word.
 ASKED = replace(WeaveSource().asked, ends=None, picks=None)

@@ -10,12 +10,12 @@ import pytest
 from spacemap_vtk.app.fields.known import with_shown_unit
 from spacemap_vtk.app.web.rows import ParameterRows
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.yarn import linear_density
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.scenes.origin import record_of, values_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.weave.yarn import linear_density
 
 INCH = 0.0254
 

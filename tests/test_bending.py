@@ -11,13 +11,13 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, SpacemapWarning, TetraCage
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.bending import _Plate as Plate
-from spacemap_vtk.mechanics.bending import locking, proportions_of
-from spacemap_vtk.mechanics.eigen import lowest
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.elements.bending import _Plate as Plate
+from spacemap_vtk.mechanics.elements.bending import locking, proportions_of
+from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.model import Model
 
 SIDE, DENSITY = 0.1, 300.0
 STUFF = isotropic(1e6, 0.3)

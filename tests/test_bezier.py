@@ -10,7 +10,7 @@ from scipy.interpolate import BPoly
 from vtkmodules.vtkCommonDataModel import vtkHigherOrderQuadrilateral
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.bezier import (
+from spacemap_vtk.textile.patches.bezier import (
     arc_handle,
     bernstein,
     bernstein_derivative,

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.fabric.biaxial import TESTS, tensile_tests
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.crimp.biaxial import TESTS, tensile_tests
+from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 ELASTIC = ("--set", "yarns.inextensible=false", "--set", "yarns.tension=50 N")
 

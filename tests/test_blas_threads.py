@@ -11,8 +11,8 @@ import pytest
 from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.linalg import blas_threads
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
 

@@ -18,8 +18,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource, cache
 from spacemap_vtk.filters import modal_solver
-from spacemap_vtk.mechanics import eigen, mesh_pencil
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.modal import eigen, mesh_pencil
+from spacemap_vtk.mechanics.modal.model import Model
 
 
 @pytest.fixture

@@ -18,12 +18,12 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.interchange import YarnMechanics
-from spacemap_vtk.fabric.stiffness import cloth_stiffness
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import data_sheet, homogeneous, upright
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.plates import data_sheet, homogeneous, upright
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.weave.figures import fabric_figures
 
 H = 3e-4
 #: EA [N], hard contact, and B [N m²] of a cotton of 30 tex.

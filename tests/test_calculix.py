@@ -23,10 +23,10 @@ from spacemap_vtk.datasets.modal_model import InputDeck
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs import make_data_job
-from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
-from spacemap_vtk.mechanics.fittings import Fittings
-from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
+from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.scenes.scene import Scene
 
 needs_calculix = pytest.mark.skipif(CCX is None, reason=ABSENT)

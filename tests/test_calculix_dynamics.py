@@ -15,11 +15,11 @@ import pytest
 import scipy.linalg as la
 from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.mechanics import timefunctions
-from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.elasticity import assemble, stiffness
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.elements.elasticity import assemble, stiffness
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 

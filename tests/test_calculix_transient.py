@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.mechanics import timefunctions
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.transient import Stepped
+from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 

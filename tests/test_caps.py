@@ -13,14 +13,15 @@ from vtkmodules.vtkCommonCore import mutable
 from weaves import changed, measured, surface, woven
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric import bezier, patterns
-from spacemap_vtk.fabric.axes import axes, axis_points
-from spacemap_vtk.fabric.bezier import rational_handles
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.fabric.weave import Weave, build
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.geometry.axes import axes, axis_points
+from spacemap_vtk.textile.geometry.weave import Weave, build
+from spacemap_vtk.textile.patches import bezier
+from spacemap_vtk.textile.patches.bezier import rational_handles
+from spacemap_vtk.textile.patches.tessellation import Tessellation
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 OVER = tile(patterns.twill(2, 1), 4, 5)
 ROUND = measured(

@@ -12,8 +12,8 @@ from test_cli import SMALL, refused, run
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.drafts.wif import read_wif
 from spacemap_vtk.io.registry import written
-from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.scenes.scene import Scene
 
 

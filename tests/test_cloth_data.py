@@ -15,10 +15,10 @@ from spacemap_vtk import PatchTessellator, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import add_cloth, cloth_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.axes import Share
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import build
+from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 SCENES = Path(__file__).parents[1] / "scenes"
 

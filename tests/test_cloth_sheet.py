@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.surface_actor import natural_span, scale_share
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.cloth_sheet import Sheet
-from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.detail.cloth_sheet import Sheet
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.surface_actor import natural_span, scale_share
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.scenes import level_of_detail

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.coarser import coarser
-from spacemap_vtk.mechanics.fittings import Fittings
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous, measured
+from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
+from spacemap_vtk.mechanics.modal.coarser import coarser
+from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
 

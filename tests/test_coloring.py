@@ -14,10 +14,8 @@ from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.surface_actor import (
+from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.surface_actor import (
     RAMP,
     SurfaceActor,
     fit_scale,
@@ -27,6 +25,8 @@ from spacemap_vtk.draw.surface_actor import (
     scale_share,
     scale_title,
 )
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from spacemap_vtk.draw.actors.shading import STRIP, blurred, contact_shade
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.shading import STRIP, blurred, contact_shade
 
 #: What takes a tenth of a second to import, or more.
 _HEAVY = (

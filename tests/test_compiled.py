@@ -17,9 +17,9 @@ from spacemap_vtk.embedding import affine, interpolation
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.fabric import tessellation
-from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.textile.patches import tessellation
+from spacemap_vtk.textile.patches.tessellation import Tessellation
 
 pytest.importorskip("numba")
 
@@ -269,8 +269,8 @@ def test_all_runs_without_a_compiler(without):
 import numpy as np
 from spacemap_vtk import WeaveSource, PatchTessellator
 from spacemap_vtk.parallel import loops
-from spacemap_vtk.fabric.tessellation import WORTHWHILE
-assert loops("spacemap_vtk.fabric.patch_loops", True) is None
+from spacemap_vtk.textile.patches.tessellation import WORTHWHILE
+assert loops("spacemap_vtk.textile.patches.patch_loops", True) is None
 weave, surface = WeaveSource(ends=20, picks=20), PatchTessellator(subdivisions=4)
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()

@@ -8,14 +8,14 @@ from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiffness
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
-from spacemap_vtk.mechanics.supports import held_directions, rigid_bodies
-from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spring_stiffness
+from spacemap_vtk.mechanics.boundary.supports import held_directions, rigid_bodies
+from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.model import Model
 
 E, RHO = 2e6, 300.0
 KINDS = ("linear", "quadratic", "sheet")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.io.wif import read_wif
+from spacemap_vtk.io.drafts.wif import read_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 #: Of 1200 x 1200 threads 6 ends are threaded and 4 picks woven.

@@ -25,12 +25,12 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.embedding import plane_slopes
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError, SpacemapWarning
-from spacemap_vtk.fabric import recrimp as module
-from spacemap_vtk.fabric.drawdown import repeat
-from spacemap_vtk.fabric.interchange import Interchange
-from spacemap_vtk.fabric.recrimp import Recrimp
-from spacemap_vtk.fabric.weave import build
-from spacemap_vtk.fabric.yarn_clearance import clearance_of
+from spacemap_vtk.textile.crimp import recrimp as module
+from spacemap_vtk.textile.crimp.interchange import Interchange
+from spacemap_vtk.textile.crimp.recrimp import Recrimp
+from spacemap_vtk.textile.drafts.drawdown import repeat
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.yarn_clearance import clearance_of
 
 DRAFT = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 WEAVES: dict[str, dict[str, Any]] = {

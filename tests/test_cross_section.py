@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.path import Path
 
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.cross_section import cross_section
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.geometry.cross_section import cross_section
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 
 def test_published_figures_are_found_again_on_the_curves() -> None:

@@ -12,9 +12,9 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkMassProperties, vtkT
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk.datasets.arrays import points_of, to_array
-from spacemap_vtk.draw.cut_face import BRIGHT, cut_face
+from spacemap_vtk.draw.actors.cut_face import BRIGHT, cut_face
+from spacemap_vtk.draw.actors.surface_actor import FAMILIES
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.surface_actor import FAMILIES
 from spacemap_vtk.scenes.scene import Scene
 
 

@@ -12,7 +12,7 @@ from test_response import Chain
 
 from spacemap_vtk import ModalResponse
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.paraview.property_xml import property_of
 from spacemap_vtk.scenes.scene import Scene
 

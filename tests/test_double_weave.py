@@ -11,20 +11,21 @@ from weaves import changed
 
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import double_weave, patterns
-from spacemap_vtk.fabric.axes import axes, axis_points
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.double_weave import Layers, find_layers
-from spacemap_vtk.fabric.drawdown import rows, tile
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.interchange import Interchange
-from spacemap_vtk.fabric.partition import whole_bounds
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import build, count, estimate_counts
-from spacemap_vtk.fabric.yarn_clearance import least_clearance, touching
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.interchange import Interchange
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.drafts.drawdown import rows, tile
+from spacemap_vtk.textile.geometry.axes import axes, axis_points
+from spacemap_vtk.textile.geometry.partition import whole_bounds
+from spacemap_vtk.textile.geometry.weave import build, count, estimate_counts
+from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance, touching
+from spacemap_vtk.textile.weave import double_weave
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.double_weave import Layers, find_layers
+from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.textile.weave.threads import Threads
 
 Bools = NDArray[np.bool_]
 EVERY_OTHER = [0, 1]

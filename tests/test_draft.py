@@ -13,9 +13,9 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from weaves import plain
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, drawdown, patterns
-from spacemap_vtk.fabric.draft import Draft, DraftThreads
-from spacemap_vtk.fabric.drawdown import tile
+from spacemap_vtk.textile.drafts import draft, drawdown, patterns
+from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
+from spacemap_vtk.textile.drafts.drawdown import tile
 
 matrices = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=9))
 

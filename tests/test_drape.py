@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.drape import drape_coefficient, shadow
+from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow
 
 
 def grid(count: int) -> tuple[np.ndarray, np.ndarray]:

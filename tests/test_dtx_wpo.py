@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.draft import Draft, DraftThreads
-from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.io.draft_file import read_draft
-from spacemap_vtk.io.dtx import UNIT, format_dtx, losses
-from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.io.drafts.draft_file import read_draft
+from spacemap_vtk.io.drafts.dtx import UNIT, format_dtx, losses
+from spacemap_vtk.io.drafts.wif_writer import format_wif
+from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
+from spacemap_vtk.textile.drafts.loom import Loom
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 

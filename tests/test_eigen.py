@@ -12,12 +12,13 @@ from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics import eigen, lanczos
-from spacemap_vtk.mechanics.eigen import estimate_bytes, lowest
-from spacemap_vtk.mechanics.elasticity import nodal_mass
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
+from spacemap_vtk.mechanics.elements.elasticity import nodal_mass
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.linalg import lanczos
+from spacemap_vtk.mechanics.modal import eigen
+from spacemap_vtk.mechanics.modal.eigen import estimate_bytes, lowest
+from spacemap_vtk.mechanics.modal.model import Model
 
 CUBE = (0, 1, 0, 1, 0, 1)
 

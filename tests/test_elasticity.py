@@ -12,10 +12,10 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass, stiffness
-from spacemap_vtk.mechanics.elements import volumes
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.tetrahedra import volumes
+from spacemap_vtk.mechanics.modal.model import Model
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

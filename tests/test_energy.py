@@ -11,15 +11,15 @@ from scipy.integrate import solve_ivp
 from test_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics import timefunctions as tf
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.energy import Account, balance
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.motion import Drive, ModalMotion
-from spacemap_vtk.mechanics.response import Response
-from spacemap_vtk.mechanics.transient import Stepped
+from spacemap_vtk.mechanics.boundary import timefunctions as tf
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.response.cage_response import Response
+from spacemap_vtk.mechanics.response.energy import Account, balance
+from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 
 def lost_by_quadrature(motion, start, end):

@@ -20,11 +20,16 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics import energy_terms
-from spacemap_vtk.mechanics.energy_terms import EnergyTerm, digest_of, energy_term, tangent
-from spacemap_vtk.mechanics.loads import traction, wall
-from spacemap_vtk.mechanics.shell import mid_surface
-from spacemap_vtk.mechanics.vertex_terms import OnVertices
+from spacemap_vtk.mechanics.boundary.loads import traction, wall
+from spacemap_vtk.mechanics.elements.shell import mid_surface
+from spacemap_vtk.mechanics.equilibrium import energy_terms
+from spacemap_vtk.mechanics.equilibrium.energy_terms import (
+    EnergyTerm,
+    digest_of,
+    energy_term,
+    tangent,
+)
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
 
 FloatArray = NDArray[np.float64]
 

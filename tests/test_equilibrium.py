@@ -13,13 +13,13 @@ from scipy.special import ellipk
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.energy_terms import DeadLoad, tangent
-from spacemap_vtk.mechanics.equilibrium import Equilibrium, equilibrium
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.elements.shell import mid_surface, of_sheet
+from spacemap_vtk.mechanics.elements.strains import Strains, of_tetrahedra
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, tangent
+from spacemap_vtk.mechanics.equilibrium.newton import Equilibrium, equilibrium
 
 FloatArray = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from PIL import Image
 
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.fabric.drawdown import rows
-from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
+from spacemap_vtk.textile.drafts.drawdown import rows
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 ENDS, PICKS = 20, 15

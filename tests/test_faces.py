@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.double_weave import Layers
-from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
-from spacemap_vtk.fabric.partition import whole_bounds
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.geometry.faces import grid_lines, layers, tubes
+from spacemap_vtk.textile.geometry.partition import whole_bounds
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.double_weave import Layers
+from spacemap_vtk.textile.weave.threads import Threads
 
 
 def test_each_crossing_has_its_two_yarns_once() -> None:

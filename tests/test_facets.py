@@ -11,8 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from spacemap_vtk import PatchTessellator
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen, Viewpoint, pixels_of, pixels_per_metre, projected
-from spacemap_vtk.draw.facets import choose_facets
-from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
+from spacemap_vtk.draw.detail.facets import choose_facets
 from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
 from spacemap_vtk.scenes.level_of_detail import (
     LEAST_SIDES,
@@ -21,6 +20,7 @@ from spacemap_vtk.scenes.level_of_detail import (
     quads_in_view,
 )
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative, quadrilateral_order
 
 SIZE_4K = 3840, 2160
 #: Cosine between eye and surface below which a facet is at an outline.

@@ -12,10 +12,10 @@ from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
-from spacemap_vtk.mechanics import factors
-from spacemap_vtk.mechanics.factors import factorise
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.multifrontal import Analysis
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.linalg import factors
+from spacemap_vtk.mechanics.linalg.factors import factorise
+from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
 
 #: Package of each library, and the function that uses it.
 LIBRARIES = {"cholmod": "sksparse", "pardiso": "pypardiso", "multifrontal": "numpy"}

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.coloring import round_numbers
-from spacemap_vtk.draw.measuring import round_length
+from spacemap_vtk.draw.actors.coloring import round_numbers
+from spacemap_vtk.draw.annotate.measuring import round_length
 
 
 def run(*arguments: object) -> int:

@@ -12,7 +12,7 @@ import pyvista as pv
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import reference
 
-from spacemap_vtk.draw.surface_actor import RAMP
+from spacemap_vtk.draw.actors.surface_actor import RAMP
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene

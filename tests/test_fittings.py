@@ -8,14 +8,14 @@ from scipy.optimize import brentq
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiffness
-from spacemap_vtk.mechanics.loads import traction, wall
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
-from spacemap_vtk.mechanics.residual_vectors import participation
-from spacemap_vtk.mechanics.supports import held_directions, rigid_bodies
+from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spring_stiffness
+from spacemap_vtk.mechanics.boundary.loads import traction, wall
+from spacemap_vtk.mechanics.boundary.supports import held_directions, rigid_bodies
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import Plate, homogeneous, measured
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.residual_vectors import participation
 
 LINEAR = lattice((0, 2, 0, 3, 0, 1), (3, 4, 2))
 QUADRATIC = with_midpoints(*LINEAR)

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp, trapezoid
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics import timefunctions
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.energy_terms import tangent
-from spacemap_vtk.mechanics.follower import FollowerPressure
-from spacemap_vtk.mechanics.loads import traction, wall
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.places import SIDES
-from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.strains import sampled_slopes
-from spacemap_vtk.mechanics.transient import Stepped
+from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
+from spacemap_vtk.mechanics.boundary.loads import traction, wall
+from spacemap_vtk.mechanics.boundary.places import SIDES
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.elements.strains import sampled_slopes
+from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 FloatArray = NDArray[np.float64]
 

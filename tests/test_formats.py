@@ -18,13 +18,13 @@ import pyvista as pv
 from spacemap_vtk import MotionReader, ObjectSource
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError, UnknownNameError
-from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_blocks
 from spacemap_vtk.io.registry import reads, writes
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.paraview.hosted import proxies
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts.draft import Draft
 
 #: Three formats, in a file as anyone would write it; `_MODULE` is that file for another process.
 _MODULE = """
@@ -38,7 +38,7 @@ from spacemap_vtk.io.registry import reads, truncated, writes
 
 @reads(".bits", label="Toy draft", holds="draft")
 def read_bits(path):
-    from spacemap_vtk.fabric.draft import Draft
+    from spacemap_vtk.textile.drafts.draft import Draft
 
     rows = [[c == "1" for c in row] for row in path.read_text().split()]
     return Draft(np.array(rows), title="bits")

@@ -10,8 +10,8 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, points_of
-from spacemap_vtk.draw.glyphs import GhostActor, LoadActor, cut_of, rest_of
-from spacemap_vtk.draw.load_arrows import KINDS, load_arrows
+from spacemap_vtk.draw.actors.glyphs import GhostActor, LoadActor, cut_of, rest_of
+from spacemap_vtk.draw.actors.load_arrows import KINDS, load_arrows
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.scene import Scene

@@ -16,7 +16,7 @@ from test_moving import SMALL, changed, farthest
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.actors.coloring import measure
 from spacemap_vtk.draw.moving import mode_shapes, moving
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer

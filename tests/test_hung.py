@@ -21,7 +21,7 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.energy import balance
+from spacemap_vtk.mechanics.response.energy import balance
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.80665

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import peirce
-from spacemap_vtk.fabric.biaxial import stretch_map
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import from_matrix, tile
-from spacemap_vtk.fabric.interchange import CrimpState, Interchange, YarnMechanics
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.crimp.biaxial import stretch_map
+from spacemap_vtk.textile.crimp.interchange import CrimpState, Interchange, YarnMechanics
+from spacemap_vtk.textile.drafts.drawdown import from_matrix, tile
+from spacemap_vtk.textile.weave import peirce
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 D = 0.5e-3
 WEAVES = {

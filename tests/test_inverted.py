@@ -22,8 +22,8 @@ from spacemap_vtk import (
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SpacemapWarning
 from spacemap_vtk.filters.base import connect
-from spacemap_vtk.mechanics.inverted import inverted
-from spacemap_vtk.mechanics.shell import mid_surface
+from spacemap_vtk.mechanics.elements.inverted import inverted
+from spacemap_vtk.mechanics.elements.shell import mid_surface
 
 
 def reported(mover: Any, shift: float) -> tuple[Any, list[str]]:

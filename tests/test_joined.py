@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import from_matrix
-from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
-from spacemap_vtk.fabric.recrimp import Recrimp
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
+from spacemap_vtk.textile.crimp.recrimp import Recrimp
+from spacemap_vtk.textile.drafts.drawdown import from_matrix
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: Plain in one corner, floats of two, three and four in the others; a repeat, and a yarn.
 REPEAT = """

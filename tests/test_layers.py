@@ -26,12 +26,12 @@ LAYERS = (
     ("filters",),
     ("io",),
     ("datasets",),
-    ("fabric", "cage", "mechanics", "embedding"),
+    ("textile", "cage", "mechanics", "embedding"),
     # All other modules at the top level.
     ("errors",),
 )
 #: What opens no window and reads no file: arrays go in and come out.
-SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding"}
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",
@@ -52,8 +52,8 @@ OPTIONAL = {
     "USD": ("spacemap_vtk.io.formats.usd",),
     "weaving programs": (
         "spacemap_vtk.io.formats.weaving_programs",
-        "spacemap_vtk.io.dtx",
-        "spacemap_vtk.io.wpo",
+        "spacemap_vtk.io.drafts.dtx",
+        "spacemap_vtk.io.drafts.wpo",
     ),
 }
 #: Modules of the science that touch files.

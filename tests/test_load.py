@@ -11,7 +11,7 @@ from test_response import EVERY_LOAD, Chain
 
 from spacemap_vtk import ModalResponse
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.boundary import timefunctions
 from spacemap_vtk.scenes.scene import Scene
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.loom import Loom
 
 TWILL = Loom(
     threading=((1,), (2,), (3,), (4,)),

@@ -14,8 +14,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic, volume_ratio
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.materials import (
+    along_fabric,
+    isotropic,
+    orthotropic,
+    volume_ratio,
+)
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 
 MODULI, SHEARS, RATIOS = [2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05]
 
@@ -146,8 +151,9 @@ def test_warnings_say_how_far_off():
     assert len(made.warnings) == 1
 
 
-# Rows of the source's table, read by another hand than mechanics/measured_fabrics.py: kg/m², C11,
-# C12, C22 and C33 in N/m at no strain, bending stiffness along, askew and across in N m.
+# Rows of the source's table, read by another hand than mechanics/elements/measured_fabrics.py:
+# kg/m², C11, C12, C22 and C33 in N/m at no strain, bending stiffness along, askew and across in N
+# m.
 TABLE = """
 11oz-black-denim   .324 205.352005 10.234077  1013.88629 53.387184  64.196457 73.384567 96.951576
 camel-ponte-roma   .284 31.146198  -12.802702 44.028667  31.896357  36.348366 33.013252 37.157593

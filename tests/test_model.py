@@ -13,13 +13,13 @@ import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics import eigen
-from spacemap_vtk.mechanics.eigen import lowest
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.kinematics import strain_products
-from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.mesh_pencil import WeakValues
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.elements.kinematics import strain_products
+from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal import eigen
+from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.mesh_pencil import WeakValues
+from spacemap_vtk.mechanics.modal.model import Model
 
 STEEL = isotropic(2e6, 0.3)
 

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics import timefunctions as tf
-from spacemap_vtk.mechanics.harmonic import from_rest, steady
-from spacemap_vtk.mechanics.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.boundary import timefunctions as tf
+from spacemap_vtk.mechanics.response.harmonic import from_rest, steady
+from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
 
 #: Rigid, slow, two near each other, and fast; free of damping to far overdamped.
 STIFFNESS = np.array([0.0, 0.3, 40.0, 40.5, 900.0])

@@ -22,10 +22,10 @@ from spacemap_vtk.draw import moving as moving_module
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.moving import mode_shapes, moving
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.fabric.cross_section import cross_section
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.cross_section import cross_section
 
 ROOT = Path(__file__).parent.parent
 #: Where .ci/run installs gltf-validator and three.

@@ -11,9 +11,9 @@ from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
-from spacemap_vtk.mechanics import multifrontal
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.multifrontal import (
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.linalg import multifrontal
+from spacemap_vtk.mechanics.linalg.multifrontal import (
     Analysis,
     Cholesky,
     by_levels,

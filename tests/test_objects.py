@@ -19,7 +19,7 @@ from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.io.texture_atlas import read_picture
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.scene import Scene

@@ -20,8 +20,8 @@ from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.oscillator import Kernels, damping_ratio, kernels, regime
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.response.oscillator import Kernels, damping_ratio, kernels, regime
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)
 EIGENVALUES = (

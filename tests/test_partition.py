@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacemap_vtk.fabric import partition, yarn_clearance
-from spacemap_vtk.fabric.axes import Share, axes
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.partition import cropped, telling_parts
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import build, count
-from spacemap_vtk.fabric.yarn_clearance import least_clearance
+from spacemap_vtk.textile.geometry import partition, yarn_clearance
+from spacemap_vtk.textile.geometry.axes import Share, axes
+from spacemap_vtk.textile.geometry.partition import cropped, telling_parts
+from spacemap_vtk.textile.geometry.weave import build, count
+from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.textile.weave.threads import Threads
 
 THREADS = Threads(diameter=0.25e-3, spacing=0.5e-3)
 

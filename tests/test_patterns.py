@@ -15,12 +15,12 @@ from PIL import Image
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
-from spacemap_vtk.fabric import drawdown, patterns
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.patterns import canonical, named
-from spacemap_vtk.io import draft_file
-from spacemap_vtk.io.draft_file import parse_rows, read_draft
-from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.io.drafts import draft_file
+from spacemap_vtk.io.drafts.draft_file import parse_rows, read_draft
+from spacemap_vtk.io.drafts.wif_writer import format_wif
+from spacemap_vtk.textile.drafts import drawdown, patterns
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.patterns import canonical, named
 
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 

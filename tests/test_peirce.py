@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from weaves import measured
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric import peirce
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.peirce import solve
+from spacemap_vtk.textile.weave import peirce
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import solve
 from spacemap_vtk.units import parse_quantity
 
 lengths = st.floats(0.05, 2.0)

@@ -22,11 +22,11 @@ from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource, 
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.partition import share_of, whole_bounds
-from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.partition import share_of, whole_bounds
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 sys.path.insert(0, str(Path(__file__).parent / "mpi"))
 from cases import connected, surface

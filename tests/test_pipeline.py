@@ -35,7 +35,7 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.elements.materials import isotropic
 
 
 class Chain:

@@ -7,8 +7,8 @@ import pytest
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.fittings import MASSES, SPRINGS
-from spacemap_vtk.mechanics.places import caught, directions, parse
+from spacemap_vtk.mechanics.boundary.fittings import MASSES, SPRINGS
+from spacemap_vtk.mechanics.boundary.places import caught, directions, parse
 
 POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import data_sheet, homogeneous, measured, upright
+from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.plates import data_sheet, homogeneous, measured, upright
 
 E, NU, H = 2e6, 0.3, 3e-4
 

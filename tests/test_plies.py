@@ -9,11 +9,11 @@ from scipy.integrate import quad
 from spacemap_vtk import PatchTessellator, WeaveSource
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.plies import outline
-from spacemap_vtk.fabric.strand_curves import fibre_count, strand_curves
-from spacemap_vtk.fabric.weave import build
-from spacemap_vtk.fabric.yarn import twist, usual_twist
 from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.textile.geometry.plies import outline
+from spacemap_vtk.textile.geometry.strand_curves import fibre_count, strand_curves
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.weave.yarn import twist, usual_twist
 
 #: A lone straight pick along x, 40 mm long and 0.25 mm thick, under an end that is far thinner.
 STRAIGHT = {

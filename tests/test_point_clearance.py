@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from spacemap_vtk import WeaveSource
-from spacemap_vtk.draw.coloring import largest_principal, measure, unit_of
-from spacemap_vtk.draw.surface_actor import natural_span
-from spacemap_vtk.fabric.point_clearance import gaps
-from spacemap_vtk.fabric.yarn_clearance import least_clearance
+from spacemap_vtk.draw.actors.coloring import largest_principal, measure, unit_of
+from spacemap_vtk.draw.actors.surface_actor import natural_span
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.point_clearance import gaps
+from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance
 
 
 def tube(axis: np.ndarray, along: int, radius: float) -> tuple[np.ndarray, np.ndarray]:

@@ -20,9 +20,9 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass
-from spacemap_vtk.mechanics.elements import volumes, with_midpoints
-from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, nodal_mass
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.tetrahedra import volumes, with_midpoints
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

@@ -6,8 +6,8 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkDoubleArray
 from vtkmodules.vtkCommonDataModel import vtkBezierQuadrilateral
 
-from spacemap_vtk.fabric.bezier import quadrilateral_order
-from spacemap_vtk.fabric.tessellation import Tessellation
+from spacemap_vtk.textile.patches.bezier import quadrilateral_order
+from spacemap_vtk.textile.patches.tessellation import Tessellation
 
 
 def quarter_tube(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:

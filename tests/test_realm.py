@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
-from spacemap_vtk.mechanics.realm import Realm, realm
-from spacemap_vtk.mechanics.shell import LegGradient, mid_surface
+from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, largest_rotation
+from spacemap_vtk.mechanics.elements.shell import LegGradient, mid_surface
+from spacemap_vtk.mechanics.response.realm import Realm, realm
 
 FloatArray = NDArray[np.float64]
 

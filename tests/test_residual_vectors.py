@@ -14,19 +14,19 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load_parameters import add_stress
-from spacemap_vtk.mechanics import loads
-from spacemap_vtk.mechanics.eigen import lowest
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.harmonic import steady
-from spacemap_vtk.mechanics.kinematics import (
+from spacemap_vtk.mechanics.boundary import loads
+from spacemap_vtk.mechanics.elements.kinematics import (
     MeanGradient,
     largest_rotation,
     strains,
     von_mises,
 )
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.residual_vectors import participation, residual_modes
+from spacemap_vtk.mechanics.response.harmonic import steady
 
 
 def sheet(fixed=True, divisions=(8, 8, 2)):

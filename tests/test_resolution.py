@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
-from spacemap_vtk.mechanics.resolution import mode_errors, unresolved_modes
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.resolution import mode_errors, unresolved_modes
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
 

@@ -16,10 +16,10 @@ from weaves import changed, measured
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import yarn
-from spacemap_vtk.fabric.resolve import FILLING, SPACING
-from spacemap_vtk.fabric.thick_yarns import THICKNESS_SHARE, WIDTH_SHARE
-from spacemap_vtk.fabric.yarn import linear_density, yarn_height
+from spacemap_vtk.textile.weave import yarn
+from spacemap_vtk.textile.weave.resolve import FILLING, SPACING
+from spacemap_vtk.textile.weave.thick_yarns import THICKNESS_SHARE, WIDTH_SHARE
+from spacemap_vtk.textile.weave.yarn import linear_density, yarn_height
 
 MM = 1e-3
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"

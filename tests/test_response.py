@@ -19,7 +19,7 @@ from spacemap_vtk.datasets.arrays import to_cells, to_points
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
 
 RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [

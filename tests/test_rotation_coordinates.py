@@ -24,14 +24,14 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.fittings import Fittings
-from spacemap_vtk.mechanics.kinematics import TRUSTED_ROTATION
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
-from spacemap_vtk.mechanics.rotation_coordinates import RotationCoordinates
-from spacemap_vtk.mechanics.shell import mid_surface
+from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.elements.shell import mid_surface
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
 
 FloatArray = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.mechanics.places import parse
+from spacemap_vtk.mechanics.boundary.places import parse
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of
+from spacemap_vtk.draw.actors.glyphs import CageActor, cut_of, moved_points
+from spacemap_vtk.draw.actors.surface_actor import Span
 from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.frame import Frame, frame_of
-from spacemap_vtk.draw.glyphs import CageActor, cut_of, moved_points
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
-from spacemap_vtk.draw.surface_actor import Span
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.scenes.scene import Scene
 

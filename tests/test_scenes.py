@@ -18,11 +18,11 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from spacemap_vtk import SpacemapWarning
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.fabric.double_weave import find_layers
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.mechanics import loads
+from spacemap_vtk.mechanics.boundary import loads
 from spacemap_vtk.scenes import library, report
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.weave.double_weave import find_layers
+from spacemap_vtk.textile.weave.figures import fabric_figures
 
 ROOT = Path(__file__).parents[1]
 

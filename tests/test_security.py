@@ -15,7 +15,7 @@ from test_layers import PACKAGE
 
 from spacemap_vtk import workers
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.page import new_figure
+from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry

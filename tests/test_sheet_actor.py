@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw import sheet_actor
+from spacemap_vtk.draw.actors import sheet_actor
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes import level_of_detail

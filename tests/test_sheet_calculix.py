@@ -16,9 +16,9 @@ from calculix import ABSENT, CCX
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.modal.model import Model
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 

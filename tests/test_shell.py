@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from spacemap_vtk import TetraCage
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.energy_terms import tangent
-from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import homogeneous, measured
-from spacemap_vtk.mechanics.shell import MidSurface, layer, mid_surface, of_sheet
+from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
+from spacemap_vtk.mechanics.elements.shell import MidSurface, layer, mid_surface, of_sheet
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
+from spacemap_vtk.mechanics.modal.model import Model
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

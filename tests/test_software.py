@@ -13,10 +13,10 @@ import pytest
 from PIL import Image
 from test_cli import run
 
+from spacemap_vtk.draw.actors.surface_actor import scale_share
+from spacemap_vtk.draw.figure.sheets import mode_sheet
 from spacemap_vtk.draw.graphics import VARIABLE, prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.sheets import mode_sheet
-from spacemap_vtk.draw.surface_actor import scale_share
 from spacemap_vtk.scenes.scene import Scene
 
 pytest.importorskip("numba")

@@ -8,10 +8,10 @@ from scipy.interpolate import make_interp_spline
 from test_caps import OVER, ROUND, lengths, volumes
 from weaves import PLACES, changed, plain
 
-from spacemap_vtk.fabric.axes import axes, axis_points
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.weave import build
-from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
+from spacemap_vtk.textile.geometry.axes import axes, axis_points
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.yarn_clearance import clearance_of, least_clearance
+from spacemap_vtk.textile.weave.figures import fabric_figures
 
 SPLINE = changed(ROUND, axis="spline")
 

@@ -21,7 +21,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters import crimp_interchange
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
-from spacemap_vtk.mechanics.response import Motion
+from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.parameters import Real
 from spacemap_vtk.scenes.chain import sections, switched
 from spacemap_vtk.scenes.colorings import COLORINGS

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import patterns
-from spacemap_vtk.fabric.axes import axis_points
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import YarnMechanics
-from spacemap_vtk.fabric.stiffness import cloth_stiffness
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.mechanics.plates import data_sheet, strips
+from spacemap_vtk.mechanics.elements.plates import data_sheet, strips
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.geometry.axes import axis_points
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: Cotton of 30 tex: EA [N] and B [N m²].
 EA, B = 90.0, 2e-9

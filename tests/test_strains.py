@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from pencils import stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.mechanics.energy_terms import tangent
-from spacemap_vtk.mechanics.kinematics import strain_products
-from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.plates import homogeneous
-from spacemap_vtk.mechanics.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra
+from spacemap_vtk.mechanics.elements.kinematics import strain_products
+from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.elements.shell import mid_surface, of_sheet
+from spacemap_vtk.mechanics.elements.strains import Strains, of_tetrahedra
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
 
 FloatArray = NDArray[np.float64]
 ELASTICITY = orthotropic([2e6, 1e6, 5e5], [4e5, 3e5, 2e5], [0.3, 0.1, 0.2])

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.contact_sheet import contact_sheet
+from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.jobs.sweep import Result, carry_out_run, carry_out_sweep, table
 from spacemap_vtk.scenes.runs import Run, Sweep, sweep_of

@@ -10,8 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.places import parse
-from spacemap_vtk.mechanics.supports import (
+from spacemap_vtk.mechanics.boundary.places import parse
+from spacemap_vtk.mechanics.boundary.supports import (
     free_motions,
     held_components,
     held_directions,

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from weaves import surface
 
-from spacemap_vtk.fabric.bezier import arc_handle, rational_handles
-from spacemap_vtk.fabric.section import section
-from spacemap_vtk.fabric.sweep import CentreLines, Swept, sweep
+from spacemap_vtk.textile.geometry.section import section
+from spacemap_vtk.textile.geometry.sweep import CentreLines, Swept, sweep
+from spacemap_vtk.textile.patches.bezier import arc_handle, rational_handles
 
 RADII = np.array([0.1, 0.25])
 AROUND = 1.0

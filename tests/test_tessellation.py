@@ -14,10 +14,10 @@ from vtkmodules.vtkCommonCore import mutable, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkBezierQuadrilateral, vtkPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import tessellation as module
-from spacemap_vtk.fabric.bezier import arc_handle, bernstein, quadrilateral_order
-from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.memory import Recycler
+from spacemap_vtk.textile.patches import tessellation as module
+from spacemap_vtk.textile.patches.bezier import arc_handle, bernstein, quadrilateral_order
+from spacemap_vtk.textile.patches.tessellation import Tessellation
 
 
 def random_patches(count, p, q, seed=0, shared=True):

@@ -17,20 +17,20 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import set_patches
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.section import section
-from spacemap_vtk.fabric.sweep import CentreLines, sweep
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import Counts, build, estimate_counts
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.textile import Measure, Textile, Woven
-from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs.sweep import carry_out_run
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
 from spacemap_vtk.scenes.runs import sweep_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.geometry.section import section
+from spacemap_vtk.textile.geometry.sweep import CentreLines, sweep
+from spacemap_vtk.textile.geometry.weave import Counts, build, estimate_counts
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: Places on a yarn between which it is a cubic.
 STATIONS = 25

@@ -13,15 +13,15 @@ from scipy.special import ellipk
 from spacemap_vtk import memory
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.mechanics import timefunctions
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.response import Motion, Response
-from spacemap_vtk.mechanics.timefunctions import step
-from spacemap_vtk.mechanics.transient import Stepped
+from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.elements.materials import isotropic
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.response.cage_response import Motion, Response
+from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 FloatArray = NDArray[np.float64]
 

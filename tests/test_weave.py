@@ -25,23 +25,14 @@ from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from weaves import PLACES, bernstein, changed, measured, plain, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import (
-    arcs,
-    axes,
-    axis,
-    cloth,
-    figures,
-    patterns,
-    section,
-    sweep,
-    threads,
-    weave,
-)
-from spacemap_vtk.fabric.axes import axis_points
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.peirce import feasible_height
-from spacemap_vtk.fabric.weave import Weave, build
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.geometry import arcs, axes, axis, section, sweep, weave
+from spacemap_vtk.textile.geometry.axes import axis_points
+from spacemap_vtk.textile.geometry.weave import Weave, build
+from spacemap_vtk.textile.weave import cloth, figures, threads
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import feasible_height
 
 MM = 1e-3
 #: Control points in a ring of a round yarn.

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.io import wif
-from spacemap_vtk.io.wif import parse_wif, read_wif
-from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.io.drafts import wif
+from spacemap_vtk.io.drafts.wif import parse_wif, read_wif
+from spacemap_vtk.io.drafts.wif_writer import format_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 

@@ -13,11 +13,11 @@ from hypothesis.extra.numpy import arrays
 from test_wif import BASE, REAL, changed, same, written
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.draft import Draft, DraftThreads
-from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.io import wif, wif_writer
-from spacemap_vtk.io.wif import parse_wif, read_wif
-from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.io.drafts import wif, wif_writer
+from spacemap_vtk.io.drafts.wif import parse_wif, read_wif
+from spacemap_vtk.io.drafts.wif_writer import format_wif
+from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
+from spacemap_vtk.textile.drafts.loom import Loom
 
 # --- the loom, and round trips
 

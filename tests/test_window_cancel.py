@@ -21,8 +21,8 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app.engine import Engine  # noqa: E402
-from spacemap_vtk.app.job import Job  # noqa: E402
+from spacemap_vtk.app.work.engine import Engine  # noqa: E402
+from spacemap_vtk.app.work.job import Job  # noqa: E402
 from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
 from spacemap_vtk.cancel import Cancelled, CancelToken, check  # noqa: E402
 from spacemap_vtk.parallel import for_each  # noqa: E402
@@ -279,8 +279,8 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
                     time.sleep(0.01)
                 super().cancel()
 
-        monkeypatch.setattr("spacemap_vtk.app.engine.CancelToken", Late)
-        monkeypatch.setattr("spacemap_vtk.app.engine.PATIENCE", 0.0)
+        monkeypatch.setattr("spacemap_vtk.app.work.engine.CancelToken", Late)
+        monkeypatch.setattr("spacemap_vtk.app.work.engine.PATIENCE", 0.0)
         engine.perform = slow
         engine.ask(first)
         assert begun.wait(30.0)

@@ -17,7 +17,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog  # noqa: E402
 
 from spacemap_vtk.app.draft.layout import Place  # noqa: E402
-from spacemap_vtk.io.wif import read_wif  # noqa: E402
+from spacemap_vtk.io.drafts.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 

@@ -15,14 +15,14 @@ require_display()
 from PySide6.QtWidgets import QFileDialog, QLabel, QMessageBox  # noqa: E402
 from test_window_draft import LEFT, click, woven  # noqa: E402
 
-from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
+from spacemap_vtk.app.documents.kept_drafts import KeptDrafts  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
-from spacemap_vtk.fabric.draft import Draft  # noqa: E402
-from spacemap_vtk.io.wif import parse_wif, read_wif  # noqa: E402
-from spacemap_vtk.io.wif_writer import format_wif  # noqa: E402
+from spacemap_vtk.io.drafts.wif import parse_wif, read_wif  # noqa: E402
+from spacemap_vtk.io.drafts.wif_writer import format_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 from spacemap_vtk.scenes.shown import as_series  # noqa: E402
+from spacemap_vtk.textile.drafts.draft import Draft  # noqa: E402
 
 
 def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, twill: Path) -> None:

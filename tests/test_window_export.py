@@ -21,7 +21,7 @@ from PySide6.QtGui import QFocusEvent  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox, QPushButton  # noqa: E402
 
-from spacemap_vtk.app.export_dialog import ExportDialog  # noqa: E402
+from spacemap_vtk.app.work.export_dialog import ExportDialog  # noqa: E402
 
 # Each process that is started would solve them again.
 pytestmark = pytest.mark.usefixtures("kept_modes")

@@ -14,7 +14,7 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QComboBox, QFileDialog, QMessageBox, QSlider  # noqa: E402
 
-from spacemap_vtk.app.document import Document  # noqa: E402
+from spacemap_vtk.app.documents.document import Document  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 

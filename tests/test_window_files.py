@@ -21,7 +21,7 @@ from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl  # noqa: E402
 from PySide6.QtGui import QDropEvent, QGuiApplication  # noqa: E402
 from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 
-from spacemap_vtk.app.document import Document  # noqa: E402
+from spacemap_vtk.app.documents.document import Document  # noqa: E402
 from spacemap_vtk.cli.main import main  # noqa: E402
 from spacemap_vtk.errors import SpacemapError  # noqa: E402
 from spacemap_vtk.filters.base import Stage  # noqa: E402

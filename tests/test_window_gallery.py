@@ -17,8 +17,8 @@ from PySide6.QtGui import QColor, QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QMessageBox  # noqa: E402
 
-from spacemap_vtk.app.pipeline import Pipeline  # noqa: E402
 from spacemap_vtk.app.splash import Splash  # noqa: E402
+from spacemap_vtk.app.work.pipeline import Pipeline  # noqa: E402
 from spacemap_vtk.cancel import Cancelled  # noqa: E402
 from spacemap_vtk.draw import thumbnails  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402

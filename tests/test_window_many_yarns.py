@@ -12,11 +12,11 @@ from window import require_display, scene_of, settled, wait_until
 
 require_display()
 
-from spacemap_vtk.app import pipeline  # noqa: E402
-from spacemap_vtk.app.job import Job, Pull, Swing  # noqa: E402
+from spacemap_vtk.app.work import pipeline  # noqa: E402
+from spacemap_vtk.app.work.job import Job, Pull, Swing  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
-from spacemap_vtk.draw import yarn_parts  # noqa: E402
 from spacemap_vtk.draw.camera import Seen, Viewpoint, projected  # noqa: E402
+from spacemap_vtk.draw.detail import yarn_parts  # noqa: E402
 from spacemap_vtk.draw.frame import Frame  # noqa: E402
 from spacemap_vtk.scenes import level_of_detail  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402

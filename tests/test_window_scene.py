@@ -14,10 +14,10 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 
-from spacemap_vtk.app.view_bar import BACKGROUNDS  # noqa: E402
+from spacemap_vtk.app.view.view_bar import BACKGROUNDS  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.draw import frame  # noqa: E402
-from spacemap_vtk.draw.load_arrows import load_arrows  # noqa: E402
+from spacemap_vtk.draw.actors.load_arrows import load_arrows  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 from spacemap_vtk.scenes.styles import STYLES  # noqa: E402
 

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 from vtkmodules.vtkFiltersSources import vtkConeSource  # noqa: E402
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper  # noqa: E402
 
-from spacemap_vtk.app import canvas  # noqa: E402
+from spacemap_vtk.app.view import canvas  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
 
 
@@ -497,7 +497,7 @@ def test_the_view_has_the_fibres_of_the_file(
         written = np.asarray(image)
     rough = [roughness(each) for each in (drawn, written)]
     assert rough[0] == pytest.approx(rough[1], rel=0.15)
-    monkeypatch.setattr("spacemap_vtk.app.view.FINE_SAMPLES", 1)
+    monkeypatch.setattr("spacemap_vtk.app.view.view3d.FINE_SAMPLES", 1)
     assert roughness(view.image()) < 0.8 * rough[1]
 
 

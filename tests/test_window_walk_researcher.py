@@ -22,7 +22,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
-from spacemap_vtk.app.job import Swing  # noqa: E402
+from spacemap_vtk.app.work.job import Swing  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton
 

@@ -16,7 +16,7 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
 from spacemap_vtk.app.draft.layout import Place  # noqa: E402
-from spacemap_vtk.io.wif import read_wif  # noqa: E402
+from spacemap_vtk.io.drafts.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton

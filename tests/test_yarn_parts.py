@@ -11,10 +11,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.actors.coloring import measure
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.clearance_tiles import measured_tile
-from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.part_stages import PartStages
+from spacemap_vtk.draw.detail.clearance_tiles import measured_tile
+from spacemap_vtk.draw.detail.part_stages import PartStages
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange

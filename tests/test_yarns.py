@@ -12,13 +12,19 @@ from scipy.optimize import brentq
 from weaves import changed, loosened, measured, plain, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import patterns, yarn_clearance
-from spacemap_vtk.fabric.axes import axis_points
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.weave import Weave, build, estimate_bytes
-from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance, touching
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.geometry import yarn_clearance
+from spacemap_vtk.textile.geometry.axes import axis_points
+from spacemap_vtk.textile.geometry.weave import Weave, build, estimate_bytes
+from spacemap_vtk.textile.geometry.yarn_clearance import (
+    Clearance,
+    clearance_of,
+    least_clearance,
+    touching,
+)
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.figures import fabric_figures
 
 UNEQUAL = loosened(
     0.3,

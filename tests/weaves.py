@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric import patterns
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.drawdown import tile
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import Weave
+from spacemap_vtk.textile.drafts import patterns
+from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.geometry.weave import Weave
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: VTK's order of a 3 x 3 Bézier quadrilateral, by hand: its place in the list for each (i, j).
 PLACES = [[0, 10, 11, 3], [4, 12, 14, 8], [5, 13, 15, 9], [1, 6, 7, 2]]

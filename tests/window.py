@@ -45,7 +45,7 @@ def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
 
 def settled(window: Any) -> bool:
     """Whether a smooth frame of the present wishes is drawn, and nothing runs."""
-    from spacemap_vtk.app.job import Swing
+    from spacemap_vtk.app.work.job import Swing
 
     director = window.director
     frame = window.view.frame

@@ -73,5 +73,5 @@ def _require_drawing() -> None:
 
 def _prepare(_frame: object) -> None:
     """Import the eigensolver after the first picture, or else the first drag would wait for it."""
-    bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.eigen",))
+    bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.modal.eigen",))
     QTimer.singleShot(500, bring.start)

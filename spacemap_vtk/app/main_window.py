@@ -23,27 +23,27 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.director import Director
-from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.documents.files import Files
 from spacemap_vtk.app.draft.draft_tab import DraftTab
-from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.error_bar import ErrorBar
-from spacemap_vtk.app.exports import Exports
-from spacemap_vtk.app.figures_tab import FiguresTab
-from spacemap_vtk.app.files import Files
-from spacemap_vtk.app.gallery import Gallery
-from spacemap_vtk.app.job import Pull
 from spacemap_vtk.app.menus import Menus
-from spacemap_vtk.app.modes_tab import ModesTab
-from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.panels.error_bar import ErrorBar
+from spacemap_vtk.app.panels.figures_tab import FiguresTab
+from spacemap_vtk.app.panels.gallery import Gallery
+from spacemap_vtk.app.panels.modes_tab import ModesTab
+from spacemap_vtk.app.panels.properties import Properties
+from spacemap_vtk.app.panels.pull_tab import PullTab
+from spacemap_vtk.app.panels.stage_list import StageList
+from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.plots.plots_tab import PlotsTab
-from spacemap_vtk.app.properties import Properties
-from spacemap_vtk.app.pull_tab import PullTab
-from spacemap_vtk.app.stage_list import StageList
-from spacemap_vtk.app.time_bar import TimeBar
-from spacemap_vtk.app.view import View3D
-from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.app.view.pick import Pick
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.app.view.view_bar import ViewBar
 from spacemap_vtk.app.widgets import OneLine, action, column, tool_button
+from spacemap_vtk.app.work.director import Director
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.app.work.exports import Exports
+from spacemap_vtk.app.work.job import Pull
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame

@@ -18,16 +18,16 @@ from PySide6.QtWidgets import (
 )
 from shiboken6 import isValid
 
-from spacemap_vtk.app.copied import as_command, as_script
-from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.exports import Exports
-from spacemap_vtk.app.files import Files
-from spacemap_vtk.app.properties import Properties
+from spacemap_vtk.app.documents.copied import as_command, as_script
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.documents.files import Files
+from spacemap_vtk.app.panels.properties import Properties
+from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.theme import apply_theme
-from spacemap_vtk.app.time_bar import TimeBar
-from spacemap_vtk.app.view import View3D
-from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.app.view.view_bar import ViewBar
 from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.work.exports import Exports
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library
 

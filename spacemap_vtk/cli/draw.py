@@ -300,7 +300,7 @@ def convert(
 
     "spacemap convert cloth.dtx cloth.wif", "spacemap convert drawdown.png cloth.dtx"
     """
-    from spacemap_vtk.io.draft_file import read_draft
+    from spacemap_vtk.io.drafts.draft_file import read_draft
 
     check_output(output, registry.written("draft"))
     format_ = registry.writer(output, "draft")

@@ -103,7 +103,7 @@ def figure(
             chosen.set(assignment)
     if not _DOTS[0] <= dpi <= _DOTS[1]:
         raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
-    from spacemap_vtk.draw.figure_page import FigurePage
+    from spacemap_vtk.draw.figure.figure_page import FigurePage
 
     page = FigurePage(
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],

@@ -230,8 +230,8 @@ def materials(*, json_: Json = False) -> None:
     modal.material names one. The table has what was measured of each; below it stand the source,
     what that leaves open, and how a scene replaces it.
     """
-    from spacemap_vtk.mechanics.measured_fabrics import ASSUMED, FABRICS, SOURCE
-    from spacemap_vtk.mechanics.plates import bending_length
+    from spacemap_vtk.mechanics.elements.measured_fabrics import ASSUMED, FABRICS, SOURCE
+    from spacemap_vtk.mechanics.elements.plates import bending_length
 
     rows: dict[str, dict[str, Any]] = {
         name: {

@@ -35,16 +35,17 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, to_array, to_cells, to_points
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import AXES, FAMILIES, Cloth
-from spacemap_vtk.fabric.double_weave import Layers
-from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
+from spacemap_vtk.textile.weave.cloth import AXES, FAMILIES, Cloth
+from spacemap_vtk.textile.weave.double_weave import Layers
+from spacemap_vtk.textile.weave.threads import SECTIONS, Lengths, Threads
 
 if TYPE_CHECKING:
-    from spacemap_vtk.fabric.weave import Weave
+    from spacemap_vtk.textile.geometry.weave import Weave
 
 #: Prefix of the names of all field arrays of a cloth.
 _PREFIX = "cloth_"
-#: Name of the array of `spacemap_vtk.fabric.weave.Weave.places`: the part of a yarn of each patch.
+#: Name of the array of `spacemap_vtk.textile.geometry.weave.Weave.places`: the part of a yarn of
+#: each patch.
 PLACES = "yarn_places"
 #: Point arrays of yarns that crimp interchange has moved. FOOT: the point of the cage [m] that the
 #: ring of a control point moves with. OFFSET: the control point relative to that moved point [m].

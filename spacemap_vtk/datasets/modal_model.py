@@ -11,11 +11,11 @@ from vtkmodules.vtkCommonCore import vtkDataArray, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.energy_terms import EnergyTerm, made
-from spacemap_vtk.mechanics.fittings import Fittings
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import DataSheet, Plate
+from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, made
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats
 
 #: Name of the point array that holds a mode shape.
@@ -93,7 +93,7 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
 
 
 def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -> None:
-    """Write the recipes of energy terms as JSON; see `spacemap_vtk.mechanics.energy_terms`."""
+    """Write the recipes of energy terms as JSON; see `spacemap_vtk.mechanics.equilibrium.energy_terms`."""
     grid.GetFieldData().RemoveArray(_TERMS)
     if recipes:
         array = vtkStringArray()

@@ -13,14 +13,14 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstruct
 from spacemap_vtk.datasets.arrays import add_array, array_of, copied
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.draw.actors.coloring import add_measure
+from spacemap_vtk.draw.actors.load_arrows import Arrows, load_arrows
 from spacemap_vtk.draw.camera import Seen
-from spacemap_vtk.draw.coloring import add_measure
-from spacemap_vtk.draw.load_arrows import Arrows, load_arrows
-from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Depth of an object's folds as a share of its diagonal.
 _OBJECT_RELIEF = 0.03

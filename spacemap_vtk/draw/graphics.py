@@ -66,7 +66,10 @@ def require_opengl(what: str) -> None:
 
 def draws_without_opengl() -> bool:
     """Return whether pictures are drawn without OpenGL; refuse a machine that cannot draw."""
-    if missing_libraries() and loops("spacemap_vtk.draw.raster_loops", many=True) is not None:
+    if (
+        missing_libraries()
+        and loops("spacemap_vtk.draw.software.raster_loops", many=True) is not None
+    ):
         return True
     prepare_offscreen()
     return False

@@ -21,10 +21,8 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
-from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.frame import camera_of, relief_of
-from spacemap_vtk.draw.seen_yarns import SeenOverTime
-from spacemap_vtk.draw.surface_actor import (
+from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
     Span,
     natural_span,
@@ -32,6 +30,8 @@ from spacemap_vtk.draw.surface_actor import (
     ramp_colors,
     rgb_table,
 )
+from spacemap_vtk.draw.detail.seen_yarns import SeenOverTime
+from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage

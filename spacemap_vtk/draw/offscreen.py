@@ -23,7 +23,7 @@ from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.ndarrays import Bytes, Singles
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.software import SoftwareWindow
+    from spacemap_vtk.draw.software.window import SoftwareWindow
 
 
 def open_offscreen(
@@ -31,7 +31,7 @@ def open_offscreen(
 ) -> Offscreen | SoftwareWindow:
     """Open a window that nobody sees: of OpenGL, or without it where its libraries are missing."""
     if draws_without_opengl():
-        from spacemap_vtk.draw.software import SoftwareWindow
+        from spacemap_vtk.draw.software.window import SoftwareWindow
 
         return SoftwareWindow(size, samples, pixels)
     return Offscreen(size, samples, pixels)

@@ -11,6 +11,10 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.glyphs import cut_of, moved_points, rest_of
+from spacemap_vtk.draw.actors.shading import contact_shade, part_with
+from spacemap_vtk.draw.actors.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.draw.camera import (
     Seen,
     Viewpoint,
@@ -20,18 +24,14 @@ from spacemap_vtk.draw.camera import (
     pixels_per_metre,
     upward,
 )
-from spacemap_vtk.draw.cloth_sheet import Sheet
-from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.compose import Background, Shaded, composed, gradient, nothing
-from spacemap_vtk.draw.facets import choose_facets
+from spacemap_vtk.draw.detail.cloth_sheet import Sheet
+from spacemap_vtk.draw.detail.facets import choose_facets
+from spacemap_vtk.draw.detail.yarn_parts import DrawnPieces
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
-from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.offscreen import Offscreen, open_offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView
-from spacemap_vtk.draw.shading import contact_shade, part_with
-from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
-from spacemap_vtk.draw.yarn_parts import DrawnPieces
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
@@ -51,7 +51,7 @@ from spacemap_vtk.scenes.level_of_detail import (
 from spacemap_vtk.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.software import SoftwareWindow
+    from spacemap_vtk.draw.software.window import SoftwareWindow
 
 Image = Bytes
 #: Points that span a motion, (n, 3), and the ends of its scale.

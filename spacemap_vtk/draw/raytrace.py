@@ -20,16 +20,16 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import linear
 from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, pixels_per_metre, projected
 from spacemap_vtk.draw.compose import gradient
+from spacemap_vtk.draw.detail.seen_yarns import SeenYarns
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, over_motion
-from spacemap_vtk.draw.seen_yarns import SeenYarns
 from spacemap_vtk.errors import InputError, MissingLibraryError
-from spacemap_vtk.fabric.strand_curves import StrandCurves, fibre_count
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Tell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.textile.geometry.strand_curves import StrandCurves, fibre_count
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: What only pictures that are drawn have of a view.

@@ -10,12 +10,9 @@ from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.annotations import Annotations
-from spacemap_vtk.draw.camera import set_background, upward
-from spacemap_vtk.draw.coloring import SHOWN
-from spacemap_vtk.draw.cut_face import CutFaceActor
-from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.glyphs import (
+from spacemap_vtk.draw.actors.coloring import SHOWN
+from spacemap_vtk.draw.actors.cut_face import CutFaceActor
+from spacemap_vtk.draw.actors.glyphs import (
     DOT,
     CageActor,
     Cut,
@@ -27,12 +24,21 @@ from spacemap_vtk.draw.glyphs import (
     moved_points,
     rest_of,
 )
-from spacemap_vtk.draw.sheet_actor import SheetActor
-from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, natural_span, scale_share
-from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.draw.actors.sheet_actor import SheetActor
+from spacemap_vtk.draw.actors.surface_actor import (
+    Span,
+    SurfaceActor,
+    fit_scale,
+    natural_span,
+    scale_share,
+)
+from spacemap_vtk.draw.annotate.annotations import Annotations
+from spacemap_vtk.draw.camera import set_background, upward
+from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Fixed vertices whose dots are of full size, and the least size [points] of those of more.
 _MANY_DOTS, _LEAST_DOT = 40, 6.0

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk import cancel
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location
-from spacemap_vtk.mechanics.elements import shape_slopes
+from spacemap_vtk.mechanics.elements.tetrahedra import shape_slopes
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import blocks
 
@@ -38,7 +38,7 @@ class QuadraticGradients:
 
     Examples
     --------
-    >>> from spacemap_vtk.mechanics.elements import with_midpoints
+    >>> from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
     >>> from spacemap_vtk.embedding.locate import locate
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> nodes, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))

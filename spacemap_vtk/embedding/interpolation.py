@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
+from spacemap_vtk.mechanics.elements.tetrahedra import shape_functions, shape_slopes
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each, loops

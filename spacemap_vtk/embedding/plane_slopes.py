@@ -20,7 +20,7 @@ from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import vertex_gradients
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.mechanics.shell import mid_surface
+from spacemap_vtk.mechanics.elements.shell import mid_surface
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Most steps of Newton's rule to a place in a quadrilateral: in a parallelogram it takes one.

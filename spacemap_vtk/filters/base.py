@@ -24,7 +24,7 @@ from spacemap_vtk.filters.algorithm import PIECE, UPDATE_TIME, Algorithm
 if TYPE_CHECKING:
     from typing import Self  # Python 3.10, which some ParaViews bring, has none
 
-    from spacemap_vtk.mechanics.response import Motion
+    from spacemap_vtk.mechanics.response.cage_response import Motion
 
 #: The roles that every scene has a stage of, in the order of its pipeline; a scene without a cage
 #: has the first and the last alone. A stage can declare any other role, see `Stage.after`: a scene

@@ -11,9 +11,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import array_of, masks_of
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.mechanics.fittings import MASSES, SPRINGS, Fittings, fitted
-from spacemap_vtk.mechanics.places import ALLOWED, SIDES, Region, parse
-from spacemap_vtk.mechanics.supports import BODY, loose_sides, resting
+from spacemap_vtk.mechanics.boundary.fittings import MASSES, SPRINGS, Fittings, fitted
+from spacemap_vtk.mechanics.boundary.places import ALLOWED, SIDES, Region, parse
+from spacemap_vtk.mechanics.boundary.supports import BODY, loose_sides, resting
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Parameter, Parameterised, Text
 
@@ -25,7 +25,7 @@ _HELD = (
 
 
 class Places(Parameter[tuple[str, ...]]):
-    """Places, as `spacemap_vtk.mechanics.places` reads them."""
+    """Places, as `spacemap_vtk.mechanics.boundary.places` reads them."""
 
     kind = "places"
     annotation = "str or sequence of str"

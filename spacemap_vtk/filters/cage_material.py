@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import YarnMechanics
-from spacemap_vtk.fabric.stiffness import cloth_stiffness
-from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
-from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
-from spacemap_vtk.mechanics.shell import THIN
-from spacemap_vtk.mechanics.supports import is_thin
+from spacemap_vtk.mechanics.boundary.supports import is_thin
+from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.plates import Plate, homogeneous, measured
+from spacemap_vtk.mechanics.elements.shell import THIN
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, Parameterised, Real, Vector
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.units import GRAVITY, parse_quantity, split_quantity
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.

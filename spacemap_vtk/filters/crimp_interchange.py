@@ -15,17 +15,17 @@ from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_arrays, cloth_o
 from spacemap_vtk.datasets.geometry_cache import Geometry
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.axes import ALL, Share
-from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
-from spacemap_vtk.fabric.interchange import CrimpState, Interchange, YarnMechanics
-from spacemap_vtk.fabric.partition import share_of
-from spacemap_vtk.fabric.recrimp import Recrimp
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
+from spacemap_vtk.textile.crimp.interchange import CrimpState, Interchange, YarnMechanics
+from spacemap_vtk.textile.crimp.recrimp import Recrimp
+from spacemap_vtk.textile.geometry.axes import ALL, Share
+from spacemap_vtk.textile.geometry.partition import share_of
+from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 
 #: Strain of yarns that are meant to keep their length, from which on it is told.
 _STRAIN = 0.01

@@ -13,10 +13,10 @@ from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value, parsed
-from spacemap_vtk.mechanics import timefunctions
-from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
-from spacemap_vtk.mechanics.places import SIDES
-from spacemap_vtk.mechanics.timefunctions import TimeFunction
+from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary.places import SIDES
+from spacemap_vtk.mechanics.boundary.timefunctions import TimeFunction
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.parameters import (
     Choice,
     FilePath,

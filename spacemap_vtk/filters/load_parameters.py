@@ -18,10 +18,10 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
-from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
-from spacemap_vtk.mechanics.damping import Damping, rayleigh
-from spacemap_vtk.mechanics.kinematics import von_mises
-from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.elements.kinematics import von_mises
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.modal.damping import Damping, rayleigh
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import (
     Choice,

@@ -21,16 +21,16 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.energy_terms import digest_of
-from spacemap_vtk.mechanics.inverted import warning
-from spacemap_vtk.mechanics.kinematics import (
+from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.elements.kinematics import (
     LARGE_ROTATION,
     TRUSTED_ROTATION,
     largest_rotation,
 )
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.response.cage_response import Response
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Flag
 

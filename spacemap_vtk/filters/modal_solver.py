@@ -19,37 +19,37 @@ from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, add_terms, attach
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.mechanics import energy_terms
-from spacemap_vtk.mechanics.bending import Locking, locking, proportions_of
-from spacemap_vtk.mechanics.cage_modes import CageModes
-from spacemap_vtk.mechanics.energy_terms import digest_of
-from spacemap_vtk.mechanics.materials import volume_ratio
-from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.oscillator import LOST
-from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
-from spacemap_vtk.mechanics.shell import THIN, Layer, layer
-from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.elements.bending import Locking, locking, proportions_of
+from spacemap_vtk.mechanics.elements.materials import volume_ratio
+from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate, data_sheet
+from spacemap_vtk.mechanics.elements.shell import THIN, Layer, layer
+from spacemap_vtk.mechanics.equilibrium import energy_terms
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.units import format_quantity
 
 #: A cage is warned of where it bends or twists more often than this too stiffly or softly.
 BENDS_ALIKE = 2.0
 
 #: Quadratic tetrahedra no wider than this many thicknesses twist a sheet as it is, within 5 % in
-#: frequency (see `spacemap_vtk.mechanics.bending.locking`).
+#: frequency (see `spacemap_vtk.mechanics.elements.bending.locking`).
 TWISTS_WELL = 4
 
-#: Above this ratio (see `spacemap_vtk.mechanics.materials.volume_ratio`) linear tetrahedra lock in
-#: volume too.
+#: Above this ratio (see `spacemap_vtk.mechanics.elements.materials.volume_ratio`) linear
+#: tetrahedra lock in volume too.
 NEARLY_INCOMPRESSIBLE = 0.45
 
 #: What a stage solves in fewer seconds is kept on disk no more often than once in so many: in a
@@ -63,7 +63,7 @@ ROUNDING = 1e-4
 _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 
 
-#: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.eigen.Modes`.
+#: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.modal.eigen.Modes`.
 Solution = tuple[Floats, Floats, Floats]
 
 
@@ -178,9 +178,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     def terms(self) -> Sequence[Mapping[str, Any]]:
         """Further terms of the cage's energy: for each its kind and the arguments of its maker.
 
-        A kind is registered with `spacemap_vtk.mechanics.energy_terms.energy_term`. Equilibrium,
-        modes and steps obey the terms; positions count from the base. Scene files have no key for
-        them.
+        A kind is registered with `spacemap_vtk.mechanics.equilibrium.energy_terms.energy_term`.
+        Equilibrium, modes and steps obey the terms; positions count from the base. Scene files
+        have no key for them.
         """
         return self._terms
 
@@ -374,7 +374,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # With all of scipy that solves: what is kept on disk needs none of it.
-        from spacemap_vtk.mechanics.eigen import estimate_bytes
+        from spacemap_vtk.mechanics.modal.eigen import estimate_bytes
 
         dof = model.pencil.size
         require(

@@ -26,14 +26,14 @@ from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.surface_extract import Skin
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric import bezier
-from spacemap_vtk.fabric.cloth import FAMILIES
-from spacemap_vtk.fabric.plies import Strands
-from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parameters import Integer
+from spacemap_vtk.textile.geometry.plies import Strands
+from spacemap_vtk.textile.patches import bezier
+from spacemap_vtk.textile.patches.tessellation import Tessellation
+from spacemap_vtk.textile.weave.cloth import FAMILIES
 
 #: Point array for shading: where fibres run.
 STRANDS = "strands"
@@ -117,7 +117,7 @@ class PatchTessellator(Stage):
             From 1 on.
         strands : bool
             Whether points of yarns get where their fibres run, see
-            `spacemap_vtk.fabric.plies.Strands.coordinates`.
+            `spacemap_vtk.textile.geometry.plies.Strands.coordinates`.
         detail : callable, optional
             Returns the subdivisions of each patch in place of `sides`, (P,), from the control
             points and the patches, (P, k). Of two that differ one must divide the other.

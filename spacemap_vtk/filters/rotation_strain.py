@@ -14,11 +14,11 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.cage_fittings import Supports
-from spacemap_vtk.mechanics.inverted import warning
-from spacemap_vtk.mechanics.kinematics import TRUSTED_ROTATION
-from spacemap_vtk.mechanics.response import Motion
-from spacemap_vtk.mechanics.rotation_coordinates import RotationCoordinates
-from spacemap_vtk.mechanics.supports import held_components
+from spacemap_vtk.mechanics.boundary.supports import held_components
+from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
+from spacemap_vtk.mechanics.response.cage_response import Motion
+from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
 from spacemap_vtk.ndarrays import Floats
 
 #: What a mover writes that is replaced here, and its order as a derivative of time.

@@ -27,16 +27,16 @@ from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outlin
 from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.embedding.holding import holding, share_filled
 from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.fabric.axes import Share
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merged, read_blocks
-from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
+from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.units import format_quantity
 
 #: Distances of the envelope of an object that falls apart, as shares of its diagonal.

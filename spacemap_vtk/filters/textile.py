@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.fabric.axes import Share
-from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
-from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.partition import whole_bounds
-from spacemap_vtk.fabric.weave import Counts
-from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.partition import whole_bounds
+from spacemap_vtk.textile.geometry.weave import Counts
+from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
+from spacemap_vtk.textile.weave.yarn import section_factor
 
 
 class Measure(NamedTuple):

@@ -22,16 +22,16 @@ from spacemap_vtk.filters.load_parameters import (
     add_stress,
 )
 from spacemap_vtk.filters.modal_solver import hung
-from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
-from spacemap_vtk.mechanics.energy_terms import digest_of
-from spacemap_vtk.mechanics.inverted import warning
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.supports import held_components, held_directions
+from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
+from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Real
 
 if TYPE_CHECKING:
-    from spacemap_vtk.mechanics.transient import Stepped
+    from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 
 #: Prefix of entries on disk; it changes where the same parameters give other states.
@@ -159,7 +159,7 @@ class TransientResponse(LoadParameters, Stage):
     def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
         """Make the motion, unless all that it depends on is as it was."""
         # With all of scipy, which telling the parameters needs none of.
-        from spacemap_vtk.mechanics.transient import Stepped
+        from spacemap_vtk.mechanics.transient.stepper import Stepped
 
         self.check()
         for text in self.far_loads(modes):

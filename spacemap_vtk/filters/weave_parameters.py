@@ -7,12 +7,6 @@ from copy import copy
 from typing import Any, TypeVar
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import drawdown, patterns
-from spacemap_vtk.fabric.cloth import AXES
-from spacemap_vtk.fabric.naming import FAMILIES
-from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
-from spacemap_vtk.fabric.threads import SECTIONS
-from spacemap_vtk.fabric.yarn import COTTON, PACKING, linear_density, twist
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.parameters import (
     Choice,
@@ -25,6 +19,12 @@ from spacemap_vtk.parameters import (
     Real,
     Series,
 )
+from spacemap_vtk.textile.drafts import drawdown, patterns
+from spacemap_vtk.textile.weave.cloth import AXES
+from spacemap_vtk.textile.weave.naming import FAMILIES
+from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
+from spacemap_vtk.textile.weave.threads import SECTIONS
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, linear_density, twist
 
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Warp and weft in the words of their parameters: `crossed` is the number of the other family.

@@ -13,22 +13,22 @@ from spacemap_vtk.datasets.arrays import add_array, add_number
 from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth, set_patches
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError, Remark
-from spacemap_vtk.fabric import weave
-from spacemap_vtk.fabric.as_draft import as_draft
-from spacemap_vtk.fabric.axes import ALL, Share
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.feasible import feasible_intervals
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
-from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, key_of, repeat_of
-from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words, refusal
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.geometry import weave
+from spacemap_vtk.textile.geometry.axes import ALL, Share
+from spacemap_vtk.textile.geometry.partition import cropped, share_of, whole_bounds
+from spacemap_vtk.textile.weave.as_draft import as_draft
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.feasible import feasible_intervals
+from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.textile.weave.resolve import Asked, ThreadsAsked, resolve
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.interchange import YarnMechanics
-from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.parameters import Flag, Parameterised, Real, Series
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.yarn import section_factor
 
 _FLATTEST = YarnMechanics().flattest
 #: What counts for yarns that stretch.

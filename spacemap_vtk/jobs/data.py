@@ -26,7 +26,7 @@ from spacemap_vtk.jobs.job import (
 )
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.surface_actor import Span
+    from spacemap_vtk.draw.actors.surface_actor import Span
     from spacemap_vtk.scenes.scene import Scene
 
 #: Keys of `DATA` that change with time, so that numbered files may hold a time each.
@@ -209,7 +209,7 @@ def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> A
     """Return data of a kind at a time; their colours have a scale with the ends `span`."""
     moved = scene.last_object  # without a surface, which takes most
     if kind == "yarns":
-        from spacemap_vtk.draw.seen_yarns import SeenYarns
+        from spacemap_vtk.draw.detail.seen_yarns import SeenYarns
 
         scene.update_stage(moved, time)
         seen = SeenYarns(scene, 1)

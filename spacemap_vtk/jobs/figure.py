@@ -13,7 +13,7 @@ from spacemap_vtk.io.registry import written
 from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register, words
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.figure_page import FigurePage
+    from spacemap_vtk.draw.figure.figure_page import FigurePage
     from spacemap_vtk.scenes.scene import Scene
 
 #: Fields of `FigurePage` in a record, in their order there.
@@ -58,7 +58,7 @@ class FigureJob(Job):
     @classmethod
     def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
         """Return the job that `as_json` has described."""
-        from spacemap_vtk.draw.figure_page import FigurePage
+        from spacemap_vtk.draw.figure.figure_page import FigurePage
 
         try:
             page = FigurePage(
@@ -76,7 +76,7 @@ class FigureJob(Job):
 
     def write(self, context: Context) -> str:
         """Lay out the page and write it."""
-        from spacemap_vtk.draw.figure_page import figure_of
+        from spacemap_vtk.draw.figure.figure_page import figure_of
 
         context.progress(0, 1)
         self.write_output(context, "plot", figure_of(context.scene, self.page, context.progress))

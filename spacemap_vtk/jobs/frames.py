@@ -28,7 +28,7 @@ import PIL.Image
 from spacemap_vtk import __version__, cache
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.cloth_sheet import Sheet
+from spacemap_vtk.draw.detail.cloth_sheet import Sheet
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_scale, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning

@@ -39,7 +39,7 @@ class MovingJob(Job):
     tolerance: float | None = None
     #: Of each patch; None: as the scene says, or as a player bears.
     subdivisions: int | None = None
-    #: What yarns are as curves, see `spacemap_vtk.draw.seen_yarns.STRANDS`.
+    #: What yarns are as curves, see `spacemap_vtk.draw.detail.seen_yarns.STRANDS`.
     curves: str = "yarns"
 
     kind = "moving"
@@ -58,7 +58,7 @@ class MovingJob(Job):
                     allowed="a length above 0, as in 0.01mm",
                 )
         if self.curves != "yarns":
-            from spacemap_vtk.draw.seen_yarns import checked_strands
+            from spacemap_vtk.draw.detail.seen_yarns import checked_strands
 
             self.curves = checked_strands(str(self.curves))
 

@@ -19,7 +19,7 @@ class PlotJob(Job):
     output: Path
     #: Position at rest [m]; none: where the first mode moves most.
     point: Sequence[float] = ()
-    #: A key of `spacemap_vtk.draw.plots.QUANTITIES`.
+    #: A key of `spacemap_vtk.draw.figure.plots.QUANTITIES`.
     quantity: str = "displacement"
 
     kind = "plot"
@@ -31,7 +31,7 @@ class PlotJob(Job):
 
     def write(self, context: Context) -> str:
         """Draw the curves and write them."""
-        from spacemap_vtk.draw.plots import motion_plot
+        from spacemap_vtk.draw.figure.plots import motion_plot
 
         context.progress(0, 1)
         figure = motion_plot(context.scene, self.point or None, self.quantity)
@@ -55,7 +55,7 @@ class BiaxialJob(Job):
 
     def write(self, context: Context) -> str:
         """Compute the tests and write them."""
-        from spacemap_vtk.draw.plots import tensile_plot, tensile_table, tests_of
+        from spacemap_vtk.draw.figure.plots import tensile_plot, tensile_table, tests_of
 
         context.progress(0, 1)
         tests = tests_of(context.scene)

@@ -67,13 +67,13 @@ class StoryboardJob(Job):
             )
         if self.times:
             return asked_times(self.times)
-        from spacemap_vtk.draw.sheets import swing_times
+        from spacemap_vtk.draw.figure.sheets import swing_times
 
         return Times(swing_times(scene))
 
     def write(self, context: Context) -> str:
         """Draw the board and write it."""
-        from spacemap_vtk.draw.sheets import motions_board, storyboard
+        from spacemap_vtk.draw.figure.sheets import motions_board, storyboard
 
         scene, times, progress = context.scene, context.times, context.progress
         if self.motions:
@@ -99,7 +99,7 @@ class ShapesJob(Job):
 
     def write(self, context: Context) -> str:
         """Draw the sheet and write it."""
-        from spacemap_vtk.draw.sheets import mode_sheet
+        from spacemap_vtk.draw.figure.sheets import mode_sheet
 
         self.write_output(context, "picture", mode_sheet(context.scene, context.progress))
         return ""

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.datasets.arrays import array_of
-from spacemap_vtk.draw.contact_sheet import contact_sheet
+from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
 from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs.picture import PictureJob
-from spacemap_vtk.mechanics import blas_threads
+from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.ndarrays import Tell
 from spacemap_vtk.scenes import anatomy, report
 from spacemap_vtk.scenes.assignments import ValueList

@@ -8,10 +8,10 @@ its yarns could not be seen, the beginning is drawn.
 from __future__ import annotations
 
 from spacemap_vtk.errors import SpacemapError, naming_section
-from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: A cloth is drawn whole up to so many times its width, and beyond that where a yarn has at least
 #: so many pixels.

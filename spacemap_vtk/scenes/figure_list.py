@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.scenes.report import motion_told
+from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.units import UNITS, format_quantity
 
 #: In place of a figure that cannot be had; a warning says why.

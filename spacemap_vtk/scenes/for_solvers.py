@@ -10,7 +10,7 @@ from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_in
 from spacemap_vtk.errors import InputError, naming_section
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.modal.model import Model
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene

@@ -14,8 +14,6 @@ from math import ceil, isqrt, prod
 import numpy as np
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES, sides_seen
 from spacemap_vtk.memory import fits
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -29,6 +27,8 @@ from spacemap_vtk.scenes.footprint import (
     yarn_bytes,
 )
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.weave import estimate_counts
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 
 class Form(Enum):

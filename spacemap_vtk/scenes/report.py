@@ -11,32 +11,32 @@ import numpy as np
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, naming_section
-from spacemap_vtk.fabric import drawdown
-from spacemap_vtk.fabric.cloth import FAMILIES
-from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.threads import Threads
-from spacemap_vtk.fabric.weave import build, count
-from spacemap_vtk.fabric.yarn import section_factor
-from spacemap_vtk.fabric.yarn_clearance import (
+from spacemap_vtk.filters.modal_response import ModalResponse
+from spacemap_vtk.filters.modal_solver import ModalSolver, hung
+from spacemap_vtk.mechanics.boundary.places import parse
+from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
+from spacemap_vtk.mechanics.elements.plates import DataSheet
+from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow
+from spacemap_vtk.mechanics.modal.coarser import coarser
+from spacemap_vtk.mechanics.modal.damping import Damped, Damping
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.resolution import mode_errors, unresolved_modes
+from spacemap_vtk.mechanics.response.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.response.realm import realm
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts import drawdown
+from spacemap_vtk.textile.geometry.weave import build, count
+from spacemap_vtk.textile.geometry.yarn_clearance import (
     Clearance,
     clearance_in_steps,
     clearance_of,
     touching,
 )
-from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.filters.modal_solver import ModalSolver, hung
-from spacemap_vtk.mechanics.coarser import coarser
-from spacemap_vtk.mechanics.damping import Damped, Damping
-from spacemap_vtk.mechanics.drape import drape_coefficient, shadow
-from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
-from spacemap_vtk.mechanics.places import parse
-from spacemap_vtk.mechanics.plates import DataSheet
-from spacemap_vtk.mechanics.realm import realm
-from spacemap_vtk.mechanics.resolution import mode_errors, unresolved_modes
-from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.weave.cloth import FAMILIES
+from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.textile.weave.threads import Threads
+from spacemap_vtk.textile.weave.yarn import section_factor
 
 #: Of larger cloth the clearance of splines, a deformed cloth's clearance, and its motion are not
 #: measured.

@@ -17,7 +17,6 @@ from vtkmodules.vtkCommonDataModel import (
 from spacemap_vtk import extensions
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError, naming_section
-from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
@@ -33,6 +32,7 @@ from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import Animation, View
+from spacemap_vtk.textile.drafts.draft import Draft
 
 P = TypeVar("P", bound=Parameterised)
 

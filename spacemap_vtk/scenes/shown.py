@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.drawdown import rows
-from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.wif import MAX_CROSSINGS
+from spacemap_vtk.io.drafts.wif import MAX_CROSSINGS
 from spacemap_vtk.ndarrays import Bools, Bytes
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.drafts.drawdown import rows
+from spacemap_vtk.textile.drafts.loom import Loom
 
 Colors = Bytes
 #: Values of a weave by key, as a scene file has them; None: the key goes.

@@ -20,16 +20,16 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.ask_file import ask_opened
-from spacemap_vtk.app.document import DRAFTED, Document
+from spacemap_vtk.app.documents.ask_file import ask_opened
+from spacemap_vtk.app.documents.document import DRAFTED, Document
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.app.widgets import CountBox, column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io.registry import draft_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
+from spacemap_vtk.textile.drafts.loom import Loom
 
 #: The section that edits change.
 _SECTION = "weave"

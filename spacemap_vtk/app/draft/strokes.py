@@ -10,8 +10,8 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.layout import Place
-from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.textile.drafts.loom import Loom
 
 #: What people call the edits, for the undo menu.
 NAMES = {

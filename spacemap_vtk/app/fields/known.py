@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
+from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.units import UNITS, format_quantity, split_quantity
 
 

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
 from spacemap_vtk.app.widgets import column, narrow, painter_on, row
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.places import SIDES, parse
+from spacemap_vtk.mechanics.boundary.places import SIDES, parse
 from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import value_of
 

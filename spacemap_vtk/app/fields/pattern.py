@@ -21,11 +21,11 @@ from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.number import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import drawdown
-from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.filters.weave_parameters import repeat_of
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.scenes.assignments import value_of
+from spacemap_vtk.textile.drafts import drawdown
+from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 
 #: Weaves to choose from; any other name can be typed.
 COMMON = (

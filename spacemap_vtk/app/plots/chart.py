@@ -14,8 +14,8 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRes
 from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
-from spacemap_vtk.draw.page import new_figure
-from spacemap_vtk.draw.plots import QUANTITIES, energy_curves, handy
+from spacemap_vtk.draw.figure.page import new_figure
+from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, handy
 
 #: Colours of points, and pixels round each plot: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
@@ -30,7 +30,7 @@ class ShownCurves(NamedTuple):
     """How curves are shown."""
 
     quantity: str
-    """Out of `spacemap_vtk.draw.plots.QUANTITIES`."""
+    """Out of `spacemap_vtk.draw.figure.plots.QUANTITIES`."""
     component: str
     """Out of `COMPONENTS`."""
     dark: bool

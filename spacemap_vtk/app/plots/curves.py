@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.app.pick import Point
+from spacemap_vtk.app.view.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
 from spacemap_vtk.datasets.modal_model import ModesReader
-from spacemap_vtk.draw.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
+from spacemap_vtk.draw.figure.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.transient_response import TransientResponse
-from spacemap_vtk.mechanics.energy import Balance, balance
-from spacemap_vtk.mechanics.resolution import mode_errors
-from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.mechanics.modal.resolution import mode_errors
+from spacemap_vtk.mechanics.response.cage_response import Response
+from spacemap_vtk.mechanics.response.energy import Balance, balance
 from spacemap_vtk.scenes.scene import Scene
 
 if TYPE_CHECKING:  # it imports Qt
-    from spacemap_vtk.app.document import Document
+    from spacemap_vtk.app.documents.document import Document
 
 FloatArray = NDArray[np.float64]
 

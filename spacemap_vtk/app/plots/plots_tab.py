@@ -19,14 +19,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.ask_file import ask_file
-from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.documents.ask_file import ask_file
+from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.plots.curves import Curves, FloatArray, Wish, curves_of, moving
+from spacemap_vtk.app.view.pick import Pick
 from spacemap_vtk.app.widgets import column, is_dark, later, narrow, note, row
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.draw.figure.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file, write
 from spacemap_vtk.io.registry import name_filter, writer, written

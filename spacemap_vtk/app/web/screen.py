@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from spacemap_vtk.draw.actors.glyphs import cut_of
 from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, half_height, nearer
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.glyphs import cut_of
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.scenes.settings import FLAT, View

@@ -10,10 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.app.job import PATIENCE, Job
-from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.app.web.rows import ParameterRows
 from spacemap_vtk.app.web.screen import Screen
+from spacemap_vtk.app.work.job import PATIENCE, Job
+from spacemap_vtk.app.work.pipeline import Pipeline
 from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.errors import InputError, SpacemapError, one_line

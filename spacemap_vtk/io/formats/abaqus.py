@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from spacemap_vtk.datasets.modal_model import InputDeck
-    from spacemap_vtk.mechanics.model import Model
+    from spacemap_vtk.mechanics.modal.model import Model
 
 #: Nodes of a tetrahedron whose first two corners are swapped, which turns it inside out.
 _TURNED = {4: [1, 0, 2, 3], 10: [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]}
@@ -126,7 +126,7 @@ def _elastic(elasticity: NDArray[Any]) -> Iterator[str]:
     """Yield a material's constants: E and ν, or three of each and three shear moduli."""
     import numpy as np
 
-    from spacemap_vtk.mechanics.materials import isotropic
+    from spacemap_vtk.mechanics.elements.materials import isotropic
 
     compliance = np.linalg.inv(elasticity)
     young = 1 / np.diag(compliance)[:3]

@@ -10,18 +10,18 @@ from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import of, reads, writes
 
 if TYPE_CHECKING:
-    from spacemap_vtk.fabric.draft import Draft
+    from spacemap_vtk.textile.drafts.draft import Draft
 
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".tiff")
 
 reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
-    of("wif", "read_wif")
+    of("drafts.wif", "read_wif")
 )
 reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
-    of("draft_file", "read_rows")
+    of("drafts.draft_file", "read_rows")
 )
 reads(*_PICTURES, label="Black-and-white picture", holds="draft", general=True)(
-    of("draft_file", "read_picture")
+    of("drafts.draft_file", "read_picture")
 )
 tells(".wif")(told_in_comments)
 
@@ -32,13 +32,15 @@ def write_wif(file: Path, draft: Draft) -> None:
     write(
         file,
         [
-            of("wif_writer", "format_wif")(draft),
+            of("drafts.wif_writer", "format_wif")(draft),
             *(f"{line}\r\n".encode() for line in comments(";")),
         ],
     )
 
 
-@writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("draft_file", "rows_lose"))
+@writes(
+    ".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("drafts.draft_file", "rows_lose")
+)
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a row for each pick."""
-    write(file, [of("draft_file", "format_rows")(draft)])
+    write(file, [of("drafts.draft_file", "format_rows")(draft)])

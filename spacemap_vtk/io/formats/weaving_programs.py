@@ -11,27 +11,27 @@ from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import of, reads, writes
 
 if TYPE_CHECKING:
-    from spacemap_vtk.fabric.draft import Draft
+    from spacemap_vtk.textile.drafts.draft import Draft
 
 #: The file in a .twa, which is a ZIP archive, that holds the draft as a WIF.
 _WIF_IN_TWA = "twamain.waf"
 
-reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("dtx", "read_dtx"))
-reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("wpo", "read_wpo"))
+reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("drafts.dtx", "read_dtx"))
+reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("drafts.wpo", "read_wpo"))
 
 
-@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("dtx", "losses"))
+@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("drafts.dtx", "losses"))
 def write_dtx(file: Path, draft: Draft) -> None:
     """Write a draft of Fiberworks."""
-    write(file, [of("dtx", "format_dtx")(draft)])
+    write(file, [of("drafts.dtx", "format_dtx")(draft)])
 
 
 @reads(".twa", label="Draft of TempoWeave", holds="draft")
 def read_twa(path: Path) -> Draft:
     """Read the WIF in a draft of TempoWeave."""
-    from spacemap_vtk.io.draft_bytes import unreadable
-    from spacemap_vtk.io.wif import parse_wif
-    from spacemap_vtk.io.wif_text import MAX_LENGTH
+    from spacemap_vtk.io.drafts.draft_bytes import unreadable
+    from spacemap_vtk.io.drafts.wif import parse_wif
+    from spacemap_vtk.io.drafts.wif_text import MAX_LENGTH
 
     try:
         with ZipFile(path) as archive:

@@ -1,0 +1,1 @@
+"""The document that the window edits: text, files, undo."""

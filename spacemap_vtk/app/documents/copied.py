@@ -1,0 +1,62 @@
+"""Convert what the window shows into a command or a Python script."""
+
+from __future__ import annotations
+
+import pprint
+import shlex
+from pathlib import Path
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.formats.toml import format_value
+from spacemap_vtk.parameters import AUTOMATIC, FilePath
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.chain import chain
+from spacemap_vtk.scenes.scene import Scene
+
+
+def as_command(document: Document, time: float) -> str:
+    """Return the command that draws what the window shows."""
+    # A scene without a file is described by its differences from a scene that every installation
+    # has.
+    name = "plain_weave" if document.source is None else str(document.source)
+    words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
+    before, here = Scene.read(name), document.scene
+    given = set(before.given)
+    was_written, written = library.values_of(library.find(name)), document.values
+    for section, part in here.parts.items():
+        for key, parameter in part.parameters.items():
+            value = getattr(part, key)
+            said = key in written.get(section, {}) or key in was_written.get(section, {})
+            if not said or value == getattr(before.parts[section], key):
+                continue
+            told = written.get(section, {}).get(key, value)
+            if isinstance(parameter, FilePath) and value is not None:
+                told = str(Path(value).resolve())
+            words += [
+                "--set",
+                f"{section}.{key}={format_value(AUTOMATIC if told is None else told)}",
+            ]
+            given.add(section)
+    if [stage.section for stage in chain(before.parts, given)] != [s.section for s in here.stages]:
+        raise InputError(
+            "no command switches stages on or off", cure="Save the scene, and draw its file."
+        )
+    return shlex.join(words)
+
+
+def as_script(document: Document, time: float) -> str:
+    """Return a Python script that computes the surface shown in the window."""
+    # Align the lines below the opening brace.
+    values = pprint.pformat(document.values, width=87, sort_dicts=False)
+    values = values.replace("\n", "\n" + " " * len("values = "))
+    return (
+        "from pathlib import Path\n\n"
+        "from spacemap_vtk.scenes.scene import Scene\n\n"
+        f"values = {values}\n"
+        "# Relative paths count from this file's folder.\n"
+        f"scene = Scene(values, Path({str(document.base)!r}))\n"
+        f"scene.update(time={time:g})\n"
+        "surface = scene.polygons  # vtkPolyData\n"
+        'print(surface.GetNumberOfPoints(), "points")\n'
+    )

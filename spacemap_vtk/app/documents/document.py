@@ -1,0 +1,493 @@
+"""The document of the window: a scene's text, the scene itself and the undo history."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import tomlkit
+from PySide6.QtCore import QObject, Signal
+from tomlkit.items import AoT, Array
+
+from spacemap_vtk.app.documents.edit import Edit, History, Version
+from spacemap_vtk.app.documents.kept_drafts import KeptDrafts
+from spacemap_vtk.app.widgets import later
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.parameters import FilePath
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.scene import Scene
+
+#: Lists with more values are written one value per line.
+_LINE = 8
+#: Weave parameters that a draft file stores; the draft tab edits exactly these.
+DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
+#: Longest time that a change made by a drag waits, in ms.
+_LATEST = 50
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
+#: Section, values, burst and name, as in `Document.set_many`.
+_Change = tuple[str, dict[str, Any], int, str]
+
+
+class Document(QObject):
+    """A scene as the text of a scene file, comments included, with its undo stack."""
+
+    # The document contains only valid values: an invalid one raises an error and changes nothing.
+
+    #: A value has changed, also by undo or redo.
+    changed = Signal()
+    #: Another scene has been opened.
+    replaced = Signal()
+    #: A message about side effects of a change: other stages, or another colouring.
+    told_beside = Signal(str)
+    #: Undo or redo would lead to an invalid scene; nothing was changed.
+    failed = Signal(object)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.undo = History(self)
+        #: Scene or draft file that "Save" writes; None before the first "Save as".
+        self.file: Path | None = None
+        #: File that was opened; it can also be a draft or one of the program's own scenes.
+        self.source: Path | None = None
+        #: Edited drafts that the user has not saved yet.
+        self.drafts = KeptDrafts()
+        self._saved_draft: Path | None = None
+        #: Former content of each section that was switched off, and whether that happened together
+        #: with other sections.
+        self._off: dict[str, tuple[Any, bool]] = {}
+        # Draft files that were overwritten, each with a copy of its former content.
+        self._overwritten: list[tuple[Path, Path]] = []
+        self._folder = Path.cwd()
+        # Caches, filled on demand after each change.
+        self._text: str | None = None
+        self._values: dict[str, Any] | None = None
+        #: Whether frames are requested faster than they are computed. The changes of a drag then
+        #: wait, and a newer one replaces the waiting one. Each change costs a tenth of a frame.
+        self.crowded: Callable[[], bool] = lambda: False
+        self._waiting: _Change | None = None
+        self._latest = later(self, self.catch_up, _LATEST)
+        self._parse("")
+        self._scene = Scene({}, self.base)
+        self._clean = self._settings()
+
+    def open(self, name: str | Path) -> None:
+        """Open a scene, a draft, or one of the program's own scenes."""
+        path = library.find(name).resolve()
+        read = Scene.read(path)
+        scene = registry.kind_of(path) in ("scene", None)
+        if scene:
+            text = path.read_text(encoding="utf-8")
+        else:
+            # A draft has no scene text yet: write the scene that Scene.read made from it as TOML.
+            text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
+        own = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
+        self.file, self.source = path if own else None, path
+        self._replace(text, path.parent, read)
+
+    def new(self) -> None:
+        """Start a new scene: a plain weave that hangs from its top edge."""
+        self.file = self.source = None
+        self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n')
+
+    def save(self, path: Path | None = None, time: float | None = None) -> list[str]:
+        """Save the scene with its comments, or its draft; return what the file cannot store."""
+        target = path or self.file
+        if target is None:
+            raise InputError("this scene has no file yet", cure='Use "Save as".')
+        target = target.resolve()
+        if registry.kind_of(target) == "draft":
+            lost = self.save_draft(target, adopt=True)
+            self.file = self.source = target
+            return lost
+        before = self.version
+        try:
+            if time is not None and time != self.scene.view.time:
+                self._put("view", "time", float(f"{time:.6g}"))
+            self._move_from(self._folder, target.parent)
+            with whole_folder(target) as folder:
+                self._save_draft(target, folder)
+                self._scene = Scene(self.values, target)
+                write(folder / target.name, [self.text.encode()])
+        except BaseException:
+            self._parse(before.text)
+            self._scene = Scene(self.values, self.base)
+            raise
+        self.file = self.source = target
+        self._folder = target.parent
+        self._saved_draft = self.scene.draft_file
+        self._clean = self._settings()
+        self.undo.setClean()
+        if self.text != before.text:
+            self.changed.emit()
+        return []
+
+    def save_draft(self, path: Path, adopt: bool = False) -> list[str]:
+        """Save the draft; return what the file cannot store and what remains unsaved."""
+        # If the draft had no file of the user's yet, the scene refers to this file from now on.
+        path = path.resolve()
+        check_output(path, registry.written("draft"))
+        draft, format_ = self.scene.draft, registry.writer(path, "draft")
+        self.remember(path)
+        with whole_file(path) as file:
+            format_.write(file, draft)
+        if adopt or self.drafts.holds(self.scene.draft_file):
+            beside = self.file is not None and path.parent == self._folder
+            self._put("weave", "draft", path.name if beside else str(path))
+            self._scene = Scene(self.values, self.base)
+            self.changed.emit()
+        drafted = self.opened_draft is not None
+        left = [
+            f"{section}.{key}"
+            for section, values in self._settings().items()
+            for key, value in values.items()
+            if value != self._clean[section][key] and not (drafted and _in_draft(section, key))
+        ]
+        if not left:
+            self.undo.setClean()
+        lost = format_.loses(draft) if format_.loses else []
+        if left and drafted:
+            lost.append(f'a draft holds no {", ".join(left)}: "Save as" keeps that in a scene')
+        return lost
+
+    @property
+    def opened_draft(self) -> Path | None:
+        """The draft file that was opened; None if a scene was opened."""
+        drafted = self.source is not None and registry.kind_of(self.source) == "draft"
+        return self.source if drafted else None
+
+    @property
+    def example(self) -> str | None:
+        """Name of the opened scene if it is one of the program's own; otherwise None."""
+        if self.source is None or self.source.parent != library.folder().resolve():
+            return None
+        return self.source.stem
+
+    def told(self, file: Path) -> str:
+        """Return the name to show for a file; without a folder if it lies in the scene's folder."""
+        return file.name if file.parent == self._folder else self.drafts.told(file)
+
+    def proposed(self, ending: str) -> str:
+        """Propose a file name for this scene; in its folder, unless it is the program's own."""
+        if self.source is None:
+            return "_".join(re.findall(r"\w+", self.name.lower())) + ending
+        own = self.source.parent != library.folder().resolve()
+        return str(self.source.with_suffix(ending)) if own else self.source.stem + ending
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as the text describes it."""
+        self.catch_up()
+        return self._scene
+
+    @property
+    def text(self) -> str:
+        """The scene as TOML."""
+        self.catch_up()
+        if self._text is None:
+            self._text = tomlkit.dumps(self._toml)
+        return self._text
+
+    @property
+    def version(self) -> Version:
+        """The present text, with the data that give its relative paths their meaning."""
+        return Version(self.text, self._folder, len(self._overwritten))
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The scene as plain dictionaries. Do not modify them; each change makes new ones."""
+        self.catch_up()
+        if self._values is None:
+            self._values = self._toml.unwrap()
+        return self._values
+
+    @property
+    def base(self) -> Path:
+        """A file in the folder that is the base of relative paths."""
+        if self.file is None or self.opened_draft:
+            return self._folder / "scene.toml"
+        return self.file
+
+    @property
+    def name(self) -> str:
+        """Name of the scene in the title bar."""
+        return self.file.name if self.file else self.scene.title or "New fabric"
+
+    def written(self, section: str, key: str) -> Any:
+        """Return a value as it is written in the scene file; None if it is not written."""
+        return self.values.get(section, {}).get(key)
+
+    def set(self, section: str, key: str, written: Any, burst: int = 0) -> None:
+        """Change a value, undoably."""
+        self.set_many(section, {key: written}, burst)
+
+    def set_many(
+        self, section: str, written: Mapping[str, Any], burst: int = 0, name: str = ""
+    ) -> None:
+        """Change several values of a section in one undo step."""
+        change = section, dict(written), burst, name
+        if self._waiting is not None and not _replaces(change, self._waiting):
+            self.catch_up()
+        if burst and self.crowded() and self._accepts(section, written):
+            self._waiting = change
+            if not self._latest.isActive():
+                self._latest.start()
+            return
+        waiting, self._waiting = self._waiting, None
+        if all(self.written(section, k) == v for k, v in written.items()):
+            return
+        try:
+            self._make(section, written, burst, name)
+        except InputError:
+            # The waiting change is valid; the new one does not replace it.
+            self._waiting = waiting
+            raise
+
+    def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NOTHING) -> None:
+        """Switch a stage on, with its former values, or off; switch the stages it needs as well."""
+        scene, given = self.scene, self.values.keys() - {"title"}
+        if on == (scene.parts[section] in scene.stages) and not values:
+            return
+        wanted = switched(scene.parts, given, section, on)
+        here, gone = chain(scene.parts, wanted), given - wanted
+        if on:
+            for name, (_, together) in self._off.items():
+                if together and fits(scene.parts, name, wanted):
+                    wanted.add(name)
+            here = chain(scene.parts, wanted)
+            wanted |= {stage.section for stage in here} & self._off.keys()
+        elif len(gone) > 1:
+            self._off = {name: (table, False) for name, (table, _) in self._off.items()}
+
+        def change() -> None:
+            self._text = self._values = None
+            for name in gone:
+                self._off[name] = self._toml.pop(name), not on or len(gone) > 1
+            for name in scene.parts:  # in the order of the pipeline
+                if name in wanted - given:
+                    self._toml[name] = self._off.get(name, (tomlkit.table(), False))[0]
+                    for former in gone:
+                        self._take_over(name, former)
+            for key, value in values.items():
+                self._put(section, key, value)
+            if on and not scene.moves and "show" not in self.values.get("view", {}):
+                self._put("view", "show", "both")  # show what the change adds
+
+        self._change(
+            change, f"{words_of(type(scene.parts[section]).__name__)} {'on' if on else 'off'}"
+        )
+        before, after = (
+            [words_of(type(s).__name__) for s in stages if s.section != section]
+            for stages in (scene.stages, self.scene.stages)
+        )
+        also = {"On": [n for n in after if n not in before]}
+        also["Off"] = [n for n in before if n not in after]
+        words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
+        if words:
+            self.told_beside.emit(words)
+
+    def _take_over(self, section: str, former: str) -> None:
+        """Copy values of the same name from a stage to the stage that replaces it in its role."""
+        new, old = (self._scene.parts[name] for name in (section, former))
+        if isinstance(new, Stage) and isinstance(old, Stage) and new.role == old.role:
+            table = self._off[former][0]
+            for key in new.parameters.keys() & old.parameters.keys():
+                self._put(section, key, table.get(key))
+
+    def remembers(self, section: str) -> bool:
+        """Return whether a stage was on before and is now off."""
+        return section in self._off
+
+    def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
+        def put() -> None:
+            for key, value in written.items():
+                self._put(section, key, value)
+
+        self._change(put, name or ", ".join(f"{section}.{key}" for key in written), burst)
+
+    def _change(self, change: Callable[[], None], name: str, burst: int = 0) -> None:
+        before, former = self.version, self.values
+        change()
+        colors = self._scene.colorings
+        try:
+            self._scene = Scene(self.values, self.base)
+            if (lost := self._scene.view.color) in colors and lost not in self._scene.colorings:
+                # The quantity shown by colour has just gone; a run would fail until it is reset.
+                self._put("view", "color", None)
+                self._scene = Scene(self.values, self.base)
+                label = COLORINGS[lost].label
+                self.told_beside.emit(f'Own colours again: "{label}" is there no more')
+        except InputError:
+            self._parse(before.text)
+            self._values = former
+            raise
+        if self.text != before.text:
+            self.undo.push(Edit(self.restore, name, before, self.version, burst))
+            self.changed.emit()
+
+    def catch_up(self) -> None:
+        """Apply the change that waits, if there is one; the properties of this class call this."""
+        if self._waiting is None:
+            return
+        waiting, self._waiting = self._waiting, None
+        try:
+            self._make(*waiting)
+        except InputError as error:  # it was checked, but a file can be deleted meanwhile
+            self.failed.emit(error)
+
+    def restore(self, version: Version) -> None:
+        """Restore an earlier text (undo, redo); its paths refer to the same content as then."""
+        before = self.text
+        self._parse(version.text)
+        draft = self.values.get("weave", {}).get("draft")
+        for file, kept in self._overwritten[version.overwritten :]:
+            if draft is not None and os.path.normpath(version.folder / draft) == str(file):
+                self._put("weave", "draft", str(kept))
+                break
+        self._move_from(version.folder, self._folder)
+        try:
+            self._scene = Scene(self.values, self.base)
+        except InputError as error:  # a file that it names does not exist any more
+            self._parse(before)
+            self.failed.emit(error)
+        else:
+            self.changed.emit()
+
+    def remember(self, draft: Path) -> None:
+        """Copy a draft file before it is overwritten, so that undo can restore it."""
+        if draft.exists():
+            self._overwritten.append((draft, self.drafts.keep_file(draft)))
+
+    def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
+        """Return whether the values are valid for certain."""
+        if section not in self._scene.parts or None in written.values():
+            return False
+        values = self._values if self._values is not None else self._toml.unwrap()
+        if section not in values:
+            return False  # a new section may exclude another one
+        try:
+            for key, value in written.items():
+                parameter = self._scene.parts[section].parameter(key)
+                parameter.check(parameter.within(value, self._folder))
+        except InputError:
+            return False
+        return True
+
+    def _replace(self, text: str, folder: Path | None = None, read: Scene | None = None) -> None:
+        self._waiting = None
+        self._folder = folder or Path.cwd()
+        self._parse(text)
+        self._scene = read or Scene(self.values, self.base)
+        self._scene.file = self.base  # if a draft was opened, Scene.read has set the draft's file
+        self._saved_draft = self.scene.draft_file if self.file else None
+        self._clean = self._settings()
+        self._overwritten.clear()
+        self._off.clear()
+        self.undo.clear()
+        self.replaced.emit()
+
+    def _settings(self) -> dict[str, dict[str, Any]]:
+        """Return the values of every section, to find unsaved changes by comparison."""
+        settings = self.scene.settings
+        draft = settings["weave"]["draft"]
+        settings["weave"]["draft"] = draft and draft.resolve()
+        return settings
+
+    def _parse(self, text: str) -> None:
+        self._toml = tomlkit.parse(text)
+        self._text, self._values = text, None
+
+    def _put(self, section: str, key: str, written: Any) -> None:
+        self._text = self._values = None
+        there = self._toml.get(section, {})
+        if written is None:
+            if key in there:
+                del there[key]
+        elif isinstance(there.get(key), AoT) and len(there[key]) == len(written):
+            # Key by key, to keep the comments between the keys.
+            declared: Any = self._scene.parts[section].parameters[key]
+            for table, wanted in zip(there[key], written, strict=True):
+                for name in [name for name in table if name not in wanted]:
+                    del table[name]
+                for name, value in wanted.items():
+                    parameter = declared.record.parameters.get(name)
+                    if name not in table or not self._same(table[name], value, parameter):
+                        table[name] = value
+        elif section in self._toml:
+            self._toml[section][key] = written
+        else:
+            self._toml[section] = {key: written}
+        if isinstance(written, list) and len(written) > _LINE:
+            long = self._toml[section][key]
+            if isinstance(long, Array):
+                long.multiline(True)
+
+    def _same(self, here: Any, wanted: Any, parameter: Any) -> bool:
+        """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""
+        # Likewise for paths: an editor gives the absolute path.
+        one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
+        try:
+            return bool(parameter.check(one) == parameter.check(other))
+        except InputError:
+            return False
+
+    def _save_draft(self, target: Path, folder: Path) -> None:
+        """Write an edited draft into the folder of files that are saved with the scene."""
+        draft = self.scene.draft_file
+        if draft is None or not self.drafts.holds(draft):
+            return
+        # Overwrite only the draft that this scene has saved, never another file of that name.
+        beside = free = target.with_suffix(".wif")
+        number = 2
+        while free.exists() and free != self._saved_draft:
+            free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
+        self.remember(free)
+        write(folder / free.name, [draft.read_bytes()])
+        self._put("weave", "draft", free.name)
+
+    def _move_from(self, old: Path, new: Path) -> None:
+        """Change relative paths so that they refer to the same files from another folder."""
+        if old == new:
+            return
+        for section, table in self.values.items():
+            for key, value in table.items() if isinstance(table, dict) else ():
+                moved = _moved(value, self.scene.parts[section].parameters.get(key), old, new)
+                if moved != value:
+                    self._put(section, key, moved)
+
+
+def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
+    """Return a value with its paths, also those in records, relative to another folder."""
+    if isinstance(parameter, FilePath) and isinstance(value, str):
+        there = parameter.within(value, old)
+        # The word for an automatic path is not a path, and an absolute path stays.
+        return value if there == value or Path(value).is_absolute() else os.path.relpath(there, new)
+    if isinstance(value, list) and hasattr(parameter, "record"):
+        return [_moved(item, parameter, old, new) for item in value]
+    if isinstance(value, dict) and hasattr(parameter, "record"):
+        keys = parameter.record.parameters
+        return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
+    return value
+
+
+def _in_draft(section: str, key: str) -> bool:
+    """Return whether a value needs no scene file: a draft stores it, or it belongs to the view."""
+    return section == "view" or (section == "weave" and key in DRAFTED)
+
+
+def _replaces(change: _Change, former: _Change) -> bool:
+    """Return whether a newer change of a drag makes the former one unnecessary."""
+    section, written, *rest = change
+    return section == former[0] and written.keys() == former[1].keys() and rest == [*former[2:]]
+
+
+def _unwrapped(item: Any) -> Any:
+    return item.unwrap() if hasattr(item, "unwrap") else item

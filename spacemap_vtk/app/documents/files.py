@@ -1,0 +1,185 @@
+"""Open and save files, and ask about unsaved changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtWidgets import QMessageBox, QWidget
+
+from spacemap_vtk.app.documents.ask_file import ask_file, ask_opened
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.error_bar import ErrorBar
+from spacemap_vtk.app.panels.time_bar import TimeBar
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.provenance import Record, recorded
+from spacemap_vtk.io.registry import kind_of, name_filter, opened_filters, writer, written
+from spacemap_vtk.jobs import PictureJob
+from spacemap_vtk.scenes.origin import record_of
+
+_RECENT = 8
+
+
+class Files(QObject):
+    """Commands of the menu "File"."""
+
+    #: The list of recent files has changed; this is the new list.
+    remembered = Signal(list)
+
+    def __init__(
+        self, window: QWidget, document: Document, errors: ErrorBar, times: TimeBar
+    ) -> None:
+        super().__init__(window)
+        self._window, self._document, self._errors = window, document, errors
+        self._times = times
+
+    @property
+    def recent(self) -> list[str]:
+        """Files opened or saved recently that still exist, the latest first."""
+        kept = QSettings().value("recent") or []
+        kept = [kept] if isinstance(kept, str) else list(kept)
+        return [name for name in kept if Path(name).is_file()]
+
+    def new(self) -> None:
+        if self.may_leave():
+            self._document.new()
+
+    def open(self) -> None:
+        """Ask for a file and open it."""
+        if self.may_leave():
+            name = ask_opened(self._window, "Open", opened_filters())
+            if name:
+                self.load(name)
+
+    def load(self, name: str) -> bool:
+        """Open a scene or a draft."""
+        try:
+            self._document.open(name)
+        except (SpacemapError, OSError) as error:
+            self._errors.say(error, "open")
+            return False
+        if self._document.source is not None:
+            self._remember(self._document.source)
+        return True
+
+    def leave_for(self, name: str) -> None:
+        """Open another scene, unless the user decides to stay with the present one."""
+        if self.may_leave():
+            self.load(name)
+
+    def save(self) -> bool:
+        """Save; ask for a file name if there is none or if its format cannot be written."""
+        file = self._document.file
+        draft = self._document.opened_draft
+        if file is None or (draft is not None and draft.suffix.lower() not in _drafts()):
+            return self.save_as()
+        return self._save(None)
+
+    def save_as(self) -> bool:
+        """Ask for a file name and save the scene; an opened draft is saved as a draft."""
+        title, ending, filters = "Save as", ".toml", "Scenes (*.toml)"
+        draft = self._document.opened_draft
+        if draft is not None:
+            own = draft.suffix.lower()
+            ending = own if own in _drafts() else ".wif"
+            filters = f"{name_filter('Drafts', _drafts())};;{filters}"
+            if own != ending:
+                title = f"Save as (no {own} can be written: the draft goes into a {ending})"
+        proposal = self._document.proposed(ending)
+        path = ask_file(self._window, title, proposal, filters, ending)
+        return path is not None and self._save(path)
+
+    def save_draft(self) -> None:
+        """Ask for a file name and write the draft of the cloth."""
+        if self._document.opened_draft is not None:
+            self.save_as()
+            return
+        proposal = self._document.proposed(".wif")
+        path = ask_file(self._window, "Save draft", proposal, "Drafts (*.wif)", ".wif")
+        if path is not None:
+            self._write(partial(self._document.save_draft, path))
+
+    def save_picture(self, view: View3D) -> None:
+        """Ask for a file name and save a picture of the view."""
+        endings = written("picture")
+        filters, first = name_filter("Pictures", endings), next(iter(endings))
+        path = ask_file(
+            self._window, "Save picture", self._document.proposed(first), filters, first
+        )
+        if path is None:
+            return
+
+        def save() -> list[str]:
+            check_output(path, endings)
+            with whole_file(path) as file, recorded(self._record(path, view)):
+                writer(path, "picture").write(file, view.image())
+            return []
+
+        self._write(save, "picture")
+
+    def _record(self, path: Path, view: View3D) -> Record | None:
+        """Return the provenance of a picture of the view; None if an unsaved draft is shown."""
+        scene = self._document.scene
+        if view.frame is None or self._document.drafts.holds(scene.draft_file):
+            return None
+        height, width, _ = view.image().shape
+        time = view.frame.time
+        job = PictureJob(
+            path,
+            time,
+            (width, height),
+            view.panels(scene),
+            view.place,
+            wireframe=view.look.wireframe,
+        )
+        before = scene.view.settings
+        try:
+            scene.adopt({"view": view.settings})
+            return record_of(scene, job.as_json(), [time])
+        finally:
+            scene.adopt({"view": before})
+
+    def may_leave(self) -> bool:
+        """Ask whether to save unsaved changes; return whether the document may be closed."""
+        if self._document.undo.isClean():
+            return True
+        box = QMessageBox.StandardButton
+        answer = QMessageBox.question(
+            self._window,
+            "Unsaved changes",
+            f"{self._document.name} has changes that are not saved.",
+            box.Save | box.Discard | box.Cancel,
+            box.Save,
+        )
+        return answer == box.Discard or (answer == box.Save and self.save())
+
+    def _save(self, path: Path | None) -> bool:
+        saved = self._write(partial(self._document.save, path, self._times.time))
+        if saved and self._document.file is not None:
+            self._remember(self._document.file)
+        return saved and self._document.undo.isClean()
+
+    def _write(self, write: Callable[[], list[str]], about: str = "file") -> bool:
+        try:
+            lost = write()
+        except (SpacemapError, OSError) as error:
+            self._errors.say(error, about)
+            return False
+        self._errors.clear(about)
+        if lost:
+            self._errors.warn(f"Written, but {'; '.join(lost)}.", about)
+        return True
+
+    def _remember(self, path: Path) -> None:
+        names = [str(path), *(name for name in self.recent if name != str(path))]
+        QSettings().setValue("recent", names[:_RECENT])
+        self.remembered.emit(self.recent)
+
+
+def _drafts() -> list[str]:
+    """Return the file endings of draft formats that can be both read and written."""
+    return [ending for ending in written("draft") if kind_of(Path(f"a{ending}")) == "draft"]

@@ -1,0 +1,78 @@
+"""Versions of edited drafts, each in a temporary file."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import tempfile
+import weakref
+from contextlib import ExitStack
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.drafts.wif_writer import format_wif
+from spacemap_vtk.io.output import write
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.vanishing import clear, hidden, hold
+
+
+class KeptDrafts:
+    """A temporary folder of draft files named by their content; deleted with this object."""
+
+    # A scene refers to a draft by its file. Because each version has a separate file, undo and redo
+    # of the scene's text also undo and redo edits of the draft, and for the pipeline an edited
+    # draft is just another file.
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        #: Name shown to the user for each file.
+        self._names: dict[str, str] = {}
+
+    def keep(self, draft: Draft, former: Path | None = None) -> Path:
+        """Write a draft that was edited from the draft in a former file."""
+        told = "drawn here" if former is None else f"{former.name}, edited"
+        if former is not None and self.holds(former):
+            told = self._names[former.name]
+        return self._keep(format_wif(draft), ".wif", told)
+
+    def keep_file(self, file: Path) -> Path:
+        """Copy a draft file into the folder."""
+        return self._keep(file.read_bytes(), file.suffix, f"{file.name}, as it was")
+
+    def _keep(self, data: bytes, suffix: str, told: str) -> Path:
+        try:
+            if self._folder is None:
+                place = Path(tempfile.gettempdir()).resolve()
+                clear(place)
+                self._folder, held = hidden(place), ExitStack()
+                weakref.finalize(self, held.close)
+                held.callback(shutil.rmtree, self._folder, ignore_errors=True)
+                hold(self._folder, held)
+            path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
+            if not path.exists():
+                try:
+                    write(path, [data])
+                except OSError:
+                    # An incomplete file would later be used as a complete one.
+                    path.unlink(missing_ok=True)
+                    raise
+            self._names.setdefault(path.name, told)
+        except OSError as error:
+            raise InputError(
+                f"the draft cannot be kept ({error.strerror})",
+                key="draft",
+                cure=f"Make room in {tempfile.gettempdir()}.",
+            ) from None
+        return path
+
+    def holds(self, path: Path | None) -> bool:
+        """Return whether a file lies in this folder."""
+        return path is not None and self._folder is not None and path.parent == self._folder
+
+    def told(self, text: object) -> str:
+        """Replace the paths of kept drafts in a text by the names that users see."""
+        if self._folder is None:
+            return str(text)
+        kept = rf"{re.escape(str(self._folder))}[/\\](\w+\.\w+)"
+        return re.sub(kept, lambda found: self._names.get(found[1], "a draft"), str(text))

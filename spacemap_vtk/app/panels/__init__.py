@@ -1,0 +1,1 @@
+"""The tabs and lists around the view."""

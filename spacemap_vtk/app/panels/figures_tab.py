@@ -1,0 +1,260 @@
+"""The cloth's figures, as `spacemap info` tells them, of the cloth that is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QGuiApplication, QImage, QPixmap, QResizeEvent, QShowEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QHeaderView,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QSplitter,
+    QTableWidgetItem,
+    QWidget,
+)
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.widgets import RIGHT, column, is_dark, later, note, table
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.draw.figure.page import Paper, page
+from spacemap_vtk.draw.figure.section_drawing import Colors, section_tile
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.figure_list import (
+    Figure,
+    cloth_figures,
+    textile_figures,
+    with_unit,
+    yarn_figures,
+)
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.cross_section import CrossSection, cross_section
+from spacemap_vtk.units import UNITS
+
+#: Milliseconds without another change until they are computed.
+_REST = 250
+#: Dots an inch of a drawing, and the least pixels that its words and dimensions need.
+_DPI, _NARROWEST = 100.0, 240
+#: Of the model, not of the cloth.
+_LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
+_HINTS = (
+    "Peirce's figures where a yarn changes side, and what they make of the cloth.",
+    "This scene is not woven: these are its own figures.",
+    "An object has no yarns.",
+)
+_TIPS = {
+    "diameter": "Height of the yarn's section: of a round yarn its diameter",
+    "width": "Of the yarn's section, in the plane of the cloth",
+    "tex": "Mass of 1000 m of yarn in g",
+    "spacing": "From the middle of a yarn to that of its neighbour: 1 / sett",
+    "theta_deg": "Steepest slope of the yarn's axis, where it changes side",
+    "length": "Of the yarn's axis from one crossing to the next, where it changes side",
+    "crimp": "c = l / p - 1 where the yarn changes side",
+    "mean_crimp": "By how much the yarns are longer than the cloth",
+    "height": "By which the yarn's axis rises or falls where it changes side",
+    "cover": "Share of the plane that yarns cover: K = width / p, together K1 + K2 - K1 K2",
+    "mean_float": "Crossings that a yarn passes on average until it changes side",
+    "longest_float": "Most crossings in a row that a yarn passes on the same side",
+    "yarn_length": "All yarns as built, with what stands over at the edges",
+    "thickness": "From the lowest to the highest place of the yarns",
+    "fibre_volume_fraction": "Fibres of all the room between the cloth's two faces",
+    "areal_mass": "Of the cloth as built, crimp included",
+    "repeat": "Ends by picks",
+    "feasible_height": "Crimp heights of the warp for which the yarns have room",
+    "least_clearance": "Between any two yarns: 0 where they touch, below 0 where they overlap",
+}
+
+
+class _Told(NamedTuple):
+    known: Any
+    figures: dict[str, Any]
+    whole: bool
+    cuts: Sequence[CrossSection] = ()
+    colors: Colors = ()
+
+
+def _figures(
+    scene: Scene, known: Any, figures: dict[str, Any] | None = None
+) -> Generator[None, None, _Told]:
+    """Find all but the least clearance, or that."""
+    yield
+    if figures is None:
+        assert scene.woven is not None
+        figures, cloth = report.cloth(scene), scene.woven.cloth
+        yield
+        ways = range(2 if figures["thickness"] is not None else 0)
+        cuts, colors = [cross_section(cloth, n) for n in ways], [t.colors for t in cloth.threads]
+        return _Told(known, figures, False, cuts, colors)
+    yield from report.clearance(scene, figures)
+    return _Told(known, figures, True)
+
+
+class _Sections(QScrollArea):
+    """Peirce's drawing of the cloth along an end and along a pick, as wide as there is room."""
+
+    def __init__(self) -> None:
+        super().__init__(widgetResizable=True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        self.picture = QLabel(alignment=Qt.AlignmentFlag.AlignTop)
+        self.setWidget(self.picture)
+        self._cuts: Sequence[CrossSection] = ()
+        self._colors: Colors = ()
+        self._soon = later(self, self._draw, 60)
+
+    def show_cuts(self, cuts: Sequence[CrossSection] = (), colors: Colors = ()) -> None:
+        self._cuts, self._colors = cuts, colors
+        self.setVisible(bool(cuts))
+        self._soon.start()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if event.size().width() != event.oldSize().width():
+            self._soon.start()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._soon.start()
+
+    def _draw(self) -> None:
+        if not self._cuts or not self.isVisible():
+            return
+        ratio = self.devicePixelRatioF()
+        paper = Paper(
+            width=max(self.viewport().width(), _NARROWEST) * 25.4 / _DPI,
+            dpi=_DPI * ratio,
+            dark=is_dark(self),
+            transparent=True,
+        )
+        tiles = [replace(section_tile(c, self._colors), lettered=False) for c in self._cuts]
+        canvas: Any = page([[tile] for tile in tiles], paper).canvas
+        canvas.draw()
+        width, height = canvas.get_width_height()
+        image = QImage(bytes(canvas.buffer_rgba()), width, height, QImage.Format.Format_RGBA8888)
+        drawn = QPixmap.fromImage(image)
+        drawn.setDevicePixelRatio(ratio)
+        self.picture.setPixmap(drawn)
+
+
+class FiguresTab(QWidget):
+    """Warp beside weft, then the cloth; the least clearance is found last."""
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        super().__init__()
+        self._document, self._engine = document, engine
+        self.hint = note()
+        self.table = table("figures", ["", "Warp", "Weft"])
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
+        tip = "The table, for a spreadsheet: numbers in columns, units beside"
+        self.copied = QPushButton("Copy", toolTip=tip)
+        self.copied.clicked.connect(self._copy)
+        self.sections = _Sections()
+        parts = QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False)
+        parts.addWidget(self.table)
+        parts.addWidget(self.sections)
+        parts.setSizes([420, 350])
+        column(self, self.hint, (parts, 1), self.copied, margins=(6, 6, 6, 6))
+        self._rows: list[tuple[Figure, ...]] = []
+        #: Of which cloth: asked for, and whether that is all there.
+        self._asked: Any = None
+        self._whole = False
+        #: The scene of the picture.
+        self._drawn: Any = None
+        self._rest = later(self, self._ask, _REST)
+        engine.beside_ready.connect(self._ready)
+        self.forget()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Catch up, and go on with what another tab's work has pushed aside."""
+        super().showEvent(event)
+        self._asked = self._asked if self._whole else None
+        self._rest.start()
+
+    def forget(self) -> None:
+        """Show nothing: what is shown is another scene's."""
+        self._asked, self._whole, self._drawn = None, False, None
+        self._show([])
+        self.sections.show_cuts()
+
+    def follow(self, frame: Frame) -> None:
+        """Ask for the figures, if another cloth is drawn."""
+        if frame.swing is None:
+            # While time runs all frames are coarse, but not each is of another cloth, as in a drag.
+            still = not frame.coarse or frame.values is self._drawn
+            self._drawn = frame.values
+            still = still and self.isVisible() and not self._rest.isActive()
+            if still and self._known() != self._asked:
+                self._rest.start()
+
+    def _known(self) -> Any:
+        scene = self._document.scene
+        return scene.woven is not None, scene.source.settings
+
+    def _ask(self) -> None:
+        known = self._known()
+        if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
+            return  # where a cloth cannot be woven, all that is seen is of the last good one
+        self._asked, self._whole = known, not known[0]
+        textile = self._document.scene.textile
+        if known[0]:
+            self.hint.setText(_HINTS[0])
+            self._engine.ask_beside(partial(_figures, known=known))
+        else:
+            self.hint.setText(_HINTS[1 if textile is not None else 2])
+            self._show([(f,) for f in textile_figures(textile)] if textile is not None else [])
+
+    def _ready(self, result: Any) -> None:
+        if isinstance(result, Exception) and self.isVisible() and not self._whole:
+            self.hint.setText(str(result))
+        if not isinstance(result, _Told) or result.known != self._asked:
+            return  # another tab's, or of a cloth that is no more
+        self._whole = result.whole
+        cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
+        if not result.whole:
+            self.sections.show_cuts(result.cuts, result.colors)
+            cloth = [f._replace(told="…") if f.key == "least_clearance" else f for f in cloth]
+        self._show([*yarn_figures(result.figures), *((f,) for f in cloth)])
+        if not result.whole:
+            self._engine.ask_beside(partial(_figures, known=result.known, figures=result.figures))
+
+    def _show(self, rows: list[tuple[Figure, ...]]) -> None:
+        self._rows = rows
+        self.copied.setEnabled(bool(rows))
+        self.table.clearSpans()
+        self.table.setRowCount(len(rows))
+        for number, figures in enumerate(rows):
+            if len(figures) == 1:
+                self.table.setSpan(number, 1, 1, 2)
+            tip = _tip(figures[0])
+            for place, text in enumerate([figures[0].label, *(f.told for f in figures)]):
+                item = QTableWidgetItem(text)
+                item.setToolTip(tip if len(text) < 30 else f"{text}\n{tip}")
+                if place:
+                    item.setTextAlignment(RIGHT)
+                self.table.setItem(number, place, item)
+        self.table.resizeColumnToContents(0)
+        self.table.resizeRowsToContents()
+
+    def _copy(self) -> None:
+        lines = ["\tWarp\tWeft"]
+        for figures in self._rows:
+            cells = [f.entry if f.unit else f.told for f in figures]
+            lines.append("\t".join([with_unit(figures[0].label, figures[0].unit), *cells]))
+        QGuiApplication.clipboard().setText("\n".join(lines) + "\n")
+
+
+def _tip(figure: Figure) -> str:
+    tip = _TIPS.get(figure.key.removeprefix("warp_"), "")
+    if figure.key == "areal_mass" and figure.value is not None:
+        tip = f"{figure.value / UNITS['kg/m2']['oz/yd2']:.3g} oz/yd². {tip}"
+    return tip

@@ -1,0 +1,306 @@
+"""The modes: a table, and a swing of the chosen one."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QBrush, QPalette, QShowEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QLabel,
+    QPushButton,
+    QSlider,
+    QTableWidgetItem,
+    QWidget,
+)
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.response_plot import ResponsePlot
+from spacemap_vtk.app.plots.curves import Spectrum
+from spacemap_vtk.app.widgets import RIGHT, column, note, row, table
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.app.work.job import Swing
+from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.mechanics.modal.damping import Damped, Damping
+from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, unresolved_modes
+from spacemap_vtk.mechanics.response.oscillator import damping_ratio, regime
+from spacemap_vtk.units import aligned, pretty
+
+_HEADINGS = ("Mode", "Hz", "Damping", "Mass")
+_FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
+#: Prefix of a frequency whose mode is shorter than the cage's cells resolve.
+_ROUGHLY = "≈ "
+_TIPS = (
+    "",
+    "Frequency without damping",
+    "Damping ratio, where the mode swings: 1 and more is overdamped",
+    "Effective mass along the axis of which the mode moves most, of the mass that can move",
+)
+#: Below this share a mode moves no mass as a whole.
+_NONE = 0.005
+#: Seconds that a swing takes on the screen, whatever its frequency.
+_PERIOD = 1.2
+_TICK = 15
+#: Of an amplitude: the most, what it is at first, and what it means.
+_SHARES = (
+    50,
+    15,
+    (
+        "Largest displacement, in percent of the cage's longest side; with a section [rotation] "
+        "a mode is shown up to 90°"
+    ),
+)
+_ANGLES = (
+    90,
+    45,
+    "The angle by which the mode turns the cloth at most; less where it would stretch it by half",
+)
+
+#: What the tab says: with modes, without a cage, and where the motion is read from a file.
+_HINTS = (
+    "Click a mode to see it swing, slowed to a swing in a second.",
+    "Nothing moves in this scene: change a value of the modal solver, and it gets a cage that "
+    "swings.",
+    "The motion is read from a file, and has no modes.",
+)
+
+
+class ModesTab(QWidget):
+    """Frequency and damping of each mode; a click lets it swing."""
+
+    #: A `Swing` to show; None for the motion.
+    swung = Signal(object)
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        super().__init__()
+        self.table = table("modes", _HEADINGS)
+        for place, tip in enumerate(_TIPS):
+            self.table.horizontalHeaderItem(place).setTextAlignment(RIGHT)
+            self.table.horizontalHeaderItem(place).setToolTip(tip)
+        header = self.table.horizontalHeader()
+        # Not ResizeToContents, which would measure all rows anew at every single cell.
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        header.setSectionResizeMode(len(_HEADINGS) - 1, QHeaderView.ResizeMode.Stretch)
+        self.table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.amplitude = QSlider(Qt.Orientation.Horizontal)
+        self.amplitude.valueChanged.connect(self._tell_amplitude)
+        #: The amplitude in words, and how to go further.
+        self.told = QLabel()
+        self._turns: bool | None = None
+        self.show_turns(False)
+        self.back = QPushButton("Back to the motion", enabled=False)
+        self.back.clicked.connect(self.stop)
+        self.hint = note(_HINTS[0])
+        #: What all modes do together, and what each moves.
+        self.response = ResponsePlot(document, engine)
+        self.response.chosen.connect(self._chosen)
+        self.response.found.connect(self._found)
+        #: What swings: a sheet, with its mass and bending length, or tetrahedra.
+        self.sheet = note(name="note")
+        #: Which modes are shorter than the cells resolve.
+        self.unresolved = note(name="note")
+        self.unresolved.hide()
+        below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
+        column(
+            self,
+            self.hint,
+            self.sheet,
+            self.unresolved,
+            (self.table, 1),
+            self.response,
+            below,
+            self.back,
+            margins=(6, 6, 6, 6),
+        )
+        self._known: Any = None
+        #: The modes and damping that the masses and the response shown are of.
+        self._found_of: Any = None
+        #: The mode that swings, if one does.
+        self.mode: int | None = None
+        self._begun = 0.0
+        self._timer = QTimer(self, interval=_TICK)
+        self._timer.timeout.connect(self._tick)
+        self.table.cellClicked.connect(self._clicked)
+        self.table.currentCellChanged.connect(self._moved)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self.response.seen()
+
+    def forget(self) -> None:
+        """Show no modes until a frame brings some: those that are shown are another scene's."""
+        self._known = None
+        self.table.setRowCount(0)
+        self.hint.clear()
+        self.sheet.hide()
+        self.unresolved.hide()
+        self.response.forget()
+
+    def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
+        """Fill the table, if modes or damping are others."""
+        array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
+        values = np.zeros(0) if array is None else vtk_to_numpy(array)
+        try:
+            damping = mover.damping if isinstance(mover, Damped) else Damping()
+        except InputError:
+            return  # two ways that contradict each other: the run says so
+        self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
+        found = measures_in(cage)
+        self.sheet.setText(_told(found))
+        self.sheet.setVisible(bool(found))
+        known = (values.tobytes(), damping)
+        if known == self._known:
+            return
+        self._known = known
+        self.unresolved.hide()
+        if cage is None:
+            self.response.forget()
+        self.table.setRowCount(len(values))
+        rates = damping.alphas(values), damping.beta
+        lost = 0.0 if cage is None or array is None else rounding_of(cage)
+        ratios, kinds = damping_ratio(values, *rates), regime(values, *rates, lost)
+        frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
+        self.response.frequencies = frequencies
+        spectrum = self.response.spectrum
+        swinging = [number for number, kind in enumerate(kinds) if kind == "underdamped"]
+        told = dict(zip(swinging, aligned(ratios[swinging], 2), strict=True))
+        columns = (
+            range(1, len(values) + 1),
+            aligned(frequencies),
+            [told.get(number, kind) for number, kind in enumerate(kinds)],
+            [""] * len(values),
+        )
+        for number, cells in enumerate(zip(*columns, strict=True)):
+            for place, cell in enumerate(cells):
+                item = QTableWidgetItem(str(cell))
+                item.setTextAlignment(RIGHT)
+                self.table.setItem(number, place, item)
+        if spectrum is not None:
+            self._show_masses(spectrum)
+        self._fit()
+        if self.mode is not None and self.mode >= len(values):
+            self.stop()
+
+    def _fit(self) -> None:
+        # Not the last one, which takes the room that is left.
+        for place in range(self.table.columnCount() - 1):
+            self.table.resizeColumnToContents(place)
+
+    def _found(self, spectrum: Spectrum) -> None:
+        self._found_of = self._known if self.response.current else None
+        self._show_masses(spectrum)
+
+    def _show_masses(self, spectrum: Spectrum) -> None:
+        """Write the effective masses, in grey those of the modes before until these are there."""
+        old = self._found_of != self._known
+        self.response.fade(old)
+        if len(spectrum.shares) != self.table.rowCount():
+            return  # of other modes: theirs are on the way
+        sums = spectrum.shares.cumsum(axis=0)
+        for number, (share, total) in enumerate(zip(spectrum.shares, sums, strict=True)):
+            axis = int(np.argmax(share))
+            item = self.table.item(number, _MASS)
+            item.setText(f"{share[axis]:.0%} {'xyz'[axis]}" if share[axis] >= _NONE else "–")
+            lines = (
+                f"{x}: {a:.1%}, with those above {b:.1%}"
+                for x, a, b in zip("xyz", share, total, strict=True)
+            )
+            whose = "of the modes before" if old else "of what can move"
+            item.setToolTip(f"Effective mass, {whose}\n" + "\n".join(lines))
+            faint = self.palette().brush(QPalette.ColorRole.PlaceholderText)
+            item.setForeground(faint if old else QBrush())
+        if not old:
+            self._mark_unresolved(spectrum.errors.tolist())
+        self._fit()
+
+    def _mark_unresolved(self, errors: Sequence[float]) -> None:
+        """Mark the frequencies of the modes that are shorter than the cage's cells resolve."""
+        for number, error in enumerate(errors):
+            if error > UNRESOLVED:
+                item = self.table.item(number, _FREQUENCY)
+                item.setText(_ROUGHLY + item.text().removeprefix(_ROUGHLY))
+                item.setToolTip(
+                    f"Shorter than the cage's cells resolve: about {error:.0%} too high"
+                )
+        clause = unresolved_modes(errors)
+        self.unresolved.setText(f"{clause.capitalize()}; set finer divisions of the cage.")
+        self.unresolved.setVisible(bool(clause))
+
+    def show_turns(self, turns: bool) -> None:
+        """Let amplitudes be angles, or not: where turning stretches, there is no large one."""
+        if turns == self._turns:
+            return
+        self._turns = turns
+        most, value, tip = _ANGLES if turns else _SHARES
+        self.amplitude.setRange(1, most)
+        self.amplitude.setValue(value)
+        self.amplitude.setToolTip(tip)
+        self._tell_amplitude()
+
+    def stop(self) -> None:
+        """Show the motion again."""
+        if self.mode is not None:
+            self.release()
+            self.swung.emit(None)
+
+    def release(self) -> None:
+        """Let nothing swing any more; something else is shown."""
+        self._choose(None)
+        self._timer.stop()
+        self.table.clearSelection()
+        self.back.setEnabled(False)
+
+    def _choose(self, mode: int | None) -> None:
+        self.mode = self.response.mode = mode
+        self.response.update()
+
+    def _chosen(self, mode: int) -> None:
+        """Let a mode swing that was clicked in the plot."""
+        self.table.setCurrentCell(mode, 0)
+        self.table.cellClicked.emit(mode, 0)
+
+    def _clicked(self, row: int, _column: int) -> None:
+        self._choose(row)
+        self._begun = time.perf_counter()
+        self.back.setEnabled(True)
+        self._timer.start()
+
+    def _moved(self, row: int, *_: int) -> None:
+        """Let the arrow keys go from one swinging mode to the next."""
+        if self.mode is not None and row >= 0:
+            self._choose(row)
+
+    def _tick(self) -> None:
+        if self.mode is not None:
+            phase = (time.perf_counter() - self._begun) / _PERIOD
+            value = self.amplitude.value()
+            angle = math.radians(value) if self._turns else None
+            self.swung.emit(Swing(self.mode, value / 100, phase, angle))
+
+    def _tell_amplitude(self) -> None:
+        value = self.amplitude.value()
+        self.told.setText(f"{value}°" if self._turns else f"{value} %")
+
+
+def _told(found: dict[str, Any]) -> str:
+    """Return what a cage was found to be in a sentence."""
+    if "bending_length" not in found:
+        return f"The cage is of {found['elements']}." if found else ""
+    mass, length = (
+        pretty(ModalSolver.parameter(name).tell(found[name]))
+        for name in ("areal_mass", "bending_length")
+    )
+    return f"The cage is a sheet: areal mass {mass}; bending length {length}."

@@ -1,0 +1,276 @@
+"""The properties of the chosen stage."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QWidget
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of
+from spacemap_vtk.app.fields.lines import FileEditor
+from spacemap_vtk.app.fields.loads_editor import LoadsEditor
+from spacemap_vtk.app.fields.row import Group, Pair, ParameterRow, editor_of
+from spacemap_vtk.app.widgets import column, later, note
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.textile import Woven
+from spacemap_vtk.parameters import Parameter, Parameterised
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.face import picture_size
+
+#: Feasible intervals are found no more often, and in no more than this share of the time: during
+#: a drag, finding them costs as much as a few frames.
+_LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
+#: Of more parameters than these one wants to search.
+_MANY = 8
+
+
+class Properties(QScrollArea):
+    """A row for each declared parameter of one section."""
+
+    #: A value was refused: the error.
+    refused = Signal(object)
+    #: A value was accepted: the burst that it belongs to.
+    accepted = Signal(int)
+    #: Whether a drag goes on.
+    held = Signal(bool)
+    #: The section shown, which is off and shall be on.
+    added = Signal(str)
+
+    def __init__(self, document: Document) -> None:
+        super().__init__(widgetResizable=True)
+        self._document = document
+        self.section = ""
+        self._shown: tuple[str, Mapping[str, Any], dict[str, Any]] | None = None
+        self.rows: dict[str, ParameterRow] = {}
+        #: Rows that stand below a heading, and side by side.
+        self.groups: dict[str, Group] = {}
+        self.pairs: list[Pair] = []
+        #: Sections and titles of groups that are folded.
+        self._folded: set[tuple[str, str]] = set()
+        self.search = QLineEdit()
+        #: What the last run has found of the section's values, by name; see `show_found`.
+        self._found: dict[str, dict[str, Any]] = {}
+        #: What automatic values of all sections came to in it.
+        self._in_use: dict[str, Mapping[str, Any]] = {}
+        self._limited = 0.0
+        #: The settings whose feasible intervals are known, and these.
+        self._feasible: tuple[dict[str, Any], dict[str, tuple[float, float]]] = {}, {}
+        #: The row that was edited last, if nothing has changed since.
+        self._last = ""
+        self._later = later(self, self._show_limits)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        document.changed.connect(self.refresh)
+        document.replaced.connect(self._forget)
+        document.replaced.connect(self.refresh)
+
+    def choose(self, section: str) -> None:
+        # A slider that goes while it is held is never let go.
+        self.held.emit(False)
+        self.section = section
+        self.rows, self.groups, self.pairs = {}, {}, []
+        self._shown = None
+        self._limited = 0.0
+        page = QWidget()
+        cls = sections()[section]
+        about = note((cls.__doc__ or "").strip().splitlines()[0])
+        self.search = QLineEdit(placeholderText="Search what can be set", clearButtonEnabled=True)
+        self.search.textChanged.connect(self._seek)
+        self.add = QPushButton("Switch it on")
+        self.add.clicked.connect(lambda: self.added.emit(section))
+        parts: list[QWidget] = [about, self.add]
+        if len(cls.parameters) > _MANY:
+            parts.insert(1, self.search)
+        for name, parameter in cls.parameters.items():
+            if name in self.rows:
+                continue  # the weft's, which stands beside the warp's
+            if parameter.group and parameter.group not in self.groups:
+                self.groups[parameter.group] = made = Group(parameter.group)
+                parts.append(made)
+            group = self.groups[parameter.group].rows if parameter.group else parts
+            partner = name.replace("warp_", "weft_", 1)
+            if partner != name and partner in cls.parameters:
+                warp, weft = (
+                    self._row(parameter, "Warp"),
+                    self._row(cls.parameters[partner], "Weft"),
+                )
+                self.pairs.append(Pair(warp, weft))
+                group.append(self.pairs[-1])
+            else:
+                group.append(self._row(parameter))
+        for made in self.groups.values():
+            made.lay_out((section, made.title) in self._folded)
+            made.head.toggled.connect(partial(self._fold, section, made.title))
+        column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
+        self.setWidget(page)
+        self.refresh()
+
+    @property
+    def _part(self) -> Parameterised:
+        return self._document.scene.parts[self.section]
+
+    @property
+    def _written(self) -> Mapping[str, Any]:
+        """The values of the section that its file has."""
+        return self._document.values.get(self.section, {})
+
+    def _show_value(self, row: ParameterRow) -> None:
+        name = row.parameter.name
+        row.show_value(getattr(self._part, name), name not in self._written)
+
+    def _row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
+        # That of loads alone has rows of its own.
+        editor: Editor = (
+            LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
+        )
+        if isinstance(editor, FileEditor):
+            editor.told = self._document.told
+        made = ParameterRow(parameter, editor, beside)
+        made.edited.connect(self._edited)
+        made.held.connect(self.held)
+        made.restored.connect(self._restored)
+        self.rows[parameter.name] = made
+        return made
+
+    def _fold(self, section: str, title: str, open_: bool) -> None:
+        (self._folded.discard if open_ else self._folded.add)((section, title))
+
+    def _seek(self, text: str) -> None:
+        """Show the rows alone that are searched for."""
+        for row in self.rows.values():
+            row.seek(text.lower().split())
+        self._frame()
+
+    def _frame(self) -> None:
+        """Show what stands round rows where there are such."""
+        for pair in self.pairs:
+            pair.setVisible(not all(row.isHidden() for row in pair.rows))
+        for group in self.groups.values():
+            group.setVisible(not all(row.isHidden() for row in group.rows))
+            group.unfold(bool(self.search.text()))
+
+    def refresh(self) -> None:
+        """Show what the document says."""
+        self._last = ""
+        if not self.section:
+            return
+        part, written = self._part, self._written
+        # What needs no value set, as RotationStrain, would otherwise never come in.
+        self.add.setVisible(isinstance(part, Stage) and part not in self._document.scene.stages)
+        # A drag elsewhere changes nothing here.
+        known_state = self.section, written, part.settings
+        if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
+            return
+        before, self._shown = self._shown, known_state
+        for name, row in self.rows.items():
+            known = before and (before[2][name], name in before[1])
+            if known != (getattr(part, name), name in written) or row.property("bad"):
+                self._show_value(row)
+        self._show_what_counts()
+
+    def _show_what_counts(self) -> None:
+        part, written = self._part, self._written
+        for name, row in self.rows.items():
+            if row.parameter.when:
+                why = idle_of(part, name, self._found.get(self.section, {}))
+                row.show_idle(self._document.drafts.told(why), name in written)
+        self._frame()
+        rest = self._limited - time.perf_counter()
+        if rest <= 0.0:
+            self._show_limits()
+        elif not self._later.isActive():
+            self._later.start(round(rest * 1e3) + 1)
+
+    def show_found(
+        self, section: str, figures: dict[str, Any], in_use: dict[str, Mapping[str, Any]]
+    ) -> None:
+        """Show what a run has found of a section's parameters, and of all automatic ones."""
+        if figures == self._found.get(section, {}) and in_use == self._in_use:
+            return
+        self._found[section], self._in_use = figures, in_use
+        if self.section:
+            self._show_what_counts()
+
+    def _forget(self) -> None:
+        self._found, self._in_use = {}, {}
+        self._limited = 0.0  # what this one's come to is shown at once
+        for row in self.rows.values():
+            row.show_resolved(None)  # what came of another scene's automatic values
+
+    def _show_limits(self) -> None:
+        begun, part = time.thread_time(), self._part
+        # A page that is shown again, and a run's figures, change nothing of what is feasible; but a
+        # draft's file may be another by now.
+        if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
+            self._feasible = part.settings, feasible_of(part)
+        feasible, found = self._feasible[1], self._found.get(self.section, {})
+        known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
+        if part is self._document.scene.view:
+            known |= {"size": picture_size(self._document.scene)}
+        if isinstance(part, Woven) and "pattern" in self.rows and part.draft_file is None:
+            with suppress(SpacemapError):  # the stage says why
+                threads = part.cloth.threads
+                self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))
+        for name, row in self.rows.items():
+            row.show_resolved(known.get(name))
+            row.show_feasible(feasible.get(name))
+            # Of a choice that says just that there is nothing more to tell.
+            same = row.parameter.kind == "choice" and found.get(name) == getattr(part, name)
+            row.show_in_force(row.parameter.tell(found[name]) if name in found and not same else "")
+        taken = time.thread_time() - begun
+        self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
+
+    def mark(self, error: SpacemapError, about: str = "value") -> None:
+        """Mark the field that an error names, if it is here."""
+        row = self.rows.get(error.key or "")
+        if row is not None and row.automatic is not None and row.automatic.isChecked():
+            row = self.rows.get(self._last, row)  # that one follows from what was set
+        if row is not None and error.section in (None, self.section):
+            row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
+            if row.parameter.group:
+                self.groups[row.parameter.group].head.setChecked(True)
+            self.ensureWidgetVisible(row)
+
+    def take_back(self) -> bool:
+        """Show the document's values in place of those that it has refused; return if it has."""
+        refused = [row for row in self.rows.values() if row.about == "value"]
+        for row in refused:
+            self._show_value(row)
+        if refused:
+            self.accepted.emit(0)
+        return bool(refused)
+
+    def clear(self, about: str) -> None:
+        """Mark no field for something any more."""
+        for row in self.rows.values():
+            if row.about == about:
+                row.mark(None)
+
+    def _edited(self, name: str, written: object, burst: int) -> None:
+        try:
+            self._document.set(self.section, name, written, burst)
+        except InputError as error:
+            error.section = error.section or self.section
+            self.mark(error)
+            self.rows[name].about = "value"  # a part of it may be to blame, which has no mark
+            self.refused.emit(error)
+        else:
+            # Refused before, and the value it had is chosen again: nothing has changed.
+            self.rows[name].mark(None)
+            self._last = name
+            self.accepted.emit(burst)
+
+    def _restored(self) -> None:
+        row = self.sender()
+        if row.about == "value":  # a run would fail with it again
+            row.mark(None)
+            self.accepted.emit(0)

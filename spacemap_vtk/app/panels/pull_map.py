@@ -1,0 +1,329 @@
+"""The map of the biaxial pad: stretches along warp and weft, and what a cloth does there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import (
+    QBrush,
+    QColor,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QPixmap,
+    QPolygonF,
+    QResizeEvent,
+)
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from spacemap_vtk.app.widgets import is_dark, painter_on
+from spacemap_vtk.draw.actors.coloring import round_between
+from spacemap_vtk.textile.crimp.biaxial import StretchMap
+
+#: Pixels left of, right of, above and below the map.
+_MARGINS = (52, 12, 10, 40)
+#: Pixels of the point's radius; between marks; least half width of a region that is named.
+_DOT, _WIDE, _ROOM = 6.0, 46.0, 18.0
+#: Colours of the lines of warp and weft, in the light and in the dark.
+_COLORS = (("#c8502a", "#2c5f9e"), ("#ff8a5c", "#6cb4ee"))
+#: How far along a line its number may stand.
+_ALONG = (0.5, 0.35, 0.65, 0.22, 0.78, 0.1, 0.9)
+#: What a key moves the point by; with Shift so many times as far.
+_STEP, _FAR = 0.002, 5
+_STEPS = {
+    Qt.Key.Key_Left: (-1, 0),
+    Qt.Key.Key_Right: (1, 0),
+    Qt.Key.Key_Down: (0, -1),
+    Qt.Key.Key_Up: (0, 1),
+}
+_KEYS = (*_STEPS, Qt.Key.Key_Home, Qt.Key.Key_Escape)
+_TIP = "Arrows move the point by 0.2 %, with Shift by 1 %; Home: as woven; Esc: back to the motion"
+
+
+class PullMap(QWidget):
+    """The map, with a point where the cloth is."""
+
+    #: Stretches along warp and weft.
+    dragged = Signal(float, float)
+    #: Whether a drag goes on.
+    held = Signal(bool)
+    #: The motion is wanted again.
+    left = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumHeight(220)
+        self.setCursor(Qt.CursorShape.CrossCursor)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.map: StretchMap | None = None
+        self.at = (1.0, 1.0)
+        self._down = False
+        self._picture: QPixmap | None = None
+        self._taken: list[QRectF] = []
+
+    def show_map(self, found: StretchMap | None) -> None:
+        self.map, self._picture = found, None
+        self.setToolTip("" if found is None else _TIP)
+        self.update()
+
+    def go(self, warp: float, weft: float) -> None:
+        """Put the point somewhere."""
+        self.at = (warp, weft)
+        self.update()
+
+    def place(self, warp: float, weft: float) -> QPointF:
+        """Return where stretches are on the widget."""
+        assert self.map is not None
+        frame, (x, y) = self.frame(), (self.map.warp, self.map.weft)
+        return QPointF(
+            frame.left() + (warp - x[0]) / (x[-1] - x[0]) * frame.width(),
+            frame.bottom() - (weft - y[0]) / (y[-1] - y[0]) * frame.height(),
+        )
+
+    def frame(self) -> QRectF:
+        left, right, top, bottom = _MARGINS
+        return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Pull the cloth to where the mouse is."""
+        if event.button() == Qt.MouseButton.LeftButton and self.map is not None:
+            self._down = True
+            self.held.emit(True)
+            self._drag(event.position())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Pull on."""
+        if self._down:
+            self._drag(event.position())
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self._down and event.button() == Qt.MouseButton.LeftButton:
+            self._down = False
+            self.held.emit(False)
+
+    def event(self, event: QEvent) -> bool:
+        """Keep the keys of the map from being the menus'."""
+        override = event.type() == QEvent.Type.ShortcutOverride
+        if override and isinstance(event, QKeyEvent) and event.key() in _KEYS:
+            event.accept()
+        return bool(super().event(event))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Move the point, or let go."""
+        key = event.key()
+        if self.map is None or key not in _KEYS:
+            super().keyPressEvent(event)
+        elif key == Qt.Key.Key_Escape:
+            self.left.emit()
+        elif key == Qt.Key.Key_Home:
+            self._move(1.0, 1.0)
+        else:
+            far = _FAR if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+            self._move(*(a + far * _STEP * b for a, b in zip(self.at, _STEPS[key], strict=True)))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Paint the map anew."""
+        super().resizeEvent(event)
+        self._picture = None
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._picture = None
+        super().changeEvent(event)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint the map, once, and the point over it."""
+        if self.map is None:
+            return
+        if self._picture is None:
+            self._picture = self._painted(self.map)
+        painter = painter_on(self)
+        painter.drawPixmap(0, 0, self._picture)
+        frame, at, ink = self.frame(), self.place(*self.at), self.palette().text().color()
+        painter.setPen(QPen(ink, 0.8, Qt.PenStyle.DotLine))
+        painter.drawLine(QPointF(frame.left(), at.y()), QPointF(frame.right(), at.y()))
+        painter.drawLine(QPointF(at.x(), frame.top()), QPointF(at.x(), frame.bottom()))
+        painter.setPen(QPen(self.palette().base().color(), 2.0))
+        painter.setBrush(self.palette().highlight())
+        painter.drawEllipse(at, _DOT, _DOT)
+        if self.hasFocus():
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.setPen(QPen(self.palette().highlight().color(), 1.2))
+            painter.drawEllipse(at, _DOT + 3, _DOT + 3)
+        painter.end()
+
+    def _drag(self, position: QPointF) -> None:
+        assert self.map is not None
+        frame, (x, y) = self.frame(), (self.map.warp, self.map.weft)
+        share = (position.x() - frame.left()) / max(frame.width(), 1.0)
+        up = (frame.bottom() - position.y()) / max(frame.height(), 1.0)
+        self._move(x[0] + share * (x[-1] - x[0]), y[0] + up * (y[-1] - y[0]))
+
+    def _move(self, warp: float, weft: float) -> None:
+        assert self.map is not None
+        x, y = self.map.warp, self.map.weft
+        self.go(float(np.clip(warp, x[0], x[-1])), float(np.clip(weft, y[0], y[-1])))
+        self.dragged.emit(*self.at)
+
+    def _painted(self, found: StretchMap) -> QPixmap:
+        ratio = self.devicePixelRatioF()
+        picture = QPixmap(self.size() * ratio)
+        picture.setDevicePixelRatio(ratio)
+        picture.fill(Qt.GlobalColor.transparent)
+        painter = painter_on(picture)
+        small = painter.font()
+        small.setPointSizeF(7.5)
+        painter.setFont(small)
+        frame, palette = self.frame(), self.palette()
+        ink, faint = palette.text().color(), palette.mid().color()
+        painter.fillRect(frame, palette.base())
+        painter.setClipRect(frame)
+        painter.setPen(QPen(faint, 1.0))
+        rest = self.place(1.0, 1.0)
+        painter.drawLine(QPointF(frame.left(), rest.y()), QPointF(frame.right(), rest.y()))
+        painter.drawLine(QPointF(rest.x(), frame.top()), QPointF(rest.x(), frame.bottom()))
+        # What lies past the border of a jam is covered, lines and all.
+        beside, below = self._jams(found)
+        self._taken = []
+        labels = self._lines(painter, found, [beside, below])
+        painter.setPen(QPen(ink, 2.8))  # of which half is seen
+        for part in (beside, below):
+            painter.drawPolygon(part)
+        painter.setPen(Qt.PenStyle.NoPen)
+        for brush in (palette.window(), QBrush(faint, Qt.BrushStyle.BDiagPattern)):
+            painter.setBrush(brush)
+            for part in (beside, below):
+                painter.drawPolygon(part)
+        for area, text, color in labels:
+            painter.fillRect(area, palette.base())
+            painter.setPen(color)
+            painter.drawText(area, Qt.AlignmentFlag.AlignCenter, text)
+        painter.setPen(ink)
+        self._name_regions(painter, found)
+        painter.setClipping(False)
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.drawRect(frame)
+        self._marks(painter, found)
+        painter.end()
+        return picture
+
+    def _jams(self, found: StretchMap) -> list[QPolygonF]:
+        """Return the parts of the map where the warp jams, and where the weft does."""
+        (left, right), (low, high) = found.warp[[0, -1]], found.weft[[0, -1]]
+        wide, tall = 0.1 * (right - left), 0.1 * (high - low)  # with their outlines out of sight
+        left, low = min(left, found.jam[0].min()) - wide, min(low, found.jam[1].min()) - tall
+        beside = [(x, y) for x, y in zip(found.jam[0], found.weft, strict=True)]
+        below = [(x, y) for x, y in zip(found.warp, found.jam[1], strict=True)]
+        beside = [(left, low), (beside[0][0], low), *beside, (beside[-1][0], high + tall)]
+        below = [(left, low), (left, below[0][1]), *below, (right + wide, below[-1][1])]
+        parts = (*beside, (left, high + tall)), (*below, (right + wide, low))
+        return [QPolygonF([self.place(*point) for point in part]) for part in parts]
+
+    def _lines(
+        self, painter: QPainter, found: StretchMap, jams: list[QPolygonF]
+    ) -> list[tuple[QRectF, str, QColor]]:
+        """Paint lines of equal force, or else of yarn strain; return where their numbers stand."""
+        from contourpy import contour_generator  # with matplotlib, and not before it is needed
+
+        palette, reached = self.palette(), self._reached(found)
+        forces = found.force.max() > 0.0
+        fields = found.force if forces else found.strain
+        most = float(np.where(reached, fields, 0.0).max())
+        size, unit = (1.0, " N/m") if forces else (100.0, " %")
+        if forces and most >= 1e4:
+            size, unit = 1e-3, " kN/m"
+        labels: list[tuple[QRectF, str, QColor]] = []
+
+        painter.setPen(QPen(palette.text().color(), 1.0 if forces else 2.2))
+        painter.drawPolyline(QPolygonF([self.place(*point) for point in found.exchange.T]))
+        styles = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+        for values, color, style in zip(fields, _COLORS[is_dark(self)], styles, strict=True):
+            painter.setPen(QPen(QColor(color), 1.3, style))
+            lines = contour_generator(found.warp, found.weft, values)
+            for level in round_between(0.04 * most, most):
+                text = f"{size * level:g}{unit}"
+                for line in lines.lines(level):
+                    points = [self.place(*point) for point in np.asarray(line)]
+                    painter.drawPolyline(QPolygonF(points))
+                    if (area := self._room(painter, points, text, jams)) is not None:
+                        labels.append((area, text, QColor(color)))
+        return labels
+
+    def _room(
+        self, painter: QPainter, points: list[QPointF], text: str, jams: list[QPolygonF]
+    ) -> QRectF | None:
+        """Return where on a line there is room for its number."""
+        area = painter.fontMetrics().boundingRect(text).toRectF().adjusted(-2, 0, 2, 0)
+        for share in _ALONG:
+            area.moveCenter(points[int(share * (len(points) - 1))])
+            free = not any(area.intersects(other) for other in self._taken)
+            free = free and not any(jam.intersects(QPolygonF(area)) for jam in jams)
+            if free and self.frame().contains(area):
+                self._taken.append(QRectF(area))
+                return QRectF(area)
+        return None
+
+    def _reached(self, found: StretchMap) -> NDArray[np.bool_]:
+        """Return where yarns do not jam."""
+        reached: NDArray[np.bool_] = found.warp >= found.jam[0][:, None]
+        return reached & (found.weft[:, None] >= found.jam[1])
+
+    def _name_regions(self, painter: QPainter, found: StretchMap) -> None:
+        """Write into each region what yarns do there, where it is widest."""
+        from scipy.ndimage import distance_transform_edt
+
+        reached, frame = self._reached(found), self.frame()
+        cell = frame.height() / len(found.weft), frame.width() / len(found.warp)
+        regions: list[tuple[str, Any]] = [("jam", ~reached), ("slack", reached & found.slack)]
+        if not found.force.any():
+            strains = found.strain.max(axis=0) > 1e-6
+            regions.append(("pressed", reached & ~found.slack & ~strains))
+        for name, where in regions:
+            # What stands at its middle is far from its border and from the frame's.
+            far = distance_transform_edt(np.pad(where, 1), sampling=cell)[1:-1, 1:-1]
+            row, column = np.unravel_index(int(np.argmax(far)), far.shape)
+            if far[row, column] < _ROOM:
+                continue
+            area = painter.fontMetrics().boundingRect(name).toRectF().adjusted(-4, 0, 4, 0)
+            area.moveCenter(self.place(found.warp[column], found.weft[row]))
+            if name == "jam":
+                painter.fillRect(area, self.palette().window())
+            if not any(area.intersects(other) for other in self._taken):
+                painter.drawText(area, Qt.AlignmentFlag.AlignCenter, name)
+
+    def _marks(self, painter: QPainter, found: StretchMap) -> None:
+        """Write stretches below and beside the map, in percent."""
+        frame, middle = self.frame(), Qt.AlignmentFlag.AlignCenter
+        right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        for mark in _marks_of(found.warp, frame.width()):
+            x = self.place(1.0 + mark / 100, 1.0).x()
+            painter.drawText(QRectF(x - 25, frame.bottom() + 4, 50, 14), middle, _percent(mark))
+        for mark in _marks_of(found.weft, frame.height()):
+            y = self.place(1.0, 1.0 + mark / 100).y()
+            painter.drawText(QRectF(14, y - 7, frame.left() - 19, 14), right, _percent(mark))
+        foot = QRectF(frame.left(), frame.bottom() + 20, frame.width(), 16)
+        painter.drawText(foot, middle, "stretch along the warp [%]")
+        painter.translate(2, frame.bottom())
+        painter.rotate(-90)
+        painter.drawText(QRectF(0, 0, frame.height(), 14), middle, "stretch along the weft [%]")
+        painter.resetTransform()
+
+
+def _marks_of(stretch: NDArray[np.float64], pixels: float) -> NDArray[np.float64]:
+    """Return marks in percent, at round numbers, that many pixels have room for."""
+    low, high = 100.0 * (stretch[[0, -1]] - 1.0)
+    steps = (step for step in (0.5, 1, 2, 5, 10, 20, 50) if pixels * step >= _WIDE * (high - low))
+    step = next(steps, 100)
+    marks: NDArray[np.float64] = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    return marks + 0.0
+
+
+def _percent(mark: float) -> str:
+    return f"{mark:+g}" if mark else "0"

@@ -1,0 +1,143 @@
+"""The biaxial pad: the tab where the cloth is pulled along warp and weft."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QPushButton, QWidget
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.pull_map import PullMap
+from spacemap_vtk.app.widgets import column, later, note
+from spacemap_vtk.app.work.job import Pull
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
+from spacemap_vtk.textile.crimp.biaxial import stretch_map
+from spacemap_vtk.textile.crimp.interchange import Interchange
+from spacemap_vtk.textile.weave.cloth import FAMILIES
+
+#: Milliseconds without another change until the map is found.
+_REST = 150
+#: Lines of what is told: of a fixed number, or the map would be painted anew with each word.
+_LINES = 5
+_HINT = "Drag the point, and the cloth follows. Where it is hatched yarns jam. "
+_OF = (
+    "Lines of equal force: <b>—</b> along the warp, <b>--</b> along the weft.",
+    "Along the thick line yarns trade crimp; past it they are pressed together, then they strain: "
+    "<b>—</b> the warp, <b>--</b> the weft. Yarns that stretch, with a tension, have lines of "
+    "force.",
+)
+_NONE = (
+    'Yarns trade crimp with a section [yarns]: <a href="yarns">add it</a>, and they keep their '
+    "length where the cloth is pulled.",
+    "Only a woven scene has yarns that trade crimp.",
+)
+
+
+class PullTab(QWidget):
+    """Pull the cloth along warp and weft."""
+
+    #: A `Pull` to show; None for the motion.
+    pulled = Signal(object)
+    #: Whether a drag goes on.
+    held = Signal(bool)
+
+    def __init__(self, document: Document) -> None:
+        super().__init__()
+        self._document = document
+        self.map = PullMap()
+        rich = Qt.TextFormat.RichText  # all of it is the program's own words
+        self.hint = note(_NONE[0], textFormat=rich)
+        top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
+        self.told = note(name="told", textFormat=rich, alignment=top)
+        self.told.setFixedHeight(_LINES * self.told.fontMetrics().lineSpacing() + 2)
+        self.back = QPushButton("Back to the motion", enabled=False)
+        self.back.clicked.connect(self.stop)
+        column(self, self.hint, (self.map, 1), self.told, self.back, margins=(6, 6, 6, 6))
+        self._crossings: Interchange | None = None
+        self._known: Any = None
+        self.rest = later(self, self._follow, _REST)
+        self.hint.linkActivated.connect(document.switch)
+        self.map.dragged.connect(self._pull)
+        self.map.held.connect(self.held)
+        self.map.left.connect(self.stop)
+        for told in (document.changed, document.replaced):
+            told.connect(self.rest.start)
+
+    def stop(self) -> None:
+        """Show the motion again."""
+        if self.release():
+            self.pulled.emit(None)
+
+    def release(self) -> bool:
+        """Let go of the cloth, and say whether it was held."""
+        held = self.back.isEnabled()
+        self.back.setEnabled(False)
+        self.map.go(1.0, 1.0)
+        self.told.clear()
+        return held
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Find the map when it is first seen."""
+        super().showEvent(event)
+        self._follow()
+
+    def _follow(self) -> None:
+        """Find the map of the present cloth, if it is seen."""
+        scene = self._document.scene
+        stage = scene.stage("crimp")
+        known = (
+            scene.woven is not None,
+            scene.source.settings,
+            None if stage is None else stage.settings,
+        )
+        if not self.isVisible() or known == self._known:
+            return
+        self._known, self._crossings, found = known, None, None
+        hint = _NONE[scene.woven is None]
+        if scene.woven is not None and isinstance(stage, YarnParameters):
+            try:
+                cloth = scene.woven.cloth
+                self._crossings = Interchange(cloth, stage.yarns(cloth))
+                found = stretch_map(self._crossings)
+                hint = _HINT + _OF[stage.inextensible]
+            except SpacemapError as error:
+                hint = f"There is no map: {html.escape(str(error))}"
+        self.hint.setText(hint)
+        self.map.show_map(found)
+        if found is None:
+            self.stop()
+        elif self.back.isEnabled():
+            self.told.setText(self._words(*self.map.at))
+
+    def _pull(self, warp: float, weft: float) -> None:
+        self.told.setText(self._words(warp, weft))
+        self.back.setEnabled(True)
+        self.pulled.emit(Pull(warp, weft))
+
+    def _words(self, warp: float, weft: float) -> str:
+        """Return what the cloth does at a stretch; heights are the mean of its crossings."""
+        crossings = self._crossings
+        assert crossings is not None
+        stretch = np.array([[warp], [weft]])
+        state = crossings.solve(np.broadcast_to(stretch[..., None], (2, *crossings.shape)))
+        found = crossings.resultants(stretch)
+        words = [f"Warp {100 * (warp - 1):+.2f} %, weft {100 * (weft - 1):+.2f} %"]
+        if found.force.any():
+            words[0] += ": {:.4g} and {:.4g} N/m".format(*found.force[:, 0])
+        crimp, height = (values.mean(axis=(1, 2)) for values in (state.crimp, state.height))
+        words.append("Crimp {:.2f} and {:.2f} %".format(*100.0 * crimp))
+        # of the axes, from crest to trough, as Peirce has it
+        words[-1] += ", heights {:.3g} and {:.3g} mm".format(*2e3 * height)
+        words.append("Yarn strain {:.2f} and {:.2f} %".format(*100.0 * found.strain[:, 0]))
+        if (lost := 1.0 - found.distance[0]) > 1e-6:
+            words.append(f"Crossings are pressed to {100 * (1 - lost):.3g} % of their height")
+        jams = state.stretch.max(axis=(1, 2)) > stretch[:, 0] + 1e-9
+        for what, families in (("jams", jams), ("is slack", state.slack.any(axis=(1, 2)) & ~jams)):
+            names = [name for name, is_so in zip(FAMILIES, families, strict=True) if is_so]
+            words += [f"The {name} {what}" for name in names]
+        return ". ".join(words) + "."

@@ -1,0 +1,168 @@
+"""The frequency response below the table of modes: a click chooses the nearest mode."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QMouseEvent, QPaintEvent, QPalette, QPen, QPolygonF
+from PySide6.QtWidgets import QWidget
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.plots.curves import Spectrum, moving, spectrum_of
+from spacemap_vtk.app.widgets import later, painter_on
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.draw.actors.coloring import round_between
+from spacemap_vtk.draw.figure.plots import handy
+from spacemap_vtk.draw.frame import Frame
+
+_Role = QPalette.ColorRole
+#: Pixels round the plot: left, right, top, bottom; and between two words below it.
+_MARGINS = (46, 8, 24, 18)
+_APART = 34
+#: Powers of ten that are seen below the highest peak.
+_DECADES = 5
+#: Milliseconds without another change until it is computed.
+_REST = 250
+_TIP = (
+    "How far the loads, as sines in phase, swing the place that moves most in the first mode. "
+    "Click near a peak to see its mode."
+)
+
+
+class ResponsePlot(QWidget):
+    """Amplitude over frequency, both in powers of ten; a line for each mode."""
+
+    #: A mode that was clicked.
+    chosen = Signal(int)
+    #: A `Spectrum`.
+    found = Signal(object)
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        super().__init__()
+        self.setFixedHeight(132)
+        self.setToolTip(_TIP)
+        self.hide()
+        self._document, self._engine = document, engine
+        self.spectrum: Spectrum | None = None
+        self.frequencies: NDArray[np.float64] = np.zeros(0)
+        self.mode: int | None = None
+        self._faded = False
+        #: How the scene moves that is drawn, and that whose response was asked for.
+        self._drawn = self._asked = ""
+        self._rest = later(self, self._ask, _REST)
+        engine.beside_ready.connect(self._ready)
+
+    def follow(self, frame: Frame) -> None:
+        """Ask for the response, if what moves is another."""
+        if frame.swing is None:
+            before = self._drawn
+            self._drawn = moving(self._document) if frame.values == self._document.values else ""
+            # A drag, which it would slow down, brings coarse frames, each with another response.
+            still = not frame.coarse or self._drawn == before
+            if still and self._drawn != self._asked and not self._rest.isActive():
+                self._rest.start()
+
+    @property
+    def current(self) -> bool:
+        """Whether what was asked for last is how the scene moves that is drawn."""
+        return self._drawn == self._asked
+
+    def fade(self, old: bool) -> None:
+        """Draw the curve in grey while it is of modes that were before."""
+        self._faded = old
+        self.update()
+
+    def forget(self) -> None:
+        """Show nothing until another response is there."""
+        self._drawn = self._asked = ""
+        self.spectrum = None
+        self.hide()
+
+    def seen(self) -> None:
+        """Ask for what has changed while another tab was seen, or was pushed aside by its work."""
+        self._asked = ""
+        self._rest.start()
+
+    def _ask(self) -> None:
+        if not self.parentWidget().isVisible() or self._drawn in ("", self._asked):
+            return
+        if self._engine.busy:
+            self._rest.start()
+        else:
+            self._asked = self._drawn
+            self._engine.ask_beside(spectrum_of)
+
+    def _ready(self, result: Any) -> None:
+        if not isinstance(result, Spectrum) or not self._asked:
+            return  # what the tab of plots has asked for, or of a scene that has been left
+        self.spectrum = result
+        self.setVisible(bool(result.response.any()))
+        self.found.emit(result)
+        self.update()
+
+    def frame(self) -> QRectF:
+        left, right, top, bottom = _MARGINS
+        return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
+
+    def x_of(self, frequency: Any) -> Any:
+        """Return where frequencies [Hz] are on the widget."""
+        assert self.spectrum is not None
+        low, high = np.log(self.spectrum.frequencies[[0, -1]])
+        frame = self.frame()
+        return frame.left() + (np.log(frequency) - low) / (high - low) * frame.width()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Choose the mode whose frequency is nearest."""
+        swinging = np.flatnonzero(self.frequencies > 0.0)
+        if event.button() == Qt.MouseButton.LeftButton and len(swinging):
+            away = abs(self.x_of(self.frequencies[swinging]) - event.position().x())
+            self.chosen.emit(int(swinging[np.argmin(away)]))
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        if self.spectrum is None:
+            return
+        frequencies, response = self.spectrum.frequencies, self.spectrum.response
+        colors, frame = self.palette(), self.frame()
+        faint, line = (colors.color(r) for r in (_Role.PlaceholderText, _Role.Mid))
+        accent = colors.color(_Role.Highlight)
+        unit, size = handy("m", float(response.max()))
+        top = math.ceil(math.log10(response.max() / size) * 4) / 4
+        high = frame.height() / _DECADES
+        painter = painter_on(self)
+        font = self.font()
+        font.setPointSizeF(font.pointSizeF() * 0.8)
+        painter.setFont(font)
+        painter.fillRect(frame, colors.color(_Role.Base))
+        painter.setPen(colors.color(_Role.WindowText))
+        painter.drawText(QPointF(2, frame.top() - 10), f"Amplitude [{unit}] over frequency [Hz]")
+        for power in range(math.ceil(top) - _DECADES, math.floor(top) + 1):
+            y = frame.top() + (top - power) * high
+            if y <= frame.bottom():
+                painter.setPen(QPen(line, 0.6))
+                painter.drawLine(QPointF(frame.left(), y), QPointF(frame.right(), y))
+                painter.setPen(faint)
+                room = QRectF(0, y - 8, frame.left() - 4, 16)
+                painter.drawText(room, Qt.AlignmentFlag.AlignRight, f"{10.0**power:g}")
+        taken = -math.inf
+        for value in round_between(*frequencies[[0, -1]]):
+            x = float(self.x_of(value))
+            if x - taken >= _APART and x + _APART / 2 < self.width():
+                taken = x
+                room = QRectF(x - _APART / 2, frame.bottom() + 2, _APART, 16)
+                painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, f"{value:g}")
+        painter.setClipRect(frame)
+        inside = self.frequencies > 0.0
+        for number in np.flatnonzero(inside):
+            at, chosen = float(self.x_of(self.frequencies[number])), number == self.mode
+            painter.setPen(QPen(accent if chosen else line, 2.0 if chosen else 0.6))
+            painter.drawLine(QPointF(at, frame.top()), QPointF(at, frame.bottom()))
+        painter.setPen(QPen(line if self._faded else accent, 1.3))
+        levels = top - np.log10(np.maximum(response / size, 10.0 ** (top - 2 * _DECADES)))
+        ys = frame.top() + levels * high
+        points = [QPointF(x, y) for x, y in zip(self.x_of(frequencies), ys, strict=True)]
+        painter.drawPolyline(QPolygonF(points))
+        painter.end()

@@ -1,0 +1,154 @@
+"""A point of the fabric that the user has picked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.actors.coloring import SHOWN, unit_of
+from spacemap_vtk.draw.actors.glyphs import rest_of
+from spacemap_vtk.draw.actors.surface_actor import Span
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.units import format_quantity, pretty
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Pick:
+    """What is known of a picked point."""
+
+    #: Its yarn: ends from 0 on, then picks; None on an object.
+    yarn: int | None
+    #: 0 warp, 1 weft.
+    family: int | None
+    #: The yarn's number among its family's, from 1 on, as weavers count and the draft does.
+    number: int | None
+    #: Likewise that of the nearest yarn of the other family; None where there is none.
+    crossed: int | None
+    #: Where it is, where it is at rest, and the difference, in m.
+    position: Point
+    rest: Point
+    displacement: Point
+    #: By the number of a surface's points, which of them it is, and how far off at rest [m].
+    _nearest: dict[int, tuple[int, float]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+
+    @property
+    def name(self) -> str:
+        """Yarn and crossing, for people; empty on an object."""
+        if self.number is None or self.family is None:
+            return ""
+        words = "end", "pick"
+        crossed = "" if self.crossed is None else f" × {words[1 - self.family]} {self.crossed}"
+        return f"{words[self.family]} {self.number}{crossed}"
+
+    @property
+    def text(self) -> str:
+        """One line for people."""
+        where = ", ".join(format_quantity(c, "m", 4) for c in self.position)
+        of = f"{self.name}   " if self.name else ""
+        return f"{of}at ({where})   {_moved(self.displacement)}"
+
+    def label(self, frame: Frame, span: Span | None) -> tuple[NDArray[np.float64], str]:
+        """Return where it is in a frame, and what stands there: name, what is shown, place."""
+        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
+        # Near yarns may be of another part of the cloth.
+        found = [(surface, *self._nearest_of(surface, frame.relief)) for surface in drawn]
+        surface, nearest, _ = min(found, key=lambda one: one[2])
+        at = points_of(surface)[nearest].astype(np.float64)
+        numbers, value = surface.GetPointData().GetArray(SHOWN), None
+        if numbers is not None:
+            value = numbers.GetTuple1(nearest)
+        elif frame.crossings is not None and COLORINGS[frame.color].scaled and self.crossed:
+            assert self.family is not None
+            assert self.number is not None
+            end, pick = (self.number, self.crossed)[:: 1 - 2 * self.family]
+            of_yarns = frame.crossings[self.family - len(frame.crossings)]
+            value = float(of_yarns[pick - 1, end - 1])
+        told = ""
+        if value is None and surface.GetPointData().HasArray("displacement"):
+            told = _moved(at - self.rest)
+        elif value is not None:
+            unit, size = unit_of(frame.color, max(map(abs, span or (value,))))
+            told = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
+        unit, size = unit_of("displacement", float(np.abs(at).max()))
+        where = ", ".join(f"{c / size:.4g}" for c in at + 0.0)
+        lines = self.name, told.strip(), f"({where}) {unit}"
+        return at, "\n".join(filter(None, lines)).replace("-", "−")
+
+    def _nearest_of(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
+        """Return which point of a surface it is, and how far that is; it may go so far off."""
+        points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
+        number, far = self._nearest.get(len(points), (0, -np.inf))
+        rest = points[number] - (0.0 if moved is None else moved.GetTuple3(number))
+        now = float(np.linalg.norm(rest - self.rest))
+        if now <= far + off:
+            return number, now
+        away = ((rest_of(surface) - self.rest) ** 2).sum(axis=1)
+        number = int(away.argmin())
+        self._nearest[len(points)] = number, float(away[number] ** 0.5)
+        return self._nearest[len(points)]
+
+
+def _moved(displacement: NDArray[np.float64] | Point) -> str:
+    size = sum(c * c for c in displacement) ** 0.5
+    return f"moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
+
+
+def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None = None) -> Pick:
+    """Read what a surface, or that of a part of a cloth, says of one of its points."""
+    position = points_of(surface)[point].astype(float)
+    moved = surface.GetPointData().GetArray("displacement")
+    displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
+    yarn, family, number, crossed = None, None, None, None
+    cells, rest = surface.GetCellData(), position - displacement
+    if cells.HasArray("yarn") and cells.HasArray("family"):
+        yarns, families = (vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "family"))
+        yarn, family = int(yarns[cell]), int(families[cell])
+        # Ends stand side by side along x, picks along y.
+        if cloth is None:
+            firsts = [int(yarns[families == k].min(initial=len(yarns))) for k in (0, 1)]
+        else:
+            firsts = [0, cloth.size[0]]
+        others = np.flatnonzero(families != family)
+        number = yarn - firsts[family] + 1
+        if len(others):
+            starts = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
+            corner = starts.reshape(len(yarns), -1)[others, 0]
+            place, count = rest_of(surface)[corner, family ^ 1], np.bincount(yarns[others])
+            with np.errstate(invalid="ignore"):
+                middles = np.bincount(yarns[others], place) / count
+            crossed = int(np.nanargmin(np.abs(middles - rest[family ^ 1]))) - firsts[1 - family] + 1
+    return Pick(yarn, family, number, crossed, *map(_three, (position, rest, displacement)))
+
+
+def read_sheet(sheet: vtkPolyData, cell: int, part: Point, behind: bool, cloth: Cloth) -> Pick:
+    """Read which yarn lies on top at a part of a cell of a cloth's sheet; or does so behind."""
+    corners = vtk_to_numpy(sheet.GetPolys().GetConnectivityArray()).reshape(-1, 4)[cell]
+    r, s = part[:2]
+    shares = np.array([(1 - r) * (1 - s), r * (1 - s), r * s, (1 - r) * s])
+    data = sheet.GetPointData()
+    texel, position, rest = (
+        shares @ values[corners].astype(float)
+        for values in (vtk_to_numpy(data.GetTCoords()), points_of(sheet), rest_of(sheet))
+    )
+    end, pick = np.clip((texel * cloth.size).astype(int), 0, np.array(cloth.size) - 1).tolist()
+    over = bool(cloth.drawdown[pick, end]) != behind
+    family, numbers = int(not over), (end + 1, pick + 1)
+    yarn = end if over else cloth.size[0] + pick
+    places = map(_three, (position, rest, position - rest))
+    return Pick(yarn, family, numbers[family], numbers[1 - family], *places)
+
+
+def _three(values: NDArray[np.float64]) -> Point:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

@@ -1,0 +1,549 @@
+"""The 3D view."""
+
+from __future__ import annotations
+
+import weakref
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
+
+from spacemap_vtk.app.view.canvas import Canvas
+from spacemap_vtk.app.view.pick import Pick, read_point, read_sheet
+from spacemap_vtk.app.view.preview import Preview
+from spacemap_vtk.app.widgets import later
+from spacemap_vtk.draw.actors.glyphs import PICKED, Cut, DotsActor, cut_of
+from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES
+from spacemap_vtk.draw.actors.surface_actor import rgb, scale_share
+from spacemap_vtk.draw.annotate.annotations import MOST_LABELS
+from spacemap_vtk.draw.camera import (
+    Seen,
+    Viewpoint,
+    aim,
+    half_height,
+    nearer,
+    pixels_per_metre,
+    projected,
+    refitted,
+    seen_from,
+    stand_upright,
+    upward,
+)
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.scene_view import Look, SceneView, cells_shown, extent_of
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import FLAT, SIDES, View
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.view.clip_handle import ClipHandle
+
+#: Milliseconds after the camera's last move until it counts as at rest.
+_REST = 220
+#: Half the pixels a mouse may move in a click.
+_STEADY = 3.0
+#: Seconds that a picture of what moves may take with smooth edges, and without, to have them next.
+_SMOOTH, _ROUGH = 0.2, 0.1
+#: Of VTK: the mouse turns the camera.
+_TURNING = 1
+
+
+class View3D(QWidget):
+    """Draws frames; the mouse turns, moves and zooms as in every VTK program."""
+
+    #: A point that was clicked at: a `Pick`.
+    picked = Signal(object)
+    #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
+    picks_changed = Signal(list)
+    #: The mouse has moved the plane that cuts: its normal and origin.
+    clipped = Signal(object, object)
+    #: A preset has taken the perspective away, or given it back.
+    flattened = Signal(bool)
+    #: The camera begins to move, or has come to rest.
+    moving = Signal(bool)
+
+    def __init__(self, look: Look) -> None:
+        super().__init__()
+        self.look = look
+        self.frame: Frame | None = None
+        self.plotter = Canvas(self)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.plotter)
+        #: Shown in place of a scene that is not drawn yet.
+        self.preview = Preview(self)
+        #: What is drawn, but for what the mouse takes hold of and where it has picked.
+        self.scene_view = SceneView(self.plotter.renderer, shades=False, samples=FINE_SAMPLES)
+        self.plotter.front.AddActor(self.scene_view.loads.through)
+        self._place_signs = self.scene_view.annotations.led()
+        self.plotter.shade.clear = self.scene_view.annotations.boxes
+        #: Where the user has picked.
+        self.marks = DotsActor()
+        self.marks.GetProperty().SetColor(*rgb("#d9642c"))
+        self.plotter.renderer.AddActor(self.marks)
+        self.plotter.setAcceptDrops(False)
+        self.plotter.installEventFilter(self)
+        #: The plane that the scene was cut with last, if it was.
+        self.last_cut: Cut | None = None
+        #: What moves it; there from the first cut on.
+        self.handle: ClipHandle | None = None
+        #: What the scene says, and that with the background of a dark window.
+        self._given: View | None = None
+        self._view: View | None = None
+        self._dark = False
+        #: Whether the frame is of a scene that has been left.
+        self._left = False
+        self._cut: tuple[object, Cut | None] = None, None
+        #: Points that the user has picked, the last one last; see `picks_changed`.
+        self.picks: list[Pick] = []
+        self._pressed: QPointF | None = None
+        self._closed = False
+        #: The preset that the camera was last brought to, and where it stood then.
+        self._aimed: tuple[str | None, Viewpoint] | None = None
+        self._rest = later(self, self._come_to_rest, _REST)
+        self._calm = later(self, self._shade, _REST)
+        #: What was drawn last.
+        self._looked_at: Seen | None = None
+        #: Whether the camera moves, or has only just.
+        self.steering = self._held = False
+        #: Whether what is up stays so while the mouse turns it; where the camera stood before.
+        self.turntable = False
+        self._stood: Viewpoint | None = None
+        #: Whether the last picture was of something that moves, and such take little time.
+        self._moved, self._quick = False, True
+        self.plotter.painting.connect(self._prepare)
+        self._observe_camera()
+        #: Sections of a scene file that a source has.
+        self._sources = [
+            name for name, cls in sections().items() if getattr(cls, "role", "") == "source"
+        ]
+        self._made: tuple[object, float] = None, 0.0  # by what, and how large it is
+        #: The values of the scene that was drawn last.
+        self._drawn_values: dict[str, Any] | None = None
+        #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
+        self._aimed_for = 0.0, False, False
+
+    def show_frame(self, frame: Frame, view: View) -> None:
+        """Draw a frame."""
+        self.preview.end()
+        first = self.frame is None or self.frame.generation != frame.generation
+        self.frame, self._left = frame, False
+        self._take(view)
+        if first:
+            self._drawn_values = frame.values  # the camera will be aimed at it below
+            self.last_cut = None
+            self.forget_picks()
+        self.refresh(render=False)
+        self._mark()
+        if first:
+            self.reset_camera(view.camera or frame.camera)
+        self.render()
+
+    def leave(self) -> None:
+        """Show nothing until there is a frame: what was shown is of another scene."""
+        self._left, self.steering = True, False
+        self._rest.stop()
+        self.forget_picks()
+        if self.handle is not None:
+            self.handle.show(False)
+        self._cut = None, None
+        self.scene_view.hide()
+        self.render()
+
+    @property
+    def seen(self) -> Seen | None:
+        """What is looked at; None before there is anything."""
+        if self._aimed is None:
+            return None
+        ratio = self.plotter.devicePixelRatioF()
+        width, height = self.plotter.width(), self.plotter.height()
+        pixels = max(1, round(ratio * width)), max(1, round(ratio * height))
+        return Seen(self.place, self.scene_view.room, pixels)
+
+    def _observe_camera(self) -> None:
+        me, style = weakref.ref(self), self.plotter.interactor.GetInteractorStyle()
+
+        def tell(style: vtkInteractorStyle, event: str) -> None:
+            here = me()
+            if here is None:
+                return
+            if here.turntable and style.GetState() == _TURNING and event[0] != "E":
+                stand_upright(here.plotter.camera, here._up, here._stood)
+                here._stood = here.place
+            if event != "InteractionEvent":
+                here._stood = None
+                here.steer(event == "StartInteractionEvent")
+
+        for name in ("StartInteractionEvent", "InteractionEvent", "EndInteractionEvent"):
+            style.AddObserver(name, tell)
+
+    @property
+    def _up(self) -> int:
+        """Which axis is up in the scene."""
+        frame, view = self.frame, self._view
+        return 1 if frame is None or view is None else upward(view.camera or frame.camera)
+
+    def steer(self, held: bool) -> None:
+        """Draw what takes little time while the camera is held, and for a moment afterwards."""
+        self._held = held
+        self._stir()
+        if self.frame is None or (self.frame.light is None and not self.wants_more(self.frame)):
+            return
+        if not self.steering:
+            self.steering = True
+            self.scene_view.move(True)
+            self.moving.emit(True)
+        if held:
+            self._rest.stop()
+        else:
+            self._rest.start()
+
+    def wants_more(self, frame: Frame) -> bool:
+        """Return whether what is drawn of a frame depends on what is in view."""
+        if frame.cloth is not None:
+            return True
+        seen = self.seen
+        if frame.enough == 0.0 or seen is None:
+            return False
+        # Facets that were chosen for another view may be too few in this one, or too many.
+        scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
+        return scale > frame.enough or frame.finer
+
+    def _come_to_rest(self) -> None:
+        self.steering, frame = False, self.frame
+        if frame is not None and (frame.cloth is None or frame.seen == self.seen):
+            self.scene_view.move(False)
+            self._shade()
+        # Else there will be a frame for what is seen now.
+        self.moving.emit(False)
+
+    def _stir(self) -> None:
+        """Leave contact shadows out until nothing has moved for a moment: they take time."""
+        if self.plotter.shade.on:
+            self.plotter.shade.want(0.0, 0.0)
+            self.scene_view.shade(False)
+        self._calm.start()
+
+    def _shade(self) -> None:
+        """Draw contact shadows, as pictures have them."""
+        self.render()  # a camera that has been moved since is told of
+        self._calm.stop()
+        frame, strength = self.frame, self.scene_view.occlusion
+        if frame is None or self._held or self.steering or strength == 0.0:
+            return
+        self.scene_view.shade(True)
+        # A sheet has them in its colours.
+        folds = frame.cloth is None or frame.yarns is not None
+        self.plotter.shade.want(frame.relief, strength if folds else 0.0)
+
+    def _prepare(self) -> None:
+        self._place_signs()
+        # In software they take a third of a frame's time, whatever is drawn (MSAA as long as all
+        # the rest): what moves has them while it is quick, found in fewer steps.
+        renderer, took = self.plotter.renderer, self.plotter.took
+        moving = self.steering or (self.frame is not None and self.frame.coarse)
+        if moving and self._moved:
+            self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
+        self._moved = moving
+        self.scene_view.surface.sample(1 if moving else FINE_SAMPLES)
+        renderer.SetUseFXAA(self._quick or not moving)
+        renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
+
+    def adopt(self, view: View) -> None:
+        """Show the present frame as a scene's section ``[view]`` says."""
+        if self._given is None:
+            self._fit(view.within(self._dark))  # behind what may never come
+        elif view.settings != self._given.settings:
+            self._take(view)
+            self.refresh()
+
+    def darken(self, dark: bool) -> None:
+        """Have a dark or light background where neither the scene nor its style has one."""
+        self._dark = dark
+        self._take(self._given)
+        self.refresh()
+
+    def _take(self, view: View | None) -> None:
+        self._given, self._view = view, (view or View()).within(self._dark)
+        self._fit(self._view)
+
+    def refresh(self, render: bool = True) -> None:
+        """Show the present frame as `look` and the scene say."""
+        frame, view = self.frame, self._view
+        if frame is None or view is None or self._left:
+            return
+        wanted = frame.generation, view.clip_normal, view.clip_origin
+        if wanted != self._cut[0]:
+            self._cut = wanted, self._placed(cut_of(view, frame.surface))
+        self._stir()
+        self.look.fabric = view.show != "cage" or frame.cage is None
+        self.look.cage = view.show != "fabric"
+        self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
+        self.scene_view.move(self.steering)
+        aimed_for = self.scene_view.room, view.loads, frame.cage is not None
+        if aimed_for != self._aimed_for:
+            self._aimed_for = aimed_for
+            self.plotter.front.SetDraw(view.loads)
+            self._keep_whole()
+        made = [frame.values.get(section) for section in self._sources]
+        if not frame.coarse and made != self._made[0]:  # a value may have made it much larger
+            size = float(np.ptp(extent_of(frame, False)))
+            before, self._made = self._made[1], (made, size)
+            if not 0.7 * size < before < 1.4 * size:
+                self._keep_whole()
+        if frame.values != self._drawn_values and self._out_of_sight:
+            # A change of the scene may have moved it all away from where the user looks.
+            self.reset_camera(None)
+        self._drawn_values = frame.values
+        if render:
+            self.render()
+
+    def _placed(self, cut: Cut | None) -> Cut | None:
+        """Let the mouse take hold of a plane; return where it stands."""
+        if cut is not None and self._extent is not None:
+            self.last_cut = cut
+            self.handle = self.handle or self._made_handle()
+            self.handle.place(cut, self._extent, self.plotter.devicePixelRatioF())
+            cut = self.handle.cut
+        if self.handle is not None:
+            self.handle.show(cut is not None)
+        return cut
+
+    def _made_handle(self) -> ClipHandle:
+        # With VTK's widgets: most windows never cut anything.
+        from spacemap_vtk.app.view.clip_handle import ClipHandle
+
+        me = weakref.ref(self)
+
+        def moved(done: bool) -> None:
+            here = me()
+            if here is not None and here.handle is not None:
+                here._cut_moved(here.handle.cut, done)
+
+        return ClipHandle(self.plotter.interactor, moved)
+
+    def _cut_moved(self, cut: Cut, done: bool) -> None:
+        self._cut = self._cut[0], cut
+        self.steer(not done)
+        self.scene_view.cut_open(cut)
+        # To six digits, if it is not where it was.
+        normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
+        was, far = self.last_cut or np.inf, self.plotter.camera.distance
+        if done and abs(np.subtract((normal, origin), was) / [[1.0], [far]]).max() > 1e-5:
+            self.clipped.emit(normal, origin)
+
+    def render(self) -> None:
+        """Draw as soon as Qt comes to it."""
+        if not self._closed:
+            if self.seen != self._looked_at and not self._held:
+                self._looked_at = self.seen
+                self.steer(False)
+            self.plotter.renderer.ResetCameraClippingRange()
+            # Not plotter.render(): the widget would draw a second time when Qt paints it.
+            self.plotter.update()
+
+    def reset_camera(self, name: str | None = "three-quarter") -> None:
+        """Look at the whole."""
+        points = self._extent
+        if points is None:
+            return
+        width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
+        camera = self.plotter.camera
+        flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
+        aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up)
+        if flat or (was_flat and name is not None):
+            camera.SetParallelProjection(flat)
+            self.flattened.emit(flat)
+        if not flat:
+            # The scale of a parallel projection that shows as much as the perspective does.
+            camera.SetParallelScale(half_height(camera))
+        self._aimed = name, self.place
+        self.render()
+
+    def zoom(self, factor: float) -> None:
+        """Look from nearer."""
+        nearer(self.plotter.camera, factor)
+        self.render()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the whole in sight."""
+        super().resizeEvent(event)
+        self.preview.setGeometry(self.rect())
+        self._keep_whole()
+
+    def _keep_whole(self) -> None:
+        """Fit the view to another form of its picture, unless the user has moved the camera."""
+        if self._aimed is None or self.frame is None:
+            return
+        (name, before), now = self._aimed, self.place
+        if before[:3] == now[:3]:
+            self.reset_camera(name)
+
+    @property
+    def _out_of_sight(self) -> bool:
+        """Whether the whole scene lies beyond one side of the picture."""
+        points = self._extent
+        if self._aimed is None or points is None:
+            return False
+        aspect = max(1, self.plotter.width()) / max(1, self.plotter.height())
+        x, y, _, w = projected(self.plotter.camera, points, aspect).T
+        return any(bool(side.all()) for side in (x < -w, x > w, y < -w, y > w))
+
+    def set_orthographic(self, on: bool) -> None:
+        """Switch between parallel and perspective projection."""
+        camera = self.plotter.camera
+        if on:
+            camera.SetParallelScale(half_height(camera))
+        camera.SetParallelProjection(on)
+        self.render()
+
+    @property
+    def place(self) -> Viewpoint:
+        """Where the camera stands."""
+        return Viewpoint.of(self.plotter.camera)
+
+    def place_for(self, size: tuple[int, int]) -> Viewpoint:
+        """Return where a picture of some size shows what this view shows, as large as it fits."""
+        frame, seen = self.frame, self.seen
+        if frame is None or seen is None:
+            return self.place
+        # The scale stands beside what is shown, not over it.
+        room = scale_share(size) if seen.aside else 0.0
+        aspect, other = (
+            (1.0 - share) * width / height
+            for share, (width, height) in ((seen.aside, seen.size), (room, size))
+        )
+        shown = cells_shown(frame, self._view or View(), self.look)
+        return refitted(self.place, shown, aspect, other)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What a scene's view would have to say to look as this does."""
+        view, look = self._view or View(), self.look
+        triad, bar = look.triad or view.triad, look.scale_bar or view.scale_bar
+        return {**view.settings, "triad": triad, "scale_bar": bar}
+
+    def panels(self, scene: Scene) -> list[str]:
+        """Return what a picture of a scene shows that shows what is seen here."""
+        fabric = self.look.fabric or not scene.moves
+        return ["both" if fabric and self.look.cage else "fabric" if fabric else "cage"]
+
+    def add_pick(self, pick: Pick, alone: bool = True) -> None:
+        """Keep a picked point, and mark it."""
+        self._keep_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
+
+    def forget_picks(self) -> None:
+        """Forget the picked points."""
+        if self.picks:
+            self._keep_picks([])
+
+    def _keep_picks(self, picks: list[Pick]) -> None:
+        self.picks = picks
+        self._mark()
+        self.render()
+        self.picks_changed.emit(list(picks))
+
+    def _mark(self) -> None:
+        """Show picked points where they are now."""
+        frame, span = self.frame, self.scene_view.span
+        labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
+        self.scene_view.annotations.labels = labels
+        self.marks.SetVisibility(bool(labels))
+        self.marks.place(np.array([at for at, _ in labels]).reshape(-1, 3))
+
+    def pick(self, x: float, y: float) -> Pick | None:
+        """Return what lies under a point of the widget."""
+        if self.frame is None:
+            return None
+        ratio = self.plotter.devicePixelRatioF()
+        picker = vtkCellPicker()
+        picker.SetTolerance(0.0005)
+        picker.PickFromListOn()
+        cloth, surface = self.frame.cloth, self.frame.surface
+        if cloth is not None and self.frame.yarns is not None:
+            surface = self.frame.yarns
+        actors = self.scene_view.surface, self.scene_view.sheet
+        picker.AddPickList(actors[surface is self.frame.surface and cloth is not None])
+        height = self.plotter.height()
+        if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
+            return None
+        cell, point = picker.GetCellId(), picker.GetPointId()
+        if cell < 0 or point < 0:
+            return None
+        if cloth is None or surface is not self.frame.surface:
+            return read_point(surface, cell, point, cloth)
+        surface = self.scene_view.sheet.GetMapper().GetInput()  # while it moves a coarser one
+        behind = np.dot(picker.GetMapperNormal(), self.plotter.camera.GetDirectionOfProjection())
+        return read_sheet(surface, cell, picker.GetPCoords(), behind > 0.0, cloth)
+
+    def click(self, at: QPointF, adding: bool = False) -> None:
+        """Pick what lies under a point of the widget, if anything does; an axis turns it."""
+        side = self._side_at(at)
+        if side is not None:
+            self.reset_camera(side)
+            return
+        found = self.pick(at.x(), at.y())
+        if found is not None:
+            self.add_pick(found, alone=not adding)
+            self.picked.emit(found)
+
+    def _side_at(self, at: QPointF) -> str | None:
+        """Return from which side an axis shows it that ends at a point of the widget."""
+        ratio, height = self.plotter.devicePixelRatioF(), self.plotter.height()
+        way = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
+        if way is None:
+            return None
+        if np.dot(way, self.plotter.camera.GetDirectionOfProjection()) < -0.999:
+            way = -way  # it is looked at from there
+        return next(s for s in SIDES if np.array_equal(seen_from(s, self._up)[0], way))
+
+    def image(self) -> NDArray[np.uint8]:
+        """Return what is seen, once nothing moves."""
+        self._shade()
+        return self.plotter.image()
+
+    def shut(self) -> None:
+        """Free the window of OpenGL; nothing can be drawn afterwards."""
+        if not self._closed:
+            self._closed = True
+            self.plotter.removeEventFilter(self)
+            if self.handle is not None:
+                self.handle.close()
+            self.plotter.close()
+            self.frame = None
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Tell a click from a drag; VTK sees both."""
+        if event.type() == QEvent.Type.MouseButtonPress:
+            if event.button() == Qt.MouseButton.LeftButton:
+                self._pressed = event.position()
+        elif event.type() == QEvent.Type.MouseButtonRelease and self._pressed is not None:
+            at, start = event.position(), self._pressed
+            self._pressed = None
+            if (at - start).manhattanLength() <= _STEADY:
+                self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
+        elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
+            tip = f"From the {side}" if (side := self._side_at(event.position())) else ""
+            if tip != self.plotter.toolTip():
+                self.plotter.setToolTip(tip)
+        return False
+
+    def _fit(self, view: View) -> None:
+        """Keep dots and lines as wide as they are on other screens, and as the scene wants them."""
+        pixels = self.plotter.devicePixelRatioF()
+        point = pixels * view.line_scale
+        self.marks.GetProperty().SetPointSize(PICKED * point)
+        self.scene_view.fit(view, self.size_of_view, pixels, point)
+
+    @property
+    def size_of_view(self) -> tuple[int, int]:
+        return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
+
+    @property
+    def _extent(self) -> NDArray[np.float64] | None:
+        frame, view = self.frame, self._view
+        return None if frame is None else extent_of(frame, view is not None and view.loads)

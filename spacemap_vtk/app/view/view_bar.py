@@ -1,0 +1,277 @@
+"""The tools over the view: what is shown, in which colours, and from where."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QSettings, QSize, Qt, Signal
+from PySide6.QtGui import QAction, QActionGroup, QIcon, QResizeEvent
+from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QSizePolicy, QToolBar, QToolButton, QWidget
+
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.app.view.view_keys import ViewKeys
+from spacemap_vtk.app.widgets import action, narrow, row
+from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import BACKGROUNDS
+from spacemap_vtk.scenes.styles import STYLES
+
+#: What can be shown: name, words, key, and the role of the stage whose eye it is.
+_SHOWN = (
+    ("fabric", "Fabric", "F", "surface"),
+    ("cage", "Cage", "C", "cage"),
+    ("supports", "Supports", "S", "solver"),
+    ("loads", "Loads", "L", "mover"),
+    ("ghost", "Ghost", "G", "warp"),
+    ("triad", "Axes", "", ""),
+    ("scale_bar", "Scale bar", "", ""),
+)
+#: Of these, what a window shows of itself, and a scene can ask for.
+_SIGNS = ("triad", "scale_bar")
+#: Keys of cameras: the far side of a number's is behind Ctrl; V is PyVista's.
+_CAMERA_KEYS = {
+    "three-quarter": "1",
+    "isometric": "V",
+    "front": "2",
+    "back": "Ctrl+2",
+    "right": "3",
+    "left": "Ctrl+3",
+    "top": "4",
+    "bottom": "Ctrl+4",
+    "lying": "5",
+    "face": "6",
+}
+#: Pixels that the choice of colours takes at most.
+_WIDEST = 220
+#: What marks a menu where there is room.
+_MENU_MARK = " ▾"
+#: Normal of the plane that cuts at first.
+_ACROSS = (-1.0, 0.0, 0.0)
+
+
+class ViewBar(QToolBar):
+    """What is shown, in which colours, from where."""
+
+    #: A parameter of a scene's view, or "cage" or "fabric", and what it is to be.
+    looked = Signal(str, object)
+    #: Colours at the bottom and at the top, as a scene file has them.
+    backed = Signal(object, object)
+    #: Whether the cage shall hang before anything moves.
+    hung = Signal(bool)
+    #: Normal and origin of the plane that cuts; None: there is none, or its place is automatic.
+    clipped = Signal(object, object)
+
+    def __init__(self, view: View3D) -> None:
+        super().__init__("View", objectName="view bar", iconSize=QSize(16, 16))
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        # Qt's own arrow is black, and not seen in the dark.
+        more = self.findChild(QToolButton, "qt_toolbar_ext_button")
+        more.setIcon(QIcon())
+        more.setText("»")
+        more.setToolTip("What has no room here")
+        self._view = view
+        #: Menus of the bar, and how much of what helps to read it has no room: see `resizeEvent`.
+        self._menus: list[QAction] = []
+        self._left_out = 0
+        self._possible: list[str] = []
+        #: Signs that the scene itself asks for.
+        self._asked: list[str] = []
+        self.shown: dict[str, QAction] = {}
+        #: The same by the role of a stage, for its eye.
+        self.eyes: dict[str, QAction] = {}
+        for name, words, key, role in _SHOWN:
+            tip = f"Show the {words.lower()} ({key})"
+            shown = action(self, words, self._toggled, key, tip, name, checkable=True)
+            if name in _SIGNS:  # but for the menu: the bar has no room
+                setattr(view.look, name, QSettings().value(name) != "false")
+                shown.setChecked(getattr(view.look, name))
+            else:
+                self.addAction(shown)
+                self.eyes[role] = shown
+            self.shown[name] = shown
+        tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
+        self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
+        self.addAction(self.hang)
+        # Narrow at first, so that nothing of the bar has to hide in a window of 1280 pixels; where
+        # there is room, it is wider.
+        self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
+        self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.coloring.setMaximumWidth(_WIDEST)
+        #: The same for the menu: a narrow window has no room for the box.
+        self.colorings: dict[str, QAction] = {}
+        group = QActionGroup(self)
+        #: Both by groups, and only what the scene has.
+        self.coloring_choices: list[QAction] = []
+        for alike in GROUPS:
+            for name, coloring in alike.items():
+                self.colorings[name] = action(
+                    group, coloring.words, self._chosen, data=("color", name), checkable=True
+                )
+                self.coloring_choices.append(self.colorings[name])
+            self.coloring_choices.append(QAction(self))
+            self.coloring_choices[-1].setSeparator(True)
+        self.coloring.currentIndexChanged.connect(
+            lambda index: self.looked.emit("color", self.coloring.itemData(index))
+        )
+        # One piece: where there is no room, both go behind the bar's arrow.
+        named = QWidget()
+        named.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self._label = QLabel("Colour by")
+        self._label.setBuddy(self.coloring)
+        row(named, self._label, self.coloring, margins=(4, 0, 4, 0))
+        self.addWidget(named)
+        self.cameras: dict[str, QAction] = {}
+        cameras = self._menu("Camera", "Where it is seen from")
+        for name, key in _CAMERA_KEYS.items():
+            tip = f"Where it is seen from: {name} ({key})"
+            aim = action(self, name.capitalize(), self._aimed, key, tip, name)
+            cameras.addAction(aim)
+            self.cameras[name] = aim
+        self.keys = ViewKeys(view, self)
+        cameras.addSeparator()
+        cameras.addActions(self.keys.cameras)
+        cameras.addSeparator()
+        tip = "Parallel projection (O)"
+        self.orthographic = action(
+            self, "Orthographic", view.set_orthographic, "O", tip, checkable=True
+        )
+        view.flattened.connect(self.orthographic.setChecked)
+        tip = "What is up stays up while the mouse turns it (T)"
+        self.turntable = action(self, "Turntable", None, "T", tip, checkable=True)
+        self.turntable.toggled.connect(self._turn_upright)
+        self.turntable.setChecked(QSettings().value("turntable") == "true")
+        cameras.addActions([self.orthographic, self.turntable])
+        tip = "Cut it open with a plane; the mouse moves it (X)"
+        self.clip = action(self, "Clip", self._clip, "X", tip, checkable=True)
+        self.addAction(self.clip)
+        self.clip_sides = [
+            action(self, f"Clip across {axis}", self._clipped_across, data=tuple(normal.tolist()))
+            for axis, normal in zip("xyz", -np.eye(3), strict=True)
+        ]
+        group = QActionGroup(self)
+        self.styles = {
+            name: action(group, style.label, self._chosen, data=("style", name), checkable=True)
+            for name, style in STYLES.items()
+        }
+        self._menu("Style", "What it looks like").addActions([*self.styles.values()])
+        self.backgrounds = {
+            name: action(self, name, self._backed, data=colors)
+            for name, colors in BACKGROUNDS.items()
+        }
+        self._menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Name the choice of colours, and mark menus as such, as far as there is room."""
+        super().resizeEvent(event)
+        mark = self.fontMetrics().horizontalAdvance(_MENU_MARK) * len(self._menus)
+        between = self._label.parentWidget().layout().spacing()
+        label = self._label.sizeHint().width() + between
+        saved = (0, label, label + mark)
+        whole = self.sizeHint().width() + saved[self._left_out]
+        fitting = [k for k in range(3) if whole - saved[k] <= self.width()]
+        left_out = min(fitting, default=2)
+        if left_out != self._left_out:
+            self._left_out = left_out
+            self._label.setVisible(left_out < 1)
+            for opening in self._menus:
+                opening.setIconText(opening.text() + _MENU_MARK * (left_out < 2))
+            # What has just found room comes out from behind the bar's arrow.
+            self.layout().invalidate()
+            self.layout().activate()
+
+    def show_scene(self, scene: Scene) -> None:
+        """Show what a scene's colours mean, and what else they could."""
+        possible = scene.colorings
+        self.coloring.blockSignals(True)
+        if possible != self._possible:
+            self._possible = possible
+            self.coloring.clear()
+            for name, chosen in self.colorings.items():
+                chosen.setVisible(name in possible)
+            for names in filter(None, ([n for n in group if n in possible] for group in GROUPS)):
+                if self.coloring.count():
+                    self.coloring.insertSeparator(self.coloring.count())
+                for name in names:
+                    self.coloring.addItem(COLORINGS[name].words, name)
+            self.coloring.view().setMinimumWidth(self.coloring.view().sizeHintForColumn(0) + 12)
+        self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
+        self.coloring.blockSignals(False)
+        self.colorings[scene.view.color].setChecked(True)
+        self.styles[scene.view.style].setChecked(True)
+        show = scene.view.show
+        look = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
+        for name, shown in self.shown.items():
+            seen = look[name] if name in look else getattr(scene.view, name)
+            shown.setChecked(seen or (name in _SIGNS and getattr(self._view.look, name)))
+        solved = scene.modal in scene.stages
+        held = solved and scene.modal.fixed != ()
+        supports = self.shown["supports"]
+        supports.setEnabled(held)
+        supports.setChecked(held and supports.isChecked())
+        supports.setToolTip(
+            "Show the supports (S)" if held else "Nothing is held: there are no supports"
+        )
+        self._asked = [name for name in _SIGNS if getattr(scene.view, name)]
+        self.clip.setChecked(scene.view.clip_normal is not None)
+        self.hang.setChecked(solved and scene.modal.hangs)
+        self.hang.setEnabled(solved or not scene.moves)
+
+    @property
+    def choices(self) -> list[QAction]:
+        """Every action, for a menu."""
+        return [
+            *self.shown.values(),
+            self.hang,
+            *self.camera_choices,
+            *self.keys.cameras,
+            *self.keys.looks,
+            self.clip,
+            *self.clip_sides,
+            *self.styles.values(),
+            *self.backgrounds.values(),
+        ]
+
+    @property
+    def camera_choices(self) -> list[QAction]:
+        """What concerns the camera."""
+        return [*self.cameras.values(), self.orthographic, self.turntable]
+
+    def _toggled(self, on: bool) -> None:
+        name = self.sender().data()
+        if name in _SIGNS:
+            QSettings().setValue(name, "true" if on else "false")
+            setattr(self._view.look, name, on)
+            self._view.refresh()
+        if name not in _SIGNS or (name in self._asked and not on):
+            self.looked.emit(name, on)
+
+    def _chosen(self) -> None:
+        self.looked.emit(*self.sender().data())
+
+    def _aimed(self) -> None:
+        self._view.reset_camera(self.sender().data())
+
+    def _turn_upright(self, on: bool) -> None:
+        self._view.turntable = on
+        QSettings().setValue("turntable", "true" if on else "false")
+
+    def _clip(self, on: bool) -> None:
+        normal, origin = self._view.last_cut or (_ACROSS, None)
+        self.clipped.emit(normal if on else None, origin if on else None)
+
+    def _clipped_across(self) -> None:
+        self.clipped.emit(tuple(self.sender().data()), None)
+
+    def _backed(self) -> None:
+        self.backed.emit(*self.sender().data())
+
+    def _menu(self, name: str, tip: str) -> QMenu:
+        # No button of its own: the menu behind the bar's arrow, for what has no room, takes only
+        # actions.
+        menu = QMenu(self)
+        opening = action(self, name, tip=tip)
+        opening.setIconText(name + _MENU_MARK)
+        self._menus.append(opening)
+        opening.setMenu(menu)
+        self.addAction(opening)
+        self.widgetForAction(opening).setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        return menu

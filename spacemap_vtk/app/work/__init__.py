@@ -1,0 +1,1 @@
+"""Work of the window: the pipeline in a thread, exports in processes."""

@@ -1,0 +1,277 @@
+"""Lets document, engine, time bar and view act together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.stage_list import StageList
+from spacemap_vtk.app.panels.time_bar import TimeBar
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.app.work.job import Job, Pull, Swing
+from spacemap_vtk.scenes.scene import Scene
+
+#: Milliseconds after the last coarse frame until a smooth one is asked for.
+_REST = 100
+#: Milliseconds after which a run is shown as one.
+_NOTICE = 150
+#: Shown as the step of a run that has been cancelled, until it has come to its end.
+_STOPPING = "stopping…"
+
+
+class Director(QObject):
+    """Asks the engine for what the window should show, and shows what comes."""
+
+    #: A frame has been drawn.
+    drawn = Signal(object)
+    failed = Signal(object)
+    #: A run that takes long: section, share done, and its step; empty when it has ended.
+    progress = Signal(str, float, str)
+    #: The user has ended a run: what the picture therefore is not.
+    given_up = Signal(str)
+
+    def __init__(
+        self,
+        document: Document,
+        engine: Engine,
+        view: View3D,
+        times: TimeBar,
+        stages: StageList,
+    ) -> None:
+        super().__init__()
+        self._document, self._engine, self._view = document, engine, view
+        self._times, self._stages = times, stages
+        self.generation = 0
+        self._asked: Job | None = None
+        self.swing: Swing | Pull | None = None
+        self._running = self._step = ""
+        self._share = 0.0
+        #: Whether a drag goes on.
+        self.held = self._giving_up = False
+        #: Whether what was asked for last is but what is now in view; and was, but is no longer.
+        self._looking = self._dropped = False
+        self._settings: dict[str, dict[str, Any]] = {}
+        self.rest = later(self, self._refine, _REST)
+        self._notice = later(self, self._show_running, _NOTICE)
+        document.crowded = lambda: engine.crowded
+        document.changed.connect(self._changed)
+        document.replaced.connect(self._replaced)
+        times.moved.connect(self._moved)
+        engine.ready.connect(self._ready)
+        engine.stage_ran.connect(self._stage_ran)
+        engine.progressed.connect(self._progressed)
+        engine.failed.connect(self._failed)
+        engine.cancelled.connect(self._cancelled)
+        # What ends is told while the thread is still busy with ending.
+        engine.idle.connect(self._idle)
+        view.moving.connect(self._look)
+
+    def ask(self, coarse: bool = False) -> None:
+        """Ask for a frame of the present document and time."""
+        document, scene, shown = self._document, self._document.scene, self._view.frame
+        # Until there is a frame the camera is where another scene was looked at from.
+        here = shown is not None and shown.generation == self.generation
+        self._asked = Job(
+            values=document.values,
+            base=document.base,
+            settings=scene.settings,
+            generation=self.generation,
+            time=self._times.time,
+            coarse=coarse,
+            swing=self.swing,
+            seen=self._view.seen if here else None,
+        )
+        self._looking = False
+        self._giving_up = False
+        self._engine.ask(self._asked)
+        if not self._notice.isActive():
+            self._notice.start()
+        if coarse:
+            self.rest.start()
+        else:
+            self.rest.stop()
+
+    def swing_mode(self, swing: Swing | None) -> None:
+        """Show a mode in place of the motion; None: the motion again."""
+        if swing is None:
+            self.swing = None
+            self.ask()
+        elif self.swing is None or not self._engine.busy:
+            self._times.pause()
+            self.swing = swing
+            self.ask(coarse=True)
+
+    def pull(self, pull: Pull | None) -> None:
+        """Show the cloth pulled in place of the motion; None: the motion again."""
+        self._times.pause()
+        self.swing = pull
+        # The latest wish counts: a drag's last one, too.
+        self.ask(coarse=pull is not None)
+
+    def hold(self, held: bool) -> None:
+        """Put the smooth frame off while a drag goes on."""
+        self.held = held
+
+    def cancel(self) -> None:
+        """Give up what runs; the last picture stays."""
+        self._times.pause()
+        self.rest.stop()
+        self._giving_up, self._dropped = True, False
+        self._engine.cancel()
+        if self._running:
+            # A block of the work, or a single call into a library, is waited for.
+            self._step = _STOPPING
+            self.progress.emit(self._running, self._share, self._step)
+
+    def stop(self) -> None:
+        """End for good."""
+        self.rest.stop()
+        self._notice.stop()
+        self._times.pause()
+        self._engine.finish()
+
+    def _changed(self) -> None:
+        self._times.adopt(self._document.scene.animation)
+        connected = {stage.section for stage in self._document.scene.stages}
+        listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
+        if connected != listed:
+            self._stages.restart(self._document.scene, anew=False)
+        # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
+        # only looked at in another way runs nothing, and is smooth at once.
+        before, self._settings = self._settings, _settings_of(self._document.scene)
+        self.ask(coarse=self.held or before != self._settings)
+
+    def _replaced(self) -> None:
+        self.generation += 1
+        self.swing = None
+        self._view.leave()
+        self._times.pause()
+        scene = self._document.scene
+        self._stages.restart(scene)
+        self._times.adopt(scene.animation, scene.view.time)
+        self._settings = _settings_of(scene)
+        self.ask()
+
+    def _moved(self, _time: float, going_on: bool) -> None:
+        self._times.waiting = self._times.playing
+        self.ask(coarse=going_on)
+
+    def _refine(self) -> None:
+        if self._engine.busy or self.held:
+            self.rest.start()
+        elif not self._times.playing and not isinstance(self.swing, Swing):
+            self.ask(coarse=False)
+
+    def _look(self, moving: bool) -> None:
+        """Ask for what is in view once the camera rests; give that up when it moves on."""
+        frame = self._view.frame
+        if moving and self._looking and self._engine.busy:
+            self._looking, self._dropped = False, True
+            self._engine.cancel()
+        elif not moving and frame is not None and self._view.wants_more(frame):
+            waits = self.held or self._times.playing or self.swing is not None
+            asked = self._asked.seen if self._looking and self._asked else frame.seen
+            if not waits and self._view.seen not in (asked, frame.seen):
+                self.ask()
+                self._looking = True
+
+    def _ready(self) -> None:
+        self._times.waiting = self._dropped = False
+        # Before it is drawn: the engine has the next one to do meanwhile.
+        self._document.catch_up()
+        frame = self._engine.take()
+        if frame is None or frame.generation != self.generation:
+            return
+        scene = self._document.scene
+        # What a swing does not need has not run for it.
+        skipped = scene.moving if frame.swing is not None else []
+        for stage in scene.stages:
+            if stage in skipped:
+                continue
+            waits = stage.section == "surface" and (frame.coarse or frame.swing is not None)
+            self._stages.set_state(stage.section, "stale" if waits else "fresh")
+        self._end_notice()
+        if not frame.coarse:
+            self._stages.flush()
+        before = self._view.frame
+        self._view.show_frame(frame, scene.view)
+        if before is None or before.generation != frame.generation:
+            self._look(moving=False)  # at once: its camera is known now
+        self.drawn.emit(frame)
+
+    def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
+        self._stages.show_run(section, seconds, executions)
+        self._stages.set_state(section, "fresh")
+
+    def _progressed(self, section: str, share: float, step: str) -> None:
+        self._running, self._share = section, share
+        self._step = _STOPPING if self._giving_up else step
+
+    def _show_running(self) -> None:
+        if self._engine.busy and self._running:
+            self._stages.set_state(self._running, "running")
+            self.progress.emit(self._running, self._share, self._step)
+            self._notice.start()
+        else:
+            self._end_notice()
+
+    def _end_notice(self) -> None:
+        self._running = ""
+        self.progress.emit("", 0.0, "")
+        if self._engine.busy:
+            # The next run has begun. In a drag each takes its own time, not that of all together.
+            self._notice.start()
+        else:
+            self._notice.stop()
+
+    def _failed(self, error: BaseException, job: Job) -> None:
+        self._times.waiting = False
+        if job.generation != self.generation:
+            return  # that scene has been left
+        if job is self._asked:
+            # Of a newer wish the smooth frame is still to come.
+            self.rest.stop()
+        self._times.pause()
+        self._show_ended(getattr(error, "section", None) or self._running, "failed")
+        self._end_notice()
+        self.failed.emit(error)
+
+    def _cancelled(self) -> None:
+        self._times.waiting = False
+        if self._dropped:  # what is shown is as fresh as it was
+            self._dropped = False
+            self._stages.set_state("surface", "fresh")
+            self._end_notice()
+            return
+        self._show_ended(self._running or self._document.scene.stages[0].section, "stale")
+        self._end_notice()
+
+    def _show_ended(self, section: str, state: str) -> None:
+        """Show what has become of a stage whose run has ended early; those below it wait."""
+        below = False
+        for stage in self._document.scene.stages:
+            if stage.section == section or below:
+                self._stages.set_state(stage.section, "stale" if below else state)
+                below = True
+
+    def _idle(self) -> None:
+        self._end_notice()
+        frame, asked = self._view.frame, self._asked
+        if not self._giving_up or asked is None:
+            return
+        self._giving_up = False
+        if frame is None or frame.generation != asked.generation:
+            self.given_up.emit("there is no picture of this scene yet")
+        elif (frame.values, frame.time) != (asked.values, asked.time):
+            self.given_up.emit("the picture is older than the fields")
+        elif frame.coarse:
+            self.given_up.emit("the picture is coarser than the fields say")
+
+
+def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the settings of all stages that run."""
+    return {stage.section: stage.settings for stage in scene.stages}

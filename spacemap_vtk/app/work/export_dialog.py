@@ -1,0 +1,234 @@
+"""Dialog for file, size and camera of a picture or film, and for the times of a series."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QFormLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QWidget,
+)
+
+from spacemap_vtk.app.documents.ask_file import may_write_over
+from spacemap_vtk.app.widgets import CountBox, mark, note, row
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io.registry import endings_with_alpha
+from spacemap_vtk.scenes.settings import Animation
+from spacemap_vtk.units import format_quantity, parse_quantity
+
+#: Sizes in pixels, by name. The list starts with the sizes of the window and of the scene.
+SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
+_OTHER, _KEPT = "Other", "export/size"
+#: Choices of the camera, each with an explanation.
+_SEEN = {
+    "As in the window": "All that the view shows is written, as large as it fits into this size, "
+    "from the same place, with the same parts and the same background.",
+    "As the scene says": "Camera, parts and background are those of the scene's section [view].",
+}
+
+
+@dataclass
+class Drawn:
+    """Data that the dialog needs for a picture or a film."""
+
+    #: A key of `spacemap_vtk.io.registry.DRAWN`.
+    kind: str
+    proposal: Path
+    filters: str
+    #: Width and height in pixels, by name.
+    sizes: dict[str, tuple[int, int]]
+    transparent: bool
+    #: Remark for the user.
+    note: str
+    #: Raises an error if file, size and number of frames cannot be written.
+    check: Callable[[Path, tuple[int, int], int], None]
+
+
+class ExportDialog(QDialog):
+    """Ask for file, size and camera, or for the times of a film, or for both."""
+
+    def __init__(
+        self,
+        parent: QWidget,
+        title: str,
+        animation: Animation | None = None,
+        drawn: Drawn | None = None,
+    ) -> None:
+        super().__init__(parent, windowTitle=title)
+        self._drawn = drawn
+        self._chosen = ""
+        #: Chosen times in s; empty if the dialog asks for none.
+        self.times: list[float] = []
+        self.lines: dict[str, QLineEdit] = {}
+        form = QFormLayout(self)
+        form.setContentsMargins(16, 16, 16, 12)
+        self.told = note("", "note")
+        self.told.setMinimumSize(400, 3 * self.told.fontMetrics().lineSpacing())
+        box = QDialogButtonBox.StandardButton
+        buttons = QDialogButtonBox(box.Save | box.Cancel)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        self.save = buttons.button(box.Save)
+        if drawn is not None:
+            self._ask_drawn(form, drawn)
+        #: Times of the film as typed; None if the dialog does not ask for them.
+        self.animation = None if animation is None else Animation(**animation.settings)
+        if animation is not None:
+            self._ask_times(form, animation)
+        form.addRow(self.told)
+        form.addRow(buttons)
+        self._change()
+
+    @property
+    def file(self) -> Path:
+        """The file to write."""
+        return Path(self.line.text())
+
+    @property
+    def size_chosen(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width_box.value(), self.height_box.value()
+
+    @property
+    def as_window(self) -> bool:
+        """Whether to use the camera and the parts of the window."""
+        return self.camera.currentIndex() == 0
+
+    @property
+    def clear(self) -> bool:
+        """Whether the background is transparent."""
+        return self.transparent.isEnabled() and self.transparent.isChecked()
+
+    def accept(self) -> None:
+        """Accept the dialog, after asking about an existing file."""
+        if self._drawn is not None:
+            # For a name from the file dialog, that dialog has already asked.
+            if self.line.text() != self._chosen and not may_write_over(self, self.file):
+                return
+            kept = self.preset.currentText()
+            size = "{} x {}".format(*self.size_chosen)
+            QSettings().setValue(_KEPT, size if kept == _OTHER else kept)
+        super().accept()
+
+    def _ask_drawn(self, form: QFormLayout, drawn: Drawn) -> None:
+        self.line = QLineEdit(str(drawn.proposal), minimumWidth=340)
+        self.line.textChanged.connect(self._change)
+        browse = QPushButton("Browse…")
+        browse.clicked.connect(self._browse)
+        self.width_box, self.height_box = (
+            CountBox(minimum=16, maximum=8192, suffix=" px", toolTip=tip)
+            for tip in ("Width", "Height")
+        )
+        self.preset = QComboBox()
+        self.preset.textActivated.connect(self._choose_size)
+        self.preset.addItems([*drawn.sizes, _OTHER])
+        kept = str(QSettings().value(_KEPT, "Scene"))
+        width, _, height = kept.partition(" x ")
+        own = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+        self._show_size(own or drawn.sizes.get(kept, drawn.sizes["Scene"]))
+        self.preset.setCurrentText(_OTHER if own else kept)
+        self.camera = QComboBox()
+        self.camera.addItems(list(_SEEN))
+        self.camera.currentIndexChanged.connect(self._change)
+        self.transparent = QCheckBox("None: transparent", checked=drawn.transparent)
+        form.addRow("File", row(None, (self.line, 1), browse))
+        sizes = self.width_box, QLabel("×"), self.height_box
+        form.addRow("Size", row(None, self.preset, *sizes, None))
+        form.addRow("Seen", self.camera)
+        form.addRow("Background", self.transparent)
+        for box in (self.width_box, self.height_box):
+            box.valueChanged.connect(self._change)
+            box.strayed.connect(self._change)
+
+    def _ask_times(self, form: QFormLayout, animation: Animation) -> None:
+        labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
+        for name, label in labels.items():
+            parameter = animation.parameter(name)
+            shown = parameter.show(getattr(animation, name))
+            line = QLineEdit(shown, toolTip=parameter.help)
+            line.textChanged.connect(self._change)
+            form.addRow(label, line)
+            self.lines[name] = line
+        if self._drawn is not None:
+            tip = "How long the film lasts: as the motion does, or slower or faster"
+            self.lines["duration"] = line = QLineEdit(toolTip=tip)
+            line.textEdited.connect(self._change)
+            form.insertRow(form.rowCount() - 1, "Duration", line)
+
+    def _browse(self) -> None:
+        assert self._drawn is not None
+        text, filters = self.line.text(), self._drawn.filters
+        self._chosen, _ = QFileDialog.getSaveFileName(self, "Export", text, filters)
+        if self._chosen:
+            self.line.setText(self._chosen)
+
+    def _choose_size(self, name: str) -> None:
+        assert self._drawn is not None
+        if name in self._drawn.sizes:
+            self._show_size(self._drawn.sizes[name])
+            self.preset.setCurrentText(name)
+
+    def _show_size(self, size: tuple[int, int]) -> None:
+        for box, side in zip((self.width_box, self.height_box), size, strict=True):
+            box.setValue(side)
+
+    def _change(self) -> None:
+        """Describe the present choice, or explain why it is not possible."""
+        words, bad = "", False
+        try:
+            if self.animation is not None:
+                words = self._read_times(self.animation)
+            if self._drawn is not None:
+                self._show_drawn(self._drawn)
+                for key, box in (("width", self.width_box), ("height", self.height_box)):
+                    if box.complaint:
+                        raise InputError(box.complaint, key=key)
+                self._drawn.check(self.file, self.size_chosen, len(self.times) or 1)
+                told = (words, self._drawn.note, _SEEN[self.camera.currentText()])
+                words = " ".join(filter(None, told))
+        except SpacemapError as error:
+            words, bad = str(error), True
+        mark(self.told, bad)
+        self.save.setEnabled(not bad)
+        self.told.setText(words)
+
+    def _show_drawn(self, drawn: Drawn) -> None:
+        if self.sender() in (self.width_box, self.height_box):
+            self.preset.setCurrentText(_OTHER)
+        ending, able = self.file.suffix.lower(), endings_with_alpha(drawn.kind)
+        self.transparent.setEnabled(ending in able)
+        why = f" (a {ending or 'file without ending'} cannot be; {', '.join(able)} can)"
+        self.transparent.setText("None: transparent" + ("" if ending in able else why))
+
+    def _read_times(self, animation: Animation) -> str:
+        """Read the typed times, and return a sentence that describes them."""
+        self.times = []
+        typed = {name: line.text() for name, line in self.lines.items()}
+        duration = typed.pop("duration", None)
+        animation.configure(**typed)
+        span = animation.stop - animation.start
+        if duration is not None and self.sender() is self.lines["duration"]:
+            lasts = parse_quantity(duration, "s")
+            if not 0.0 < lasts < float("inf"):
+                raise InputError("no duration", key="duration", allowed="more than 0 s")
+            animation.speed = span / lasts
+        elif duration is not None and span > 0.0:
+            self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
+        self.times = animation.frame_times()
+        apart, count = animation.speed / animation.frames_per_second, len(self.times)
+        what = "frame" if self._drawn is not None else "time"
+        words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
+        if animation.speed != 1.0:
+            words += f"; a second of film is {format_quantity(animation.speed, 's')}"
+        return words if self._drawn is None else f"{words}."

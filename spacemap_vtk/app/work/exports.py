@@ -1,0 +1,240 @@
+"""Export pictures, films and data: dialogs, progress and cancelling."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QWidget,
+)
+
+from spacemap_vtk.app.documents.ask_file import agreed, ended, last_folder
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.time_bar import TimeBar
+from spacemap_vtk.app.view.view3d import View3D
+from spacemap_vtk.app.widgets import row
+from spacemap_vtk.app.work.export_dialog import SIZES, Drawn, ExportDialog
+from spacemap_vtk.app.work.job_process import JobProcess
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
+from spacemap_vtk.jobs import make_data_job, make_job
+from spacemap_vtk.scenes.face import picture_size
+from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.level_of_detail import choose_level
+
+#: Most letters of a file name in the status line.
+_LONGEST = 16
+#: Parameters of a scene's view that the window can override: it has a dark mode, and its own
+#: switches for axes and scale bar.
+_WINDOW = ("background", "background_top", "triad", "scale_bar")
+#: Settings key for the folder of the last export.
+_FOLDER = "export/folder"
+
+
+class Exports(QObject):
+    """Export commands of the menu "File". Each job runs in a child process, one at a time."""
+
+    #: Name of the written file, and a sentence about it.
+    written = Signal(str)
+    failed = Signal(object)
+    #: Sentences about data that the written file could not store.
+    lost = Signal(str)
+
+    def __init__(self, window: QWidget, document: Document, times: TimeBar, view: View3D) -> None:
+        super().__init__(window)
+        self._window, self._document, self._times, self._view = window, document, times, view
+        #: Progress bar with a button to cancel; hidden while nothing is written.
+        self.progress, self.bar, self._words = QWidget(), QProgressBar(), QLabel()
+        self.bar.setFixedWidth(90)
+        tip = "Stop writing; nothing of it stays"
+        self.stopping = QPushButton("Cancel", toolTip=tip)
+        self.stopping.clicked.connect(self.cancel)
+        row(self.progress, self._words, self.bar, self.stopping, spacing=6)
+        self.progress.hide()
+        self._process: JobProcess | None = None
+        #: Sentences about data that the file cannot store.
+        self._losses: list[str] = []
+
+    def picture(self) -> None:
+        """Ask for the file and size of a picture, and write it."""
+        self._drawn("picture", name_filter("Pictures", written("picture")), ".png")
+
+    def film(self) -> None:
+        """Ask for the file and size of a film, and write it."""
+        endings = writable("film")
+        frames = name_filter("Numbered frames", written("frames"))
+        filters = f"{name_filter('Films', endings)};;{frames}"
+        self._drawn("film", filters, endings[0])
+
+    def data(self) -> None:
+        """Ask for a data file, and write what its format stores."""
+        if not self._free():
+            return
+        filters = written_filters()
+        if not self._document.scene.has_draft:
+            filters = {text: kind for text, kind in filters.items() if kind != "draft"}
+        name, chosen = QFileDialog.getSaveFileName(
+            self._window,
+            "Export data (a name with %04d in it: a file for each time)",
+            str(self._proposal("")),
+            ";;".join(filters),
+        )
+        if not name:
+            return
+        kind = filters.get(chosen, "patches")
+        ending = re.search(r"\*(\.\w+)", chosen)
+        path = ended(self._window, Path(name), ending[1] if ending else next(iter(written(kind))))
+        if path is None:
+            return
+        QSettings().setValue(_FOLDER, str(path.parent))
+        if path.suffix.lower() not in written(kind):
+            kind = next((other for other in DATA if path.suffix.lower() in written(other)), kind)
+        scene = self._document.scene
+        try:
+            asks_times = scene.moves and make_data_job(path, kind).is_series
+        except SpacemapError as error:
+            self.failed.emit(error)
+            return
+        times = [self._times.time]
+        if asks_times:
+            dialog = ExportDialog(self._window, f"Times of {path.name}", scene.animation)
+            if not dialog.exec():
+                return
+            times = dialog.times
+        self.start(kind, path, times=times)
+
+    def start(
+        self,
+        kind: str,
+        path: Path,
+        more: Mapping[str, Mapping[str, Any]] | None = None,
+        **fields: Any,
+    ) -> None:
+        """Start a job; `more` replaces values of the scene."""
+        if not self._free():
+            return
+        path = _numbered(kind, path)
+        try:
+            process = JobProcess(self, make_job(kind, path, **fields))
+        except SpacemapError as error:
+            self.failed.emit(error)
+            return
+        self._process, self._losses = process, []
+        process.progress.connect(self._show_progress)
+        process.lost.connect(self._losses.append)
+        process.ended.connect(self._end)
+        process.succeeded.connect(self._succeed)
+        process.failed.connect(self.failed)
+        self._words.setText(f"Writing {_shortened(path.name)}")
+        self.progress.setToolTip(f"Writing {DATA.get(kind, kind).lower()}: {path}")
+        self.bar.setRange(0, 0)
+        self.progress.show()
+        values = dict(self._document.values)
+        for section, changed in (more or {}).items():
+            values[section] = {**values.get(section, {}), **changed}
+        process.start(values, self._document.base.resolve())
+
+    @property
+    def busy(self) -> bool:
+        """Whether a file is being written."""
+        return self._process is not None
+
+    def cancel(self) -> None:
+        """Cancel the job and delete its output."""
+        if self._process is not None:
+            self._process.cancel()
+
+    def stop(self) -> None:
+        """Cancel, and wait until the process has ended."""
+        if self._process is not None:
+            self._process.stop()
+
+    def may_leave(self) -> bool:
+        """Ask whether a running export may be cancelled; return whether the window may close."""
+        if self._process is None:
+            return True
+        text = f"{self._process.target.name} is being written. Close, and give it up?"
+        return agreed(self._window, "Still writing", text)
+
+    def _free(self) -> bool:
+        if self._process is None:
+            return True
+        name = self._process.target.name
+        cure = "Wait until it is there, or cancel it at the foot of the window."
+        self.failed.emit(InputError(f"{name} is being written", cure=cure))
+        return False
+
+    def _proposal(self, ending: str) -> Path:
+        proposed = last_folder() / self._document.proposed(ending)
+        kept = QSettings().value(_FOLDER)
+        return Path(kept) / proposed.name if kept and Path(kept).is_dir() else proposed
+
+    def _drawn(self, kind: str, filters: str, ending: str) -> None:
+        if not self._free():
+            return
+        scene, view = self._document.scene, self._view
+        ratio = view.devicePixelRatioF()
+        seen = round(view.width() * ratio), round(view.height() * ratio)
+
+        def check(path: Path, size: tuple[int, int], frames: int) -> None:
+            make_job(kind, _numbered(kind, path))
+            choose_level(scene, PictureRequest(size, frames))
+
+        sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
+        proposal, transparent = self._proposal(ending), scene.view.transparent
+        notes = []
+        if kind == "film" and not scene.moves:
+            notes.append("Nothing moves in this scene: all frames are the same.")
+        if view.frame is not None and view.frame.swing is not None:
+            notes.append("The scene's own motion is written, not the mode or pull in the view.")
+        drawn = Drawn(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
+        animation = scene.animation if kind == "film" else None
+        dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
+        if not dialog.exec():
+            return
+        QSettings().setValue(_FOLDER, str(dialog.file.parent))
+        size = dialog.size_chosen
+        more: dict[str, dict[str, Any]] = {"view": {"transparent": dialog.clear}}
+        if dialog.animation is not None:
+            more["animation"] = dialog.animation.settings
+        fields: dict[str, Any] = {"size": size}
+        if kind == "picture":
+            fields["time"] = self._times.time
+        if dialog.as_window:
+            shown = view.settings  # includes the background of a dark window
+            more["view"] |= {key: shown[key] for key in _WINDOW}
+            fields["panels"] = view.panels(scene)
+            fields["place"] = view.place_for(size)
+            fields["wireframe"] = view.look.wireframe
+        self.start(kind, dialog.file, more, **fields)
+
+    def _show_progress(self, done: int, of: int) -> None:
+        self.bar.setRange(0, of)
+        self.bar.setValue(done)
+
+    def _succeed(self, text: str) -> None:
+        self.written.emit(text)
+        if self._losses:
+            self.lost.emit(". ".join(self._losses))
+
+    def _end(self) -> None:
+        self._process = None
+        self.progress.hide()
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 :]}"
+
+
+def _numbered(kind: str, path: Path) -> Path:
+    """Return the path of the output; for a film of single files, with ``%04d`` in the name."""
+    frames = kind == "film" and path.suffix.lower() in written("frames")
+    return path.with_name(f"{path.stem}-%04d.png") if frames and "%" not in path.name else path

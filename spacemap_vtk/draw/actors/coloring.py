@@ -1,0 +1,159 @@
+"""The numbers that a surface's colours show, and their units."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.datasets.arrays import points_of, to_array
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints, Singles
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.textile.geometry.point_clearance import gaps
+from spacemap_vtk.units import UNITS
+
+#: Name of the array of numbers that are shown as colours.
+SHOWN = "shown"
+
+
+#: The units of scales, the smallest first.
+_SCALES = {
+    "m": ("nm", "µm", "mm", "m", "km"),
+    "m/s": ("mm/s", "m/s"),
+    "m/s2": ("mm/s2", "m/s2"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
+    "N": ("µN", "mN", "N"),
+}
+
+
+def measure(surface: vtkPolyData, color: str) -> Singles | None:
+    """Return the number at each point of a surface that its colour shows."""
+    if color == "clearance":
+        return _kept_clearances(surface)
+    name, of_cells = COLORINGS[color].array, surface.GetCellData()
+    array = surface.GetPointData().GetArray(name)
+    if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
+        return None
+    values = _at_corners(surface, of_cells.GetArray(name)) if array is None else vtk_to_numpy(array)
+    if color in ("strain", "principal_stress"):
+        return largest_principal(values).astype(np.float32)
+    if color == "stress":
+        values = np.maximum(values, 0.0)  # of what lies outside the cage it is extrapolated
+    if values.ndim == 2 and values.shape[1] == 3:
+        return np.sqrt(np.einsum("nk,nk->n", values, values)).astype(np.float32)
+    return values.reshape(len(values)).astype(np.float32, copy=False)
+
+
+def add_measure(surface: vtkPolyData, color: str) -> None:
+    """Put on a surface what its colour shows, for `SurfaceActor`."""
+    values = measure(surface, color)
+    surface.GetPointData().RemoveArray(SHOWN)
+    if values is not None:
+        surface.GetPointData().AddArray(to_array(values, SHOWN))
+
+
+def largest_principal(tensors: AnyFloats) -> Floats:
+    """Return the largest eigenvalue of symmetric tensors."""
+    columns = np.asarray(tensors, np.float64).T
+    if len(columns) == 9:
+        columns = columns[[0, 4, 8, 1, 5, 2]]
+    xx, yy, zz, xy, yz, xz = columns
+    mean = (xx + yy + zz) / 3
+    a, b, c = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((a * a + b * b + c * c + 2 * (xy * xy + yz * yz + xz * xz)) / 6)
+    safe = np.where(size > 0.0, size, 1.0)
+    a, b, c, d, e, f = (part / safe for part in (a, b, c, xy, yz, xz))
+    half = (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)) / 2
+    return mean + 2 * size * np.cos(np.arccos(np.clip(half, -1.0, 1.0)) / 3)
+
+
+def unit_of(color: str, largest: float) -> tuple[str, float]:
+    """Return the unit in which a scale is easy to read."""
+    unit = COLORINGS[color].unit
+    if not unit:
+        return ("%", 0.01) if largest < 0.5 else ("", 1.0)
+    sizes = UNITS.get(unit, {unit: 1.0})
+    best, *larger = _SCALES.get(unit, (unit,))
+    for name in larger:
+        # 0.2 m itself is 200 mm: scales end there that have a little more than 100 mm to show
+        if largest > sizes[name] * (0.2 + 1e-6):
+            best = name
+    return best, sizes[best]
+
+
+def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
+    """Return round numbers within a scale, evenly spaced, zero among them where it is."""
+    span = high - low
+    if not span > 0.0:
+        return [low]
+    size = 10.0 ** np.floor(np.log10(span / most))
+    steps = (n * size for n in (1.0, 2.0, 2.5, 5.0, 10.0))
+    step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= most)
+    first, last = np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6)
+    return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
+
+
+def round_between(low: float, high: float) -> list[float]:
+    """Return 1, 2 and 5 times powers of ten within a range; none where it begins at 0."""
+    if not low > 0.0:
+        return []
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    return [f * 10.0**p for p in powers for f in (1, 2, 5) if low <= f * 10.0**p <= high]
+
+
+def _corners(surface: vtkPolyData) -> Ints:
+    corners: Ints = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
+    return corners.reshape(surface.GetNumberOfCells(), -1)
+
+
+def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
+    """Return for each point what its patch has; no point belongs to two."""
+    of_cells = vtk_to_numpy(array)
+    values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
+    values[_corners(surface)] = of_cells[:, None]
+    return values
+
+
+#: What was measured last, and when what it was measured of was made.
+_last: tuple[tuple[int, ...], Singles | None] = (), None
+
+
+def _kept_clearances(surface: vtkPolyData) -> Singles | None:
+    """Return the distances of a surface that others may have asked for: a scale, its picture."""
+    global _last
+    # No two things of VTK's have been made or changed at one time of its clock.
+    parts = surface.GetPoints(), surface.GetPointData().GetNormals(), surface.GetPolys()
+    made = tuple(0 if part is None else part.GetMTime() for part in parts)
+    kept = _last  # another thread may put its own there
+    if kept[0] != made:
+        kept = _last = made, clearances(surface)
+    return kept[1]
+
+
+def clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
+    """Return how far points are from the next yarn, infinite where no cell is asked."""
+    yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
+    if yarns is None or normals is None or not surface.GetNumberOfCells():
+        return None
+    corners, families = _corners(surface), surface.GetCellData().GetArray("family")
+    points, wanted = points_of(surface).astype(np.float64), None
+    number = 2 * vtk_to_numpy(yarns).astype(np.int64)
+    if families is not None:
+        number += vtk_to_numpy(families)  # the lowest digit: all others are then of neighbours
+    yarn, reach = np.zeros(len(points), np.int64), np.zeros(len(points))
+    yarn[corners] = number[:, None]
+    # Points of two patches lie at one place: they are each the first corner of one facet.
+    reach[corners[:, 0]] = 0.5 * np.linalg.norm(
+        points[corners[:, 0]] - points[corners[:, 2]], axis=1
+    )
+    if asked is not None:
+        wanted = np.zeros(len(points), bool)
+        wanted[corners[asked]] = True
+    found = gaps(points, vtk_to_numpy(normals), yarn, reach, wanted, reach > 0.0)
+    there = found if wanted is None else found[wanted]
+    return found.astype(np.float32) if np.isfinite(there).all() else None

@@ -1,0 +1,216 @@
+"""The face that a plane cuts through a closed surface: what is solid looks solid when it is cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
+
+from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_rings
+from spacemap_vtk.draw.actors.glyphs import Cut
+from spacemap_vtk.draw.actors.surface_actor import STUDIO, Span, SurfaceActor
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.scenes.styles import WHITE, Style
+
+#: Corners of a face that are nearer, as a share of its extent, are one; an outline goes on in
+#: another patch if that is nearer.
+_SAME, _SEAM = 1e-6, 1e-3
+#: Share of the largest part's area below which a part of the face is rounding.
+_NOTHING = 1e-5
+#: How far beside the plane the cut is made, as a share of the whole's diagonal.
+_BESIDE = 1e-6
+#: How far before the plane a face is drawn, as a share of the whole's diagonal.
+_BEFORE = 2e-4
+#: How bright a face is, as a share of its colour: a little darker than what light falls on.
+BRIGHT = 0.78
+
+
+class CutFaceActor(SurfaceActor):
+    """The face of a cut, in the colours of what is cut, flat: no light falls into a cut."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.SetPickable(False)
+
+    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
+        bright = (BRIGHT**2,) * 3 if style.lamps else WHITE
+        flat = replace(style.of_numbers, sky=bright, earth=bright, facing=0.0)
+        super()._wear(surface, flat, point)
+
+    def fill(
+        self,
+        surface: vtkPolyData,
+        cut: Cut | None,
+        color: str,
+        plain: Sequence[int],
+        span: Span | None,
+        style: Style = STUDIO,
+    ) -> None:
+        """Draw the face, if there is one."""
+        face = vtkPolyData() if cut is None else cut_face(surface, cut)
+        self.SetVisibility(face.GetNumberOfCells() > 0)
+        if cut is not None and face.GetNumberOfCells():
+            self.show(face, color, plain, span, style=replace(style, outline=0.0, sheen=0.0))
+            # Before the plane that the mouse takes hold of, which lies in the same place.
+            way = np.array(cut[0]) / np.linalg.norm(cut[0])
+            self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
+
+
+def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
+    """Return the face that a plane cuts through what a surface encloses."""
+    face = vtkPolyData()
+    if not surface.GetNumberOfPolys():
+        return face
+    points = points_of(surface).astype(np.float64)
+    normal = np.array(cut[0], np.float64)
+    normal /= np.linalg.norm(normal)
+    # Planes mostly go through a middle, where patches meet whose points differ by rounding: a
+    # little beside it, all are on one side.
+    height = (points - cut[1]) @ normal + _BESIDE * surface.GetLength()
+    triangles, cells = _crossing(surface, height >= 0.0)
+    if not len(triangles):
+        return face
+    ends, segments = _segments(triangles, height >= 0.0)
+    share = height[ends[:, 0]] / (height[ends[:, 0]] - height[ends[:, 1]])
+    corners = points[ends[:, 0]] * (1 - share[:, None]) + points[ends[:, 1]] * share[:, None]
+    yarns = surface.GetCellData().GetArray("yarn")
+    parts = np.zeros(len(cells)) if yarns is None else vtk_to_numpy(yarns)[cells]
+    loops, first = _loops(segments, corners, parts)
+    areas = np.array([_area(corners[loop], normal) for loop in loops])
+    kept = np.nonzero(np.abs(areas) > _NOTHING * np.abs(areas).max(initial=0.0))[0]
+    if not len(kept):
+        return face
+    loops = [loops[k] for k in kept]
+    face.SetPoints(to_points(corners))
+    _interpolate(surface, face, ends, share)
+    if areas[kept].min() < 0.0:
+        return _with_holes(face, loops)
+    face.SetPolys(to_rings(loops))
+    take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
+    triangulated = vtkTriangleFilter()
+    triangulated.SetInputData(face)
+    # Through the executive, which keeps Python's lock: see `Stage.update`.
+    triangulated.GetExecutive().Update()
+    return triangulated.GetOutput()
+
+
+def _crossing(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
+    """Return the triangles on both sides of the plane, (n, 3), and the cells they are of."""
+    polygons = surface.GetPolys()
+    offsets = vtk_to_numpy(polygons.GetOffsetsArray()).astype(np.int64)
+    numbers = vtk_to_numpy(polygons.GetConnectivityArray())
+    sizes, count = np.diff(offsets), np.add.reduceat(above[numbers], offsets[:-1], dtype=np.int64)
+    cut = np.nonzero((count > 0) & (count < sizes))[0]
+    triangles, cells = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+    for size in np.unique(sizes[cut]):
+        of_size = cut[sizes[cut] == size]
+        corners = numbers[offsets[of_size][:, None] + np.arange(size)]
+        for k in range(1, int(size) - 1):
+            triangles.append(corners[:, [0, k, k + 1]].astype(np.int64))
+            cells.append(of_size)
+    found, of = np.concatenate(triangles), np.concatenate(cells)
+    mixed = np.ptp(above[found].astype(np.int8), axis=1) > 0
+    # Where there are vertices and lines, cell data begins with theirs.
+    before = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
+    return found[mixed], of[mixed] + before
+
+
+def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
+    """Return the ends of the edges that are cut, (n, 2), and from which to which a face goes on."""
+    side = above[triangles]
+    lone = np.argmax(side != (side.sum(axis=1) > 1)[:, None], axis=1)
+    rows = np.arange(len(triangles))
+    turned = triangles[rows[:, None], (lone[:, None] + [0, 1, 2]) % 3]
+    edges = np.stack([turned[:, [0, 1]], turned[:, [0, 2]]], axis=1)
+    # Round each triangle, down through one edge and up through another: a neighbour that shares
+    # the edge goes through it the other way.
+    rising = ~side[rows, lone]
+    edges[rising] = edges[rising][:, ::-1]
+    pairs, number = np.unique(np.sort(edges, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
+    return pairs, number.reshape(-1, 2)
+
+
+def _loops(segments: Ints, corners: Floats, parts: NDArray[Any]) -> tuple[list[Ints], Ints]:
+    """Return the closed outlines of the face, and of each the number of a segment."""
+    follower = dict(zip(segments[:, 0].tolist(), segments[:, 1].tolist(), strict=True))
+    of = dict(zip(segments[:, 0].tolist(), range(len(segments)), strict=True))
+    extent = float(np.ptp(corners, axis=0).max())
+    follower.update(_seams(segments, corners / extent, parts))
+    loops, first = [], []
+    while follower:
+        start, at = follower.popitem()
+        loop = [start]
+        while at != start and at in follower:
+            loop.append(at)
+            at = follower.pop(at)
+        if at != start:
+            continue
+        ring = np.array(loop, np.int64)
+        steps = np.abs(corners[ring] - corners[np.roll(ring, 1)]).max(axis=1)
+        ring = ring[steps > _SAME * extent]
+        if len(ring) > 2:
+            loops.append(ring)
+            first.append(next(of[corner] for corner in loop if corner in of))
+    return loops, np.array(first, np.int64)
+
+
+def _seams(segments: Ints, corners: Floats, parts: NDArray[Any]) -> dict[int, int]:
+    """Return where the outline goes on in another patch: from which corner to which."""
+    from scipy.spatial import KDTree  # with all it brings
+
+    last = np.nonzero(~np.isin(segments[:, 1], segments[:, 0]))[0]
+    next_ = np.nonzero(~np.isin(segments[:, 0], segments[:, 1]))[0]
+    found: dict[int, int] = {}
+    # Yarns touch: one never goes on in another, so each has a place of its own.
+    places = [
+        np.column_stack([corners[segments[rows, end]], parts[rows]])
+        for rows, end in ((last, 1), (next_, 0))
+    ]
+    while len(last) and len(next_):
+        distance, nearest = KDTree(places[1]).query(places[0])
+        order = np.argsort(distance, kind="stable")
+        taken, which = np.unique(nearest[order], return_index=True)
+        joined = order[which]
+        joined, taken = (rows[distance[joined] < _SEAM] for rows in (joined, taken))
+        if not len(joined):
+            break
+        ends, starts = segments[last[joined], 1], segments[next_[taken], 0]
+        found.update(zip(ends.tolist(), starts.tolist(), strict=True))
+        last, places[0] = np.delete(last, joined), np.delete(places[0], joined, axis=0)
+        next_, places[1] = np.delete(next_, taken), np.delete(places[1], taken, axis=0)
+    return found
+
+
+def _area(ring: Floats, normal: Floats) -> float:
+    """Return the area within a ring, below zero where it goes round clockwise."""
+    seen = ring - ring.mean(axis=0)
+    return float(np.cross(seen, np.roll(seen, -1, axis=0)).sum(axis=0) @ normal) / 2
+
+
+def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
+    """Return the face of something that is hollow, without cell arrays."""
+    face.SetLines(to_rings([np.append(loop, loop[0]) for loop in loops]))
+    filled = vtkContourTriangulator()
+    filled.SetInputData(face)
+    filled.GetExecutive().Update()
+    return filled.GetOutput()
+
+
+def _interpolate(surface: vtkPolyData, face: vtkPolyData, ends: Ints, share: Floats) -> None:
+    """Put a surface's point arrays on the corners of a face, but for its normals."""
+    source = surface.GetPointData()
+    for i in range(source.GetNumberOfArrays()):
+        array: Any = source.GetArray(i)
+        if array is None or not array.GetName() or array is source.GetNormals():
+            continue
+        values = vtk_to_numpy(array)
+        part = share.reshape(-1, *[1] * (values.ndim - 1))
+        mean = values[ends[:, 0]] * (1 - part) + values[ends[:, 1]] * part
+        add_array(face.GetPointData(), array.GetName(), mean.astype(values.dtype))

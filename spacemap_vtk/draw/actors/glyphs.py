@@ -1,0 +1,315 @@
+"""Actors drawn with the object: outlines, ghost, cage, supports, loads, dots, ground shadow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkFiltersSources import vtkArrowSource
+from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataMapper, vtkTexture
+
+from spacemap_vtk.datasets.arrays import (
+    elements_of,
+    points_of,
+    to_array,
+    to_cells,
+    to_image,
+    to_points,
+)
+from spacemap_vtk.draw.actors.load_arrows import KINDS, Arrows
+from spacemap_vtk.draw.actors.shading import blurred
+from spacemap_vtk.draw.actors.surface_actor import rgb, rgb_table
+from spacemap_vtk.embedding.triangles import boundary
+from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
+from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.styles import Style
+
+#: Normal and origin of a clipping plane; the normal points to the side that remains visible.
+Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+#: Widths in points: DOT of a support's dot, PICKED of the dot at a picked point, LINE of the
+#: cage's lines if nothing else is drawn.
+DOT, PICKED, LINE = 9.0, 14.0, 1.5
+#: THIN: width in points of the cage's lines over the cloth. _FAINT: opacity of these lines, for a
+#: cage and for a dense cage.
+THIN, _FAINT = 1.2, (0.55, 0.45)
+#: If a cage has more tetrahedra than this, only the edges of its surface are drawn.
+_DENSE = 1000
+
+#: _MARGIN: margin of the shadow's image on each side, as a share of the image. _CELLS: largest
+#: number of cells along the rest. _POINTS: points for each cell along a side; with fewer the shadow
+#: would have holes.
+_MARGIN, _CELLS, _POINTS = 0.21, 92, 1.5
+#: _MOST: largest number of points that cast a shadow. _SLICES: number of horizontal slices that are
+#: blurred separately. _SHARP: blur of a point on the ground, as a share of the shadow's length.
+#: _SOFT: additional blur of a point that is as high as the shadow is long.
+_MOST, _SLICES, _SHARP, _SOFT = 150_000, 4, 0.01, 0.1
+
+#: Vertex shader that moves the vertices of an outline away from the yarn's axis and backwards.
+_WIDER = """
+  //VTK::PositionVC::Impl
+  vec2 away = (normalMatrix * normalMC).xy;
+  vec2 across = vec2(length(vec3(MCDCMatrix[0][0], MCDCMatrix[1][0], MCDCMatrix[2][0])),
+                     length(vec3(MCDCMatrix[0][1], MCDCMatrix[1][1], MCDCMatrix[2][1])));
+  gl_Position.xy += away / max(length(away), 1e-6) * min(wider * gl_Position.w, most * across);
+  // Behind what it surrounds, should that be open.
+  vec4 back = gl_Position;
+  back.z += 0.2 * most * length(vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]));
+  back.w += 0.2 * most * length(vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]));
+  gl_Position = vec4(gl_Position.xy * back.w / gl_Position.w, back.zw);
+"""
+
+
+class PlainActor(vtkActor):
+    """An actor of a single colour that cannot be picked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.SetMapper(vtkPolyDataMapper())
+        self.GetMapper().ScalarVisibilityOff()
+        self.SetPickable(False)
+
+
+class OutlineActor(PlainActor):
+    """Lines around yarns: the back faces, slightly enlarged, in one colour."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetMapper().SetVBOShiftScaleMethod(0)
+        #: `wider`: width of the lines, as shares of half the picture's width and height.
+        #: `most`: largest width of the lines [m].
+        self.wider, self.most = (0.0, 0.0), 0.0
+        self.GetProperty().FrontfaceCullingOn()
+        shader = self.GetShaderProperty()
+        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
+        line = "  gl_FragData[0] = vec4(diffuseColor, 1.0);"
+        shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, line, False)
+
+    def show(
+        self, surface: vtkPolyData, style: Style, pixels: float, size: tuple[int, int], most: float
+    ) -> None:
+        """Draw lines with a width in pixels, in a picture of `size`, but at most `most` m wide."""
+        self.GetMapper().SetInputData(surface)
+        self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
+        uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
+        self.wider, self.most = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
+        uniforms.SetUniform2f("wider", self.wider)
+        uniforms.SetUniformf("most", most)
+
+
+class GhostActor(PlainActor):
+    """The pale fabric at rest: its moved points minus their displacements."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetProperty().SetColor(*rgb("#8a94a3"))
+        self.GetProperty().SetOpacity(0.25)
+
+    def show(self, surface: vtkPolyData, closed: bool = False) -> None:
+        """Draw the rest shape of a surface that has displacements."""
+        rest = vtkPolyData()
+        if surface.GetPointData().GetArray("displacement") is not None:
+            rest.ShallowCopy(surface)
+            rest.SetPoints(to_points(rest_of(surface)))
+            # Normals of the moved surface would show its folds on the flat rest shape.
+            rest.GetPointData().SetNormals(None)
+        self.GetMapper().SetInputData(rest)
+        # Back faces would shine through the front faces and darken the ghost.
+        self.GetProperty().SetBackfaceCulling(closed)
+
+
+class CageActor(PlainActor):
+    """The edges of the deformed cage."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        # The lines are blended when they are drawn, after the cloth. VTK's pass for translucent
+        # actors would make a frame 25 % slower.
+        self.ForceOpaqueOn()
+        self.GetProperty().SetLighting(False)
+        self._kept: tuple[Ints, vtkCellArray] | None = None
+
+    def show(
+        self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
+    ) -> None:
+        """Draw a cage; `point` is pixels per point, `over` makes the lines thin and translucent."""
+        lines, faint = vtkPolyData(), _FAINT[cage is not None and cage.GetNumberOfCells() > _DENSE]
+        self.GetProperty().SetLineWidth((THIN if over else LINE) * point)
+        self.GetProperty().SetOpacity(faint if over else 1.0)
+        if cage is not None:
+            elements = elements_of(cage)
+            # Elements are compared by content: a box of another size often has the same edges.
+            if self._kept is None or not np.array_equal(self._kept[0], elements):
+                self._kept = elements, to_cells(_edges(elements, points_of(cage)))
+            lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
+            lines.SetLines(self._kept[1])
+        self.GetMapper().SetInputData(lines)
+
+
+class GroundActor(PlainActor):
+    """A soft shadow on level ground; higher parts of the object cast a more blurred shadow."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        texture = vtkTexture()
+        texture.SetColorModeToDirectScalars()
+        texture.InterpolateOn()
+        texture.EdgeClampOn()
+        self.SetTexture(texture)
+        self.GetProperty().LightingOff()
+        self.ForceTranslucentOn()
+
+    def show(self, points: AnyFloats, up: int, floor: float, strength: float) -> None:
+        """Draw the shadow of points (n, 3) on a floor at height `floor` along the axis `up`."""
+        points = points[:: 1 + len(points) // _MOST]
+        sides = [(up + 1) % 3, (up + 2) % 3]
+        low, high = points[:, sides].min(axis=0), points[:, sides].max(axis=0)
+        length = float((high - low).max()) / (1.0 - 2.0 * _MARGIN) or 1.0
+        cells = int(min(_CELLS, np.sqrt(len(points)) / _POINTS + 8) / (1.0 - 2.0 * _MARGIN))
+        corner = 0.5 * (low + high) - 0.5 * length
+        places = ((points[:, sides] - corner) * (cells / length)).astype(np.int64) @ (1, cells)
+        heights = (points[:, up] - floor) / length
+        slices = np.minimum(heights * _SLICES, _SLICES - 1).astype(np.int64)
+        light = np.ones((cells, cells), np.float32)
+        for number in range(_SLICES):
+            found = np.bincount(places[slices == number], minlength=cells**2) > 0
+            if found.any():
+                spread = cells * (_SHARP + _SOFT * (number + 0.5) / _SLICES)
+                cast = blurred(found.reshape(cells, cells).astype(np.float32), spread)
+                light *= 1.0 - cast
+        black = np.zeros((cells, cells, 4), np.uint8)
+        black[..., 3] = np.rint(255.0 * strength * (1.0 - light))
+        self.GetTexture().SetInputData(to_image(black))
+        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        corners = np.full((4, 3), floor)
+        corners[:, sides] = corner + length * square
+        ground = vtkPolyData()
+        ground.SetPoints(to_points(corners))
+        ground.SetPolys(to_cells(np.arange(4).reshape(1, 4)))
+        ground.GetPointData().SetTCoords(to_array(square.astype(np.float32), "texels"))
+        self.GetMapper().SetInputData(ground)
+
+
+class DotsActor(PlainActor):
+    """Dots at points."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetProperty().SetRenderPointsAsSpheres(True)
+
+    def place(self, points: AnyFloats) -> None:
+        """Draw dots at points (n, 3)."""
+        dots = vtkPolyData()
+        if len(points):
+            dots.SetPoints(to_points(points))
+            dots.SetVerts(to_cells(np.arange(len(points)).reshape(-1, 1)))
+        self.GetMapper().SetInputData(dots)
+
+
+class SupportActor(DotsActor):
+    """The cage's fixed vertices."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: tuple[Any, Any] = None, None
+
+    def show(self, cage: vtkUnstructuredGrid | None) -> None:
+        """Draw a cage's supports."""
+        fixed = None if cage is None else cage.GetPointData().GetArray("fixed")
+        rest = None if cage is None else cage.GetPoints()
+        if (rest, fixed) == self._shown and fixed is not None:
+            return
+        self._shown = rest, fixed
+        held = cage is not None and fixed is not None
+        self.place(points_of(cage)[vtk_to_numpy(fixed) != 0] if held else np.zeros((0, 3)))
+
+
+class LoadActor(vtkActor):
+    """Arrows of loads on the cage; `through` draws them pale, for a renderer in front."""
+
+    # A load acts at the cloth and often behind it. There the pale arrow shines through the cloth.
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.through = vtkActor()
+        for actor in (self, self.through):
+            actor.SetMapper(_arrows_mapper())
+            actor.SetPickable(False)
+        self.GetProperty().SetAmbient(0.35)
+        look = self.through.GetProperty()
+        look.SetLighting(False)
+        look.SetOpacity(0.7)
+        look.BackfaceCullingOn()
+
+    def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
+        """Draw arrows; a cut hides those whose load acts on the hidden side."""
+        places = vtkPolyData()
+        if arrows is not None and len(arrows.starts):
+            seen = np.ones(len(arrows.starts), bool)
+            if cut is not None:
+                seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
+            colors = rgb_table([KINDS[k] for k in arrows.kinds])
+            places.SetPoints(to_points(arrows.starts[seen]))
+            places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
+            places.GetPointData().AddArray(to_array(colors[seen], "color"))
+        for actor in (self, self.through):
+            actor.GetMapper().SetInputData(places)
+
+
+def _arrows_mapper() -> vtkGlyph3DMapper:
+    shape, mapper = vtkArrowSource(), vtkGlyph3DMapper()
+    shape.SetTipResolution(24)
+    shape.SetShaftResolution(24)
+    shape.SetTipRadius(0.09)
+    shape.SetTipLength(0.3)
+    shape.SetShaftRadius(0.032)
+    mapper.SetSourceConnection(shape.GetOutputPort())
+    mapper.SetOrientationArray("vector")
+    mapper.SetScaleArray("vector")
+    mapper.SetScaleModeToScaleByMagnitude()
+    mapper.SetScalarModeToUsePointFieldData()
+    mapper.SelectColorArray("color")
+    mapper.SetColorModeToDirectScalars()
+    return mapper
+
+
+def moved_points(cage: vtkUnstructuredGrid) -> Floats:
+    """Return the displaced vertices of a cage, (V, 3)."""
+    return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+
+
+def _edges(elements: Ints, points: AnyFloats) -> Ints:
+    """Return distinct edges (n, 2): of a dense cage the surface's; half edges for 10 nodes."""
+    ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
+    shown = np.ones((len(elements), 6), bool)
+    if len(elements) > _DENSE:
+        corners = points[elements[:, :4]]
+        positive = np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0
+        whose, face = boundary(elements[:, :4], positive)
+        shown[:] = False
+        # A face contains the edges that do not end at the opposite corner.
+        np.logical_or.at(shown, whose, (ends != face[:, None, None]).all(axis=2))
+    if elements.shape[1] == 10:
+        ends = np.stack([ends, np.stack([np.arange(4, 10)] * 2, axis=1)], axis=2)
+    pairs = np.sort(elements[:, ends][shown].reshape(-1, 2), axis=1)
+    pairs = pairs[np.lexsort(pairs.T)]
+    return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
+
+
+def rest_of(surface: vtkPolyData) -> AnyFloats:
+    """Return the rest positions of a surface's points."""
+    moved = surface.GetPointData().GetArray("displacement")
+    return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)
+
+
+def cut_of(view: View, surface: vtkPolyData) -> Cut | None:
+    """Return the clipping plane of a view; None without one. It defaults to the centre at rest."""
+    if view.clip_normal is None:
+        return None
+    if view.clip_origin is not None:
+        return view.clip_normal, view.clip_origin
+    rest = rest_of(surface)
+    x, y, z = ((rest.min(axis=0) + rest.max(axis=0)) / 2).tolist()
+    return view.clip_normal, (x, y, z)

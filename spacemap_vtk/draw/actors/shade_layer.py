@@ -1,0 +1,74 @@
+"""Contact shadows over what a window shows, made of its depths when they are asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray
+from vtkmodules.vtkFiltersSources import vtkPlaneSource
+from vtkmodules.vtkRenderingCore import (
+    vtkCoordinate,
+    vtkPolyDataMapper2D,
+    vtkRenderer,
+    vtkRenderWindow,
+    vtkTexture,
+    vtkTexturedActor2D,
+)
+
+from spacemap_vtk.datasets.arrays import to_image
+from spacemap_vtk.draw.actors.shading import contact_shade, softened
+from spacemap_vtk.draw.camera import metres_from, pixels_of
+
+
+class ShadeLayer:
+    """Darkens what a renderer has drawn, as pictures are darkened."""
+
+    def __init__(self, window: vtkRenderWindow, renderer: vtkRenderer, layer: int) -> None:
+        self.renderer = vtkRenderer()
+        self.renderer.SetLayer(layer)
+        self.renderer.InteractiveOff()
+        self.renderer.AutomaticLightCreationOff()
+        self.renderer.DrawOff()
+        window.AddRenderer(self.renderer)
+        self._depth, self._texture = vtkFloatArray(), vtkTexture()
+        self._texture.SetColorModeToDirectScalars()
+        self._relief, self._strength = 0.0, 0.0
+        plane, mapper, everywhere = vtkPlaneSource(), vtkPolyDataMapper2D(), vtkCoordinate()
+        plane.SetOrigin(0.0, 0.0, 0.0)
+        plane.SetPoint1(1.0, 0.0, 0.0)
+        plane.SetPoint2(0.0, 1.0, 0.0)
+        everywhere.SetCoordinateSystemToNormalizedViewport()
+        mapper.SetInputConnection(plane.GetOutputPort())
+        mapper.SetTransformCoordinate(everywhere)
+        shade = vtkTexturedActor2D()
+        shade.SetMapper(mapper)
+        shade.SetTexture(self._texture)
+        self.renderer.AddViewProp(shade)
+        #: Whether it is wanted.
+        self.on = False
+        #: Left, low, right and high ends of what stands in no shadow, in pixels.
+        self.clear: list[tuple[float, float, float, float]] = []
+
+    def want(self, relief: float, strength: float) -> None:
+        """Be drawn from now on if there is any strength: for folds so deep [m]."""
+        self._relief, self._strength, self.on = relief, strength, strength > 0.0
+
+    def make(self, below: vtkRenderer) -> None:
+        """Make the shadows of what a renderer has drawn."""
+        window, camera = below.GetRenderWindow(), below.GetActiveCamera()
+        width, height = window.GetSize()
+        window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
+        drawn = vtk_to_numpy(self._depth).reshape(height, width)
+        plates = [
+            (slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear
+        ]
+        for plate in plates:  # in front of all, they would throw a shadow on it
+            drawn[plate] = 1.0
+        depth = metres_from(camera, drawn)
+        pixels = self._relief * pixels_of(camera, height)
+        shade = softened(contact_shade(depth, self._relief, pixels, self._strength, thin=2))
+        for plate in plates:
+            shade[plate] = 1.0
+        black = np.zeros((height, width, 4), np.uint8)
+        black[..., 3] = 255.5 - 255.0 * shade
+        self._texture.SetInputData(to_image(black))

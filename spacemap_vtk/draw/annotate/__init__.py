@@ -1,0 +1,1 @@
+"""Scale bars, axes, times and labels over a picture."""

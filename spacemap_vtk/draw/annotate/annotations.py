@@ -1,0 +1,286 @@
+"""Draw annotations over a view: scale bar, axes, time and labels of points, on plates."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkRenderingCore import (
+    vtkActor2D,
+    vtkPolyDataMapper2D,
+    vtkProp,
+    vtkRenderer,
+    vtkRenderWindow,
+    vtkTextActor,
+    vtkTextRenderer,
+)
+
+from spacemap_vtk.datasets.arrays import to_array, to_points, to_ragged
+from spacemap_vtk.draw.actors.surface_actor import (
+    PLATE,
+    inks,
+    letters_of,
+    rgb,
+    scale_share,
+    take_font,
+)
+from spacemap_vtk.draw.annotate.measuring import AXES, measures_of, round_length
+from spacemap_vtk.draw.camera import Viewpoint, projected
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.settings import View, is_dark
+from spacemap_vtk.units import format_quantity
+
+#: Largest length of the scale bar, as a share of the picture's width.
+_LONGEST = 0.2
+#: Largest number of labels of points.
+MOST_LABELS = 6
+
+Polygon = Floats
+
+
+class Annotations:
+    """Annotations over a renderer's view; they follow its camera."""
+
+    def __init__(self, renderer: vtkRenderer) -> None:
+        self._renderer = renderer
+        self._plates, self._shapes = _Polygons(), _Polygons()
+        #: Texts: scale bar, time, three names of axes (centred at their places), labels of points.
+        self._texts = [vtkTextActor() for _ in range(5 + MOST_LABELS)]
+        for text in self._texts:
+            take_font(text.GetTextProperty())
+        for text in self._texts[2:5]:
+            text.GetTextProperty().SetJustificationToCentered()
+            text.GetTextProperty().SetVerticalJustificationToCentered()
+        #: All props of the annotations.
+        self.props: list[vtkProp] = [self._plates, self._shapes, *self._texts]
+        for prop in self.props:
+            renderer.AddViewProp(prop)
+        #: Left, bottom, right, top of the plates in drawn pixels. The list object stays the same.
+        self.boxes: list[tuple[float, float, float, float]] = []
+        #: Position [m] and text of each label.
+        self.labels: list[tuple[Floats, str]] = []
+        #: Ends of the axes in positive and in negative direction, (2, 3, 3): right and up in drawn
+        #: pixels, and towards the eye. None if no axes are shown or they cannot be clicked.
+        self.ends: Floats | None = None
+        self._view, self._scaled = View(), False
+        #: Whether axes and scale bar are shown, and whether the axes can be clicked. Only then are
+        #: their negative ends shown.
+        self._triad = self._bar = self._handled = False
+        self._time: float | None = None
+        self._size, self._pixels = (1, 1), 1.0
+        self._background: tuple[int, ...] = ()
+        self._ink, self._axes = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * 3
+        self._paper = np.ones(3)
+        #: State for which the annotations were last placed.
+        self._placed: tuple[object, ...] | None = None
+        # The reference is weak, because VTK would keep the object of a callback alive.
+        place = weakref.WeakMethod(self._place)
+        self._following = renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
+
+    def led(self) -> Callable[[], None]:
+        """Stop following the camera; call the returned function before each drawing instead."""
+        # numpy releases Python's global lock, which a window must keep while VTK draws.
+        self._renderer.RemoveObserver(self._following)
+        return self._place
+
+    def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
+        """Set background and size of the picture, and the drawn pixels per pixel of the picture."""
+        self._size, self._pixels = size, pixels
+        self._background = tuple(background)
+        self._ink, plate = inks(background)
+        self._paper = np.array(plate)
+        self._axes = [rgb(color) for color in AXES[is_dark(background)]]
+        self._plates.GetProperty().SetColor(*plate)
+        self._plates.GetProperty().SetOpacity(PLATE)
+        colors = [self._ink, self._ink, *self._axes, *[self._ink] * MOST_LABELS]
+        for text, color in zip(self._texts, colors, strict=True):
+            text.GetTextProperty().SetFontSize(letters_of(size))
+            text.GetTextProperty().SetColor(*color)
+
+    def show(
+        self, view: View, time: float | None, scaled: bool, triad: bool, bar: bool, handled: bool
+    ) -> None:
+        """Show the annotations that a view or the other arguments request, at a time."""
+        self._view, self._time, self._scaled = view, time, scaled
+        self._triad, self._bar = triad or view.triad, bar or view.scale_bar
+        self._handled = handled
+        for prop in self.props:
+            prop.VisibilityOn()
+
+    @property
+    def written(self) -> bool:
+        """Whether any annotation is shown."""
+        stamped = self._view.time_stamp and self._time is not None
+        return stamped or self._scaled or self._triad or self._bar or bool(self.labels)
+
+    def axis_at(self, x: float, y: float) -> Floats | None:
+        """Return the unit vector of the axis that ends at a drawn pixel; None if there is none."""
+        if self.ends is None:
+            return None
+        away = np.linalg.norm(self.ends[..., :2] - (x, y), axis=2)
+        if away.min() > 0.75 * self._letter:
+            return None
+        nearer = np.where(away > 0.75 * self._letter, -2.0, self.ends[..., 2])
+        way, axis = np.unravel_index(nearer.argmax(), (2, 3))
+        return np.eye(3)[axis] * (1, -1)[way]
+
+    @property
+    def _letter(self) -> float:
+        return self._pixels * letters_of(self._size)
+
+    def _place(self) -> None:
+        if not self._plates.GetVisibility():
+            return
+        view, camera = self._view, self._renderer.GetActiveCamera()
+        # VTK renders a text again whenever it is set. So nothing is set while the view stays.
+        signs = self._scaled, self._triad, self._bar, self._handled, self._background
+        stamp = self._time if view.time_stamp else None
+        seen_by = Viewpoint.of(camera), camera.GetViewAngle(), self._renderer.GetSize()
+        placed = *signs, stamp, *seen_by, self._size, self._pixels, len(self.labels)
+        if placed == self._placed and not self.labels:
+            return
+        self._placed = placed
+        # The window may have been resized after `fit`.
+        width, height = (side / self._pixels for side in self._renderer.GetSize())
+        letter = letters_of(self._size)
+        self.boxes.clear()
+        self.ends = None
+        shapes: list[tuple[Polygon, Any]] = []
+        for text in self._texts:
+            text.SetInput("")
+        edge = 0.7 * letter
+        whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
+        if self._scaled:
+            self._plate(whole[0], 0.25 * height - edge, width, 0.75 * height + edge)
+        seen = measures_of(camera, height)
+        if self._triad:
+            middle = np.full(2, edge + 2.9 * letter)
+            self._plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
+            if self._handled:
+                away = np.stack([1.75 * seen.axes[:, :2], -1.75 * seen.axes[:, :2]])
+                toward = np.stack([seen.axes[:, 2], -seen.axes[:, 2]])[..., None]
+                self.ends = np.concatenate(
+                    [self._pixels * (middle + letter * away), toward], axis=2
+                )
+                for axis, color in zip(seen.axes, self._axes, strict=True):
+                    far, pale = middle - 1.75 * letter * axis[:2], 0.45 * np.array(color)
+                    shapes.append((_disc(far, 0.32 * letter), tuple(pale + 0.55 * self._paper)))
+            for k in np.argsort(seen.axes[:, 2]).tolist():
+                tip = middle + 1.75 * letter * seen.axes[k, :2]
+                shapes += [(shape, self._axes[k]) for shape in _arrow(middle, tip, letter)]
+                way = tip - middle
+                long = float(np.hypot(*way))
+                far = way / long if long > 0.15 * letter else np.array([-0.7, 0.7])
+                self._write(2 + k, "xyz"[k], tip + 0.62 * letter * far)
+        if self._bar:
+            length = round_length(_LONGEST * width * seen.length)
+            words = format_quantity(length, "m")
+            left, wide = edge * (1 + self._triad) + 5.8 * letter * self._triad, length / seen.length
+            more = words + ("" if seen.flat else " in the plane of the focus")
+            if self._sized(0, more)[1][0] < whole[0] - left - 2 * edge:
+                words = more
+            right = left + 2 * edge + max(wide, self._sized(0, words)[1][0])
+            self._plate(left, edge, right, edge + 2.7 * letter)
+            low = np.array([left + edge, edge + 0.5 * letter])
+            shapes.append((_box(low, low + np.array([wide, 0.28 * letter])), self._ink))
+            self._write(0, words, low + np.array([0.0, 0.7 * letter]))
+        if view.time_stamp and self._time is not None:
+            words = f"t = {format_quantity(self._time, 's', 4)}"
+            begin, size = self._sized(1, words)
+            self._plate(edge, height - 3 * edge - size[1], 3 * edge + size[0], height - edge)
+            self._write(1, words, np.array([2 * edge, height - 2 * edge - size[1]]) - begin)
+        points = np.array([point for point, _ in self.labels]).reshape(-1, 3)
+        x, y, _, depth = projected(camera, points, width / height).T
+        places = (
+            (np.stack([x, y]) / np.where(depth > 0.0, depth, 1.0) + 1.0).T / 2 * (width, height)
+        )
+        for number in np.flatnonzero(depth[:MOST_LABELS] > 0.0).tolist():
+            words = self.labels[number][1]
+            begin, size = self._sized(5 + number, words)
+            low = self._free(places[number], places, size + edge, whole, 0.8 * letter)
+            self._plate(*low, *(low + size + edge))
+            self._write(5 + number, words, low + 0.5 * edge - begin)
+        self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
+        self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
+
+    def _free(
+        self, at: Polygon, others: Polygon, size: Polygon, whole: Polygon, away: float
+    ) -> Polygon:
+        """Return a place near a point where a plate overlaps no other; else the first candidate."""
+        points = np.stack([others - 0.7 * away, others + 0.7 * away], axis=1)
+        boxes = np.concatenate([np.array(self.boxes).reshape(-1, 2, 2) / self._pixels, points])
+        ways = np.array([[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
+        # Further candidates lie above and below, for labels that are close together.
+        far = away + np.arange(MOST_LABELS)[:, None, None] * [0.0, size[1]]
+        lows = (at + ways * far - size * (ways < 0.0)).reshape(-1, 2)
+        lows = np.clip(lows, 0.0, np.maximum(whole - size, 0.0))
+        over = (lows[:, None] < boxes[:, 1]) & (lows[:, None] + size > boxes[:, 0])
+        return lows[over.all(axis=2).any(axis=1).argmin()]
+
+    def _plate(self, left: float, low: float, right: float, high: float) -> None:
+        self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
+
+    def _sized(self, number: int, words: str) -> tuple[Polygon, Polygon]:
+        """Return the lower left corner of a text placed at the origin, and its size."""
+        ends = np.zeros(4)
+        self._write(number, words, np.zeros(2))
+        if isinstance(self._renderer.GetRenderWindow(), vtkRenderWindow):
+            self._texts[number].GetBoundingBox(self._renderer, ends)
+        else:  # GetBoundingBox would need a VTK window for the resolution
+            look, box = self._texts[number].GetTextProperty(), [0, 0, 0, 0]
+            dpi = round(72 * self._pixels)
+            vtkTextRenderer.GetInstance().GetBoundingBox(look, words, box, dpi)
+            ends[:4] = box
+        begin, end = ends.reshape(2, 2).T / self._pixels
+        return begin, end - begin
+
+    def _write(self, number: int, words: str, place: Polygon) -> None:
+        self._texts[number].SetInput(words)
+        self._texts[number].SetPosition(*(self._pixels * place).tolist())
+
+
+class _Polygons(vtkActor2D):
+    """Polygons in pixel coordinates of a view."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.SetMapper(vtkPolyDataMapper2D())
+        self.VisibilityOff()
+
+    def fill(self, polygons: list[Polygon], colors: list[Any] | None = None) -> None:
+        """Replace the polygons and their colours."""
+        drawn, flat = vtkPolyData(), np.concatenate([*polygons, np.zeros((0, 2))])
+        offsets = np.cumsum([0, *map(len, polygons)], dtype=np.int64)
+        drawn.SetPoints(to_points(np.column_stack([flat, np.zeros(len(flat))])))
+        drawn.SetPolys(to_ragged(offsets, np.arange(len(flat))))
+        if colors:
+            drawn.GetCellData().SetScalars(to_array((np.array(colors) * 255).astype(np.uint8)))
+        self.GetMapper().SetInputData(drawn)
+
+
+def _box(low: Polygon, high: Polygon) -> Polygon:
+    return np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+
+
+def _disc(middle: Polygon, radius: float) -> Polygon:
+    turn = np.linspace(0.0, 2 * np.pi, 20, endpoint=False)
+    return middle + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def _arrow(begin: Polygon, end: Polygon, letter: float) -> list[Polygon]:
+    """Return shaft and head of an arrow; a dot if the arrow points at the eye."""
+    way = end - begin
+    size = float(np.hypot(*way))
+    if size < 0.15 * letter:
+        return [_disc(begin, 0.22 * letter)]
+    along = way / size
+    across = np.array([-along[1], along[0]])
+    neck = end - min(0.6 * letter, 0.7 * size) * along
+    side, wide = 0.07 * letter * across, 0.25 * letter * across
+    return [
+        np.array([begin - side, neck - side, neck + side, begin + side]),
+        np.array([neck - wide, end, neck + wide]),
+    ]

@@ -1,0 +1,119 @@
+"""What tells the size and the turn of a picture: a round length, round numbers, the axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.draw.actors.coloring import round_numbers, unit_of
+from spacemap_vtk.draw.actors.surface_actor import Span, ramp
+from spacemap_vtk.draw.camera import pixels_of
+from spacemap_vtk.draw.figure.page import SMALL, TEXT, Paper
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.units import format_quantity, pretty
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Digits that a round number begins with.
+_ROUND = (1.0, 2.0, 5.0, 10.0)
+#: Of the axes x, y and z, on light and on dark.
+AXES = (("#c8372d", "#3f8f3f", "#2c5f9e"), ("#ff7b6b", "#79c879", "#6fb0f0"))
+
+
+class Measures(NamedTuple):
+    """How a picture is seen."""
+
+    length: float
+    """That a unit of the picture is in the plane of the focus, in m."""
+    axes: Floats
+    """(3, 3) Where x, y and z point: right, up, towards the eye."""
+    flat: bool
+    """Whether there is no perspective."""
+
+
+def measures_of(camera: vtkCamera, height: float) -> Measures:
+    """Return how a picture of so many units in height is seen."""
+    flat = bool(camera.GetParallelProjection())
+    return Measures(1.0 / pixels_of(camera, height), axes_seen(camera), flat)
+
+
+def round_length(most: float) -> float:
+    """Return the largest round number that is not above another one."""
+    size = 10.0 ** np.floor(np.log10(most))
+    return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
+
+
+def axes_seen(camera: vtkCamera) -> Floats:
+    """Return where the axes point in a picture: right, up, towards the eye, (3, 3)."""
+    turn = camera.GetModelViewTransformMatrix()
+    seen = np.array([[turn.GetElement(row, k) for row in range(3)] for k in range(3)])
+    return np.where(np.abs(seen) < 1e-12, 0.0, seen)
+
+
+def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | None) -> None:
+    """Draw axes, a round length and the scale of colours beside each other, for a page."""
+    _draw_triad(axes, paper, seen.axes)
+    _draw_scale(axes, paper, seen)
+    if span is not None:
+        _draw_colors(axes, paper, color, span)
+
+
+def _draw_triad(axes: Axes, paper: Paper, turn: Floats) -> None:
+    size = 7.0
+    middle = size * (0.3 - 0.8 * np.minimum(turn[:, :2], 0.0).min(axis=0))
+    for k in np.argsort(turn[:, 2]):
+        tip, color = 0.8 * size * turn[k, :2], AXES[paper.dark][k]
+        if np.hypot(*tip) > 0.08 * size:
+            look = {"arrowstyle": "-|>,head_length=0.35,head_width=0.14", "color": color}
+            more = {"shrinkA": 0, "shrinkB": 0, "linewidth": 1.0, "mutation_scale": 10}
+            axes.annotate("", middle + tip, middle, arrowprops={**look, **more})
+            tip *= 1.0 + 1.4 / np.hypot(*tip)
+        else:
+            axes.plot(*middle, marker="o", markersize=3.5, color=color)
+            tip = np.array([-1.6, -1.2])
+        style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": TEXT, "color": color}
+        x, y = middle + tip
+        axes.text(x, y, "xyz"[k], **style)
+
+
+def _draw_scale(axes: Axes, paper: Paper, seen: Measures) -> None:
+    from matplotlib.patches import Rectangle
+
+    length = round_length(30.0 * seen.length)
+    left, wide = 20.0, length / seen.length
+    axes.add_patch(Rectangle((left, 4.4), wide, 0.8, facecolor=paper.ink, linewidth=0, gid="scale"))
+    words = format_quantity(length, "m")
+    axes.text(left, 5.8, words, fontsize=TEXT, color=paper.ink, va="bottom")
+    about = "without perspective" if seen.flat else "in the plane of the focus"
+    axes.text(left, 3.8, about, fontsize=SMALL, color=paper.faint, va="top")
+
+
+def _draw_colors(axes: Axes, paper: Paper, color: str, span: tuple[float, float]) -> None:
+    from matplotlib.colors import ListedColormap
+
+    unit, size = unit_of(color, max(map(abs, span)))
+    low, high = (end / size for end in span)
+    right = axes.get_xlim()[1] - 4.0
+    wide = min(75.0, right - 62.0)
+    left = right - wide
+    colors = np.linspace(0.0, 1.0, 256)[None]
+    limits = axes.get_xlim(), axes.get_ylim()
+    axes.imshow(
+        colors,
+        ListedColormap(ramp() / 255),
+        extent=(left, right, 4.4, 6.6),
+        aspect="auto",
+        interpolation="nearest",
+    )
+    axes.set(xlim=limits[0], ylim=limits[1])
+    style: dict[str, Any] = {"fontsize": TEXT, "color": paper.ink}
+    for number in round_numbers(low, high):
+        x = left + (number - low) / (high - low) * wide
+        axes.plot([x, x], [4.4, 3.7], color=paper.ink, linewidth=0.5)
+        axes.text(x, 3.3, f"{number:g}".replace("-", "−"), ha="center", va="top", **style)
+    label = COLORINGS[color].label + (f" [{pretty(unit)}]" if unit else "")
+    axes.text(left, 7.3, label, va="bottom", **style)

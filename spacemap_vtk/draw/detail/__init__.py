@@ -1,0 +1,1 @@
+"""Parts of large cloths, drawn as the level of detail asks."""

@@ -1,0 +1,231 @@
+"""Tiles of a cloth that is too large to be made whole, with the clearances between its yarns.
+
+The clearance of a point depends on the yarns close to it alone: a tile is made with some yarns
+beside it, and measured without them.
+"""
+
+from __future__ import annotations
+
+from math import isqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import copied, points_of, take_arrays, to_array, to_cells
+from spacemap_vtk.draw.actors.coloring import SHOWN, clearances
+from spacemap_vtk.draw.actors.glyphs import moved_points
+from spacemap_vtk.draw.detail.part_stages import PartStages
+from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
+from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.partition import telling_parts
+from spacemap_vtk.textile.geometry.point_clearance import crossing_means, spread_over
+from spacemap_vtk.textile.weave.cloth import Cloth
+
+#: Yarns that are made on each side of a tile; of splines, which feel a cut from farther away.
+_BESIDE, _BESIDE_SPLINES = 4, 16
+#: Where tiles end between two yarns: at no place where patches have their middle.
+_CUT = 0.3137
+#: Crossings of tiles that hold all weaves at most; and side of a tile at some place of a cloth.
+_MOST, _SIDE = 2500, 5
+#: So many such places along each side, and those that are strained most.
+_PLACES = 3
+
+
+class ClothTile(NamedTuple):
+    """Crossings of a cloth, and some beside them."""
+
+    surface: vtkPolyData
+    """Of all of them."""
+    found: Singles
+    """Of each point, how far it is from the next yarn, infinite beside the tile."""
+    quads: NDArray[Any]
+    """(patches, facets, 4) Points of each patch's facets."""
+    inside: Bools
+    """(patches,) Which belong to the tile."""
+    corners: Floats
+    """(patches, 4, 3) At rest, in m."""
+    yarn: NDArray[Any]
+    """(patches,) Of each, its yarn."""
+
+    @property
+    def cut(self) -> vtkPolyData:
+        """The surface without what lies beside the tile."""
+        made = copied(self.surface)
+        made.SetPolys(to_cells(self.inner))
+        kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
+        made.GetCellData().Initialize()
+        take_arrays(self.surface.GetCellData(), made.GetCellData(), kept)
+        return made
+
+    @property
+    def facets(self) -> tuple[NDArray[Any], Floats, Floats]:
+        """What `crossing_means` takes of the facets within the tile."""
+        corners, quads, (_, each, _) = self.corners[self.inside], self.inner, self.quads.shape
+        # At rest they lie in their patch as their parameters do.
+        step = (np.arange(isqrt(each)) + 0.5) / isqrt(each)
+        u, v = (way.ravel() for way in np.meshgrid(step, step))
+        share = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
+        middle = np.einsum("fc,pck->pfk", share, corners[..., :2]).reshape(-1, 2)
+        points = points_of(self.surface)
+        area = np.cross(*(points[quads[:, k + 2]] - points[quads[:, k]] for k in (0, 1)))
+        one, two = (corners[:, k + 2] - corners[:, k] for k in (0, 1))
+        on_top = np.repeat(one[:, 0] * two[:, 1] > one[:, 1] * two[:, 0], each)
+        above = area[on_top].sum(axis=0)
+        covered = area @ (above / np.linalg.norm(above))
+        return np.repeat(self.yarn[self.inside], each), middle, covered.astype(np.float64)
+
+    @property
+    def inner(self) -> NDArray[Any]:
+        """(n, 4) Points of the facets within the tile."""
+        return self.quads[self.inside].reshape(-1, 4)
+
+
+def yarns_beside(cloth: Cloth) -> int:
+    """Return how many yarns are made on each side of a tile."""
+    return _BESIDE_SPLINES if cloth.axis == "spline" else _BESIDE
+
+
+def measured_tile(
+    stages: PartStages, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
+) -> ClothTile | None:
+    """Return the tile where some ends and picks cross; None if clearances cannot be measured."""
+    cloth, beside = stages.cloth, yarns_beside(stages.cloth)
+    part = Share(
+        *(
+            slice(max(core.start - beside, 0), min(core.stop + beside, size))
+            for core, size in zip((ends, picks), cloth.size, strict=True)
+        )
+    )
+    stages.choose_part(part)
+    stages.use_crossings(crimp, part)
+    surface, grid = stages.update(time), stages.source.output
+    yarn = vtk_to_numpy(grid.GetCellData().GetArray("yarn"))
+    table = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 16)
+    corners = points_of(grid)[table[:, :4]].astype(np.float64)
+    middle, inside = corners.mean(axis=1), np.ones(len(yarn), bool)
+    first = np.array([0, cloth.size[0]])
+    for number, core in enumerate((ends, picks)):
+        own = (yarn >= first[1]) == bool(number)
+        low, high = _edges(cloth.yarns[number].position, core)
+        across = (middle[:, number] >= low) & (middle[:, number] < high)
+        place = yarn - first[number]
+        inside &= np.where(own, (place >= core.start) & (place < core.stop), across)
+    each = stages.surface.sides**2
+    found = clearances(surface, np.repeat(inside, each))
+    if found is None:
+        return None
+    quads = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(len(yarn), each, 4)
+    surface.GetPointData().AddArray(to_array(found, SHOWN))
+    return ClothTile(surface, found, quads, inside, corners, yarn)
+
+
+class Clearances(NamedTuple):
+    """How far the yarns of a cloth are from one another."""
+
+    crossings: Singles
+    """(2, picks, ends) The mean of what is seen of end and pick at each crossing, in m."""
+    ends: Singles
+    """(2,) The least and the largest, of all points."""
+
+
+class SampledClearances:
+    """How far the yarns of a cloth are from one another, from tiles that hold all its weaves."""
+
+    def __init__(self, scene: Scene, sides: int) -> None:
+        self._stages = PartStages(scene)
+        self._stages.surface.choose(sides)
+        self._parts, self._weaves = telling_parts(self._stages.cloth, _MOST)
+        #: What was found last, and for which cage.
+        self._last: tuple[NDArray[Any], Clearances | None] | None = None
+
+    def at(
+        self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
+    ) -> Clearances | None:
+        """Return what is found where a cage takes the cloth, whose sheet is strained so."""
+        asked = strains if cage is None else moved_points(cage)
+        if self._last is None or not np.array_equal(self._last[0], asked):
+            self._last = asked, self._find(cage, strains, crimp)
+        return self._last[1]
+
+    def _find(
+        self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
+    ) -> Clearances | None:
+        cloth, (rows, columns, _) = self._stages.cloth, strains.shape
+        ends, picks = cloth.size
+        parts = self._parts
+        if cage is not None:
+            self._stages.move_by(cage)
+            parts = parts + _places(strains, (ends, picks))
+        known, values, spans = [], [], []
+        for of_ends, of_picks in parts:
+            tile = measured_tile(self._stages, of_ends, of_picks, 0.0, crimp)
+            if tile is None:
+                return None
+            mean = tile.found[tile.inner].mean(axis=1)
+            means = crossing_means(cloth, (of_ends, of_picks), tile.facets, mean)
+            number = np.arange(picks)[of_picks, None] * ends + np.arange(ends)[of_ends]
+            known.append(number.ravel())
+            values.append(means.reshape(2, -1))
+            there = tile.found[np.isfinite(tile.found)]
+            spans += [there.min(), there.max()]
+        cells = _cells(picks, rows)[:, None] * columns + _cells(ends, columns)
+        found = spread_over(
+            self._weaves,
+            cloth.drawdown,
+            strains.reshape(rows * columns, -1),
+            cells,
+            np.concatenate(known),
+            np.concatenate(values, axis=1),
+        )
+        return Clearances(found, np.array([min(spans), max(spans)], np.float32))
+
+
+def strains_of(sheet: Floats, rest: Floats) -> Floats:
+    """Return how the cells of a sheet are strained along weft and warp, and sheared, (…, 3)."""
+    # Both (rows + 1, columns + 1, 3).
+    along = []
+    for axis in (1, 0):
+        now, before = (np.diff(points, axis=axis) for points in (sheet, rest))
+        mean = [0.5 * (v[1:] + v[:-1] if axis else v[:, 1:] + v[:, :-1]) for v in (now, before)]
+        along.append(mean[0] / np.linalg.norm(mean[1], axis=-1, keepdims=True))
+    stretch = [np.linalg.norm(vectors, axis=-1) for vectors in along]
+    shear = np.einsum("...k,...k->...", *along) / (stretch[0] * stretch[1])
+    return np.stack([stretch[0] - 1.0, stretch[1] - 1.0, shear], axis=-1)
+
+
+def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]:
+    """Return tiles where the cells of a sheet are strained most and least, and some others."""
+    rows, columns, count = strains.shape
+    flat = strains.reshape(-1, count)
+    chosen = {int(k) for k in (*flat.argmin(axis=0), *flat.argmax(axis=0))}
+    grid = [np.linspace(0, n - 1, _PLACES).astype(int) for n in (rows, columns)]
+    chosen |= {int(row * columns + column) for row in grid[0] for column in grid[1]}
+
+    def run(at: int, cells: int, yarns: int) -> slice:
+        first = min(int((at + 0.5) * yarns / cells) - _SIDE // 2, yarns - _SIDE)
+        return slice(max(first, 0), min(max(first, 0) + _SIDE, yarns))
+
+    return [
+        (run(cell % columns, columns, size[0]), run(cell // columns, rows, size[1]))
+        for cell in sorted(chosen)
+    ]
+
+
+def _cells(yarns: int, cells: int) -> Ints:
+    """Return in which of the cells of a sheet each yarn of a family is."""
+    return ((np.arange(yarns) + 0.5) * cells / yarns).astype(np.int64)
+
+
+def _edges(place: Floats, core: slice) -> tuple[float, float]:
+    """Return from where to where some yarns of a family are crossed by others."""
+    low, high = -np.inf, np.inf
+    if core.start > 0:
+        low = place[core.start - 1] + _CUT * (place[core.start] - place[core.start - 1])
+    if core.stop < len(place):
+        high = place[core.stop - 1] + _CUT * (place[core.stop] - place[core.stop - 1])
+    return float(low), float(high)

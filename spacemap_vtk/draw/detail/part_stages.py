@@ -1,0 +1,74 @@
+"""The stages that make yarns once more, for a part of a cloth that is too large to be made whole.
+
+The scene's own stages keep what they have made of the cage, which all parts need.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import copied
+from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.textile import Woven
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.axes import Share
+
+
+def yarn_settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
+    """Return the settings of the stages that make yarns."""
+    return [(stage.section, stage.settings) for stage in scene.stages if stage.makes == "object"]
+
+
+class PartStages:
+    """Copies of the stages of a scene that make yarns, connected to one another alone."""
+
+    def __init__(self, scene: Scene) -> None:
+        assert scene.woven is not None
+        self.scene, self._woven, self.cloth = scene, scene.woven, scene.woven.cloth
+        self.all: list[Stage] = [
+            type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
+        ]
+        first, last = self.all[0], self.all[-1]
+        assert isinstance(first, Woven)
+        assert isinstance(last, PatchTessellator)
+        self.source, self.surface = self.all[0], last
+        scene.woven.lend(first)
+        self.use_color_array()
+        for before, stage in pairwise(self.all):
+            stage.SetInputConnection(0, before.GetOutputPort())
+
+    def move_by(self, cage: vtkUnstructuredGrid) -> None:
+        """Let a cage move the yarns."""
+        for stage in self.all[1:]:
+            if len(stage.takes) > 1:
+                stage.SetInputDataObject(1, copied(cage))
+
+    def use_color_array(self) -> None:
+        """Let the array that the scene's colours show ride along."""
+        for stage in self.all:
+            if isinstance(stage, BarycentricWarp):
+                stage.color_array = self.scene.warp.color_array
+
+    def choose_part(self, part: Share) -> None:
+        """Make no yarns but these, as far as they cross one another."""
+        source = self.source
+        assert isinstance(source, Woven)
+        self._woven.lend(source, part)
+
+    def use_crossings(self, crimp: CrimpInterchange | None, part: Share) -> None:
+        """Take what crossings of a part do from those of the whole; None: solve them again."""
+        for stage in self.all:
+            if isinstance(stage, CrimpInterchange):
+                stage.borrow(crimp, part)
+
+    def update(self, time: float, piece: Piece = WHOLE) -> vtkPolyData:
+        """Return a copy of the surface at a time [s]."""
+        with self.scene.naming_file():
+            return copied(self.surface.update(time, piece).output)

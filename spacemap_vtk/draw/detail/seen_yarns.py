@@ -1,0 +1,142 @@
+"""What a scene is at some times beside its surface: middles of yarns or strands, and numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.moving_surface import ScaledNumbers, YarnCurves
+from spacemap_vtk.draw.actors.coloring import measure, unit_of
+from spacemap_vtk.draw.actors.surface_actor import RAMP, natural_span, scale_title
+from spacemap_vtk.embedding.morph_targets import morph_targets
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyInts, Bytes, Singles
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.strand_curves import (
+    StrandCurves,
+    Within,
+    fibre_count,
+    strand_curves,
+)
+from spacemap_vtk.textile.geometry.weave import Weave, build
+
+#: Share of a scale by which a number may be off: a step of its colours.
+_STEP = 1 / 512
+#: What curves may be; or a number of fibres for each yarn.
+STRANDS = ("yarns", "plies", "fibres")
+
+
+def checked_strands(text: str) -> str:
+    """Refuse what is no kind of curve."""
+    if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
+        return text
+    raise InputError(
+        "no such curves", key="--curves", value=text, allowed=f"{', '.join(STRANDS)}, or a number"
+    )
+
+
+class SeenYarns:
+    """The middles of yarns: of rings of control points, which they stay if moved; or strands."""
+
+    def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
+        self._scene, self._strands, self._times = scene, strands, times
+        self._made: Weave | None = None
+        if scene.woven is not None:
+            self._cloth = scene.woven.cloth
+            made = build(self._cloth, kind=np.float32)
+            # a part of a weave has other points
+            if len(made.points) == scene.patches.GetNumberOfPoints():
+                self._made = made
+        self._points: Singles = np.zeros((times, 0, 3), np.float32)
+        self._curves: StrandCurves | None = None
+
+    def see(self, number: int) -> None:
+        """Take what the scene's last update has made, for one of the times."""
+        if self._made is None:
+            return
+        if self._strands == "yarns":
+            points = points_of(self._scene.patches)
+            found = np.concatenate([tubes.middles(points) for tubes in self._made.tubes])
+        else:
+            count = int(self._strands) if self._strands.isdecimal() else None
+            self._curves = self.strands(0 if self._strands == "plies" else count)
+            found = self._curves.points
+        if not self._points.size:
+            size = 12 * self._times * len(found)
+            require(size, f"{self._strands} at {self._times} times", cure="Take fewer of them.")
+            self._points = np.zeros((self._times, *found.shape), np.float32)
+        self._points[number] = found
+
+    def strands(self, fibres: int | None, within: Within | None = None) -> StrandCurves:
+        """Return plies (0) or so many fibres of each yarn, as the last update has moved them."""
+        assert self._made is not None
+        patches, cloth = self._scene.patches, self._cloth
+        rational = patches.GetPointData().GetRationalWeights()
+        weights = None if rational is None else vtk_to_numpy(rational)
+        fibres = fibre_count(cloth) if fibres is None else fibres
+        made, points = self._made, points_of(patches)
+        return strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
+
+    @property
+    def colors(self) -> Bytes:
+        """Red, green and blue of each yarn."""
+        cells = self._scene.patches.GetCellData()
+        first = np.unique(vtk_to_numpy(cells.GetArray("yarn")), return_index=True)[1]
+        return vtk_to_numpy(cells.GetArray("color"))[first][:, :3]
+
+    @property
+    def curves(self) -> YarnCurves | None:
+        """What was seen; None where there are no yarns."""
+        if self._made is None:
+            return None
+        if (curves := self._curves) is not None:
+            colors = self.colors[curves.yarn]
+            return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
+        counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
+        return YarnCurves(self._points, counts, self._cloth.strands[2], self.colors)
+
+
+class SeenOverTime(SeenYarns):
+    """The middles of yarns at some times, and what colours stand for at the points of a surface."""
+
+    def __init__(
+        self, scene: Scene, rows: AnyInts, times: int, numbers: bool, strands: str
+    ) -> None:
+        super().__init__(scene, times, strands)
+        self._rows = rows
+        self._values: Singles | None = None
+        if numbers and COLORINGS[scene.view.color].numbers:
+            # kept, and taken apart in double precision
+            require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
+            self._values = np.zeros((times, len(rows)), np.float32)
+
+    def see(self, number: int) -> None:
+        """Take what the scene's last update has made, for one of the times."""
+        super().see(number)
+        if self._values is not None:
+            numbers = measure(self._scene.polygons, self._scene.view.color)
+            if numbers is None:  # no clearance where normals are missing
+                self._values = None
+            else:
+                self._values[number] = numbers[self._rows]
+
+    @property
+    def numbers(self) -> ScaledNumbers | None:
+        """What was seen, few changes of which it is a sum; None where colours are no numbers."""
+        if self._values is None:
+            return None
+        color, span = self._scene.view.color, natural_span(self._values)
+        unit, size = unit_of(color, max(map(abs, span)))
+        mean = self._values.mean(axis=0)
+        found = morph_targets((self._values - mean)[..., None], _STEP * (span[1] - span[0]))
+        return ScaledNumbers(
+            scale_title(color, unit),
+            (span[0] / size, span[1] / size),
+            RAMP,
+            mean / size,
+            found.shapes[..., 0] / size,
+            found.weights,
+        )

@@ -1,0 +1,223 @@
+"""The yarns of a part of a cloth: piece after piece of a picture, or those in the window's view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import ceil, isqrt
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.draw.actors.coloring import add_measure
+from spacemap_vtk.draw.camera import Seen, pixels_per_metre, projected
+from spacemap_vtk.draw.detail.clearance_tiles import measured_tile, yarns_beside
+from spacemap_vtk.draw.detail.cloth_sheet import Sheet
+from spacemap_vtk.draw.detail.facets import choose_facets
+from spacemap_vtk.draw.detail.part_stages import PartStages, yarn_settings
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.ndarrays import Bools
+from spacemap_vtk.scenes.level_of_detail import DrawnCloth, Form, LevelOfDetail, choose_near
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.partition import cropped, share_of
+from spacemap_vtk.textile.geometry.weave import estimate_counts
+from spacemap_vtk.textile.weave.threads import Some
+
+#: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
+_BESIDE = 4
+#: Crossings along each side of a tile, at least.
+_LEAST_TILE = 8
+#: Patches that may be drawn while the camera moves, each in one quadrilateral.
+_MOVING_PATCHES = 120_000
+#: What is made beyond the edges of the view, as a share of what is in view.
+_MARGIN = 0.08
+#: Messages where the window shows the sheet alone.
+TOO_FAR = "from so far a yarn is {:.2g} pixels wide: a sheet in the colours of the yarns is shown"
+TOO_MANY = "so many yarns are in sight that the window shows a sheet in their colours: come nearer"
+
+
+class DrawnPieces:
+    """The yarns of a scene, piece by piece, in stages of their own."""
+
+    def __init__(self, scene: Scene, level: LevelOfDetail) -> None:
+        self._scene, self._level = scene, level
+        self._stages = PartStages(scene)
+        self._cloth = self._stages.cloth
+        self._stages.surface.choose(*scene.surface.chosen)
+
+    def in_sight(
+        self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
+    ) -> Iterator[vtkPolyData]:
+        """Yield the surfaces of those pieces of which something is in a picture, with colours."""
+        if self._scene.moves:
+            self._stages.move_by(self._scene.deformed_cage)
+        sight = cells_in_sight(sheet, camera, aspect)
+        runs = [run_of(seen, _BESIDE) for seen in sight]
+        if any(run.start == run.stop for run in runs):
+            return
+        # Yarns are no longer than what is seen of them.
+        part = yarns_in(sheet, runs[0], runs[1])
+        if self._level.form is Form.TILES:
+            yield from self._tiles(time, sheet, part, sight)
+            return
+        cloth = cropped(self._cloth, part)
+        self._stages.choose_part(part)
+        self._stages.use_crossings(sheet.crimp, part)
+        share_in_sight = estimate_counts(cloth).patches / estimate_counts(self._cloth).patches
+        count = ceil(self._level.pieces * share_in_sight)
+        columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
+        for number in range(count):
+            share = share_of(cloth, number, count)
+            if _any(columns, share.ends, cloth.size[0]) or _any(rows, share.picks, cloth.size[1]):
+                surface = self._stages.update(time, Piece(number, count))
+                add_measure(surface, self._scene.view.color)
+                yield surface
+
+    def _tiles(
+        self, time: float, sheet: Sheet, part: Share, sight: Sequence[Bools]
+    ) -> Iterator[vtkPolyData]:
+        """Yield tiles in which yarns have their neighbours."""
+        whole = isqrt(self._cloth.drawdown.size // self._level.pieces)
+        side = max(whole - 2 * yarns_beside(self._cloth), _LEAST_TILE)
+        ends, picks = (
+            [slice(at, min(at + side, some.stop)) for at in range(some.start, some.stop, side)]
+            for some in part
+            if isinstance(some, slice)
+        )
+        for columns in ends:
+            for rows in picks:
+                seen = zip(sight, (columns, rows), self._cloth.size, strict=True)
+                if all(_any(cells, some, count) for cells, some, count in seen):
+                    tile = measured_tile(self._stages, columns, rows, time, sheet.crimp)
+                    if tile is not None:
+                        yield tile.cut
+
+
+class NearYarns:
+    """The yarns of a scene in a part of the cloth that follows the view, in stages of their own."""
+
+    def __init__(self, scene: Scene, sheet: Sheet) -> None:
+        self._scene, self._sheet = scene, sheet
+        self._settings = yarn_settings(scene)
+        self._own = PartStages(scene)
+        self.stages = self._own.all
+        self._own.source.configure(precision="single")  # nothing but eyes sees it
+        self._light = PatchTessellator(subdivisions=1)
+        self._light.SetInputConnection(self.stages[-2].GetOutputPort())
+        #: The columns and rows of the sheet's cells in whose place yarns are made.
+        self.part: tuple[slice, slice] | None = None
+        self._patches = 0
+        self._cage: tuple[vtkUnstructuredGrid, int] | None = None
+
+    def serves(self, scene: Scene, sheet: Sheet) -> bool:
+        """Return whether its stages are still as the scene's."""
+        return sheet is self._sheet and yarn_settings(scene) == self._settings
+
+    def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None, swings: bool = False) -> str:
+        """Choose the part to be made; return why none is, or an empty text."""
+        sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
+        columns, rows = (run_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
+        if columns.stop * rows.stop == 0:
+            return "none of the cloth is in sight"
+        cloth = DrawnCloth.of(self._scene)
+        assert cloth is not None
+        points = points_of(sheet.moved).reshape(sheet.cells[1] + 1, sheet.cells[0] + 1, 3)
+        near = points[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
+        scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
+        if choose_near(cloth, scale, 0, seen.size).form is Form.SHEET:
+            return TOO_FAR.format(scale * cloth.spacing)
+        wanted = columns, rows
+        if not _covers(self.part, wanted):
+            wider = _wider(columns, sheet.cells[0]), _wider(rows, sheet.cells[1])
+            for part in (wider, wanted):
+                patches = self._patches_of(part)
+                if choose_near(cloth, scale, patches, seen.size).form is Form.NEAR:
+                    break
+            else:
+                return TOO_MANY
+            self.part, self._patches = part, patches
+            self._own.choose_part(yarns_in(sheet, *part))
+        if self.part is not None:
+            self._own.use_crossings(sheet.crimp, yarns_in(sheet, *self.part))
+        self._own.use_color_array()
+        choose_facets(self._own.surface, choose_near(cloth, scale, self._patches, seen.size), seen)
+        if cage is not None and self._cage != (cage, cage.GetMTime()):
+            self._cage = cage, cage.GetMTime()
+            self._own.move_by(cage)
+            for stage in self.stages:
+                if isinstance(stage, BarycentricWarp):
+                    # a mode's cage has no velocity that could ride along
+                    stage.carried = "" if swings else self._scene.warp.carried
+        return ""
+
+    @property
+    def yarns(self) -> vtkPolyData:
+        """Their surface, as of the last update of the stages."""
+        return self._own.surface.output
+
+    def light(self, time: float) -> vtkPolyData | None:
+        """Return a surface of fewer facets; None where they would still be too many."""
+        if self._patches > _MOVING_PATCHES:
+            return None
+        return self._light.update(time).output
+
+    def _patches_of(self, part: tuple[slice, slice]) -> int:
+        cloth = cropped(self._sheet.cloth, yarns_in(self._sheet, *part))
+        return estimate_counts(cloth).patches
+
+
+def cells_in_sight(sheet: Sheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
+    """Return which columns and rows of a sheet's cells are in a picture."""
+    places = projected(camera, points_of(sheet.moved), aspect)
+    columns, rows = sheet.cells
+    x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
+    seen = np.ones((rows, columns), bool)
+    for beyond in (x < -w, x > w, y < -w, y > w):
+        # A cell with all corners on one side is not in sight.
+        seen &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
+    return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
+
+
+def run_of(seen: Bools, beside: int = 0) -> slice:
+    """Return the run of cells that holds all that are seen, and some beside it."""
+    found = np.flatnonzero(seen)
+    if not len(found):
+        return slice(0, 0)
+    return slice(max(int(found[0]) - beside, 0), min(int(found[-1]) + 1 + beside, len(seen)))
+
+
+def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
+    """Return the yarns that cross in some cells of a sheet."""
+    ends, picks = (
+        slice(cells.start * count // of, -(-cells.stop * count // of))
+        for cells, count, of in zip((columns, rows), sheet.cloth.size, sheet.cells, strict=True)
+    )
+    return Share(ends, picks)
+
+
+def _any(seen: Bools, some: Some, count: int) -> bool:
+    """Return whether any of some yarns is in cells that are seen, or beside one."""
+    assert isinstance(some, slice)
+    if some.start >= some.stop:
+        return False
+    first = int(some.start * len(seen) / count) - 1
+    last = ceil(some.stop * len(seen) / count) + 1
+    return bool(seen[max(first, 0) : last].any())
+
+
+def _wider(cells: slice, count: int) -> slice:
+    more = 1 + ceil(_MARGIN * (cells.stop - cells.start))
+    return slice(max(cells.start - more, 0), min(cells.stop + more, count))
+
+
+def _covers(part: tuple[slice, slice] | None, wanted: tuple[slice, slice]) -> bool:
+    """Return whether a part shows what is wanted, and is not far larger."""
+    if part is None:
+        return False
+    inside = all(p.start <= w.start and w.stop <= p.stop for p, w in zip(part, wanted, strict=True))
+    sizes = [(p.stop - p.start) / (w.stop - w.start) for p, w in zip(part, wanted, strict=True)]
+    return inside and sizes[0] * sizes[1] < 3.0

@@ -1,0 +1,1 @@
+"""Pages for publications: figures, drafts, sections, plots, contact sheets."""

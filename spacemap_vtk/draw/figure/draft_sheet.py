@@ -1,0 +1,130 @@
+"""A draft on paper: threading, tie-up, treadling or liftplan, and the drawdown, as the cloth lies.
+
+Ends are counted from the left and picks from below, as the cloth is seen from its front; shaft 1 is
+next to the cloth. Black is where an end lies over the pick, or a mark.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spacemap_vtk.draw.figure.page import POINT, SMALL, Paper, Tile
+from spacemap_vtk.ndarrays import Bools, Bytes, Floats
+from spacemap_vtk.scenes.shown import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Room between the grids, where numbers stand; of a strip of colours, and before it: in cells, the
+#: first at least so many mm.
+_GAP, _STRIP, _NEAR, _LEAST = 0.9, 0.7, 0.25, 3.0
+#: Largest cell, in mm; cells that are smaller have no lines between them.
+LARGEST, _LINED = 4.5, 0.7
+#: A heavier line after so many cells.
+_GROUP = 4
+
+
+def draft_tile(shown: Shown, caption: str) -> Tile:
+    """Return the drawing of a draft."""
+    rows = shown.size[1] + _GAP + shown.loom.shafts + _NEAR + _STRIP
+    across = shown.size[0] + _GAP + shown.columns + _NEAR + _STRIP
+
+    def gap(cell: float) -> float:
+        return max(_GAP * cell, _LEAST)
+
+    def cell_of(width: float) -> float:
+        return min(width / across, (width - _LEAST) / (across - _GAP))
+
+    def height(width: float) -> float:
+        cell = cell_of(width)
+        return cell * (rows - _GAP) + gap(cell)
+
+    def draw(axes: Axes, paper: Paper) -> None:
+        cell = cell_of(axes.get_xlim()[1])
+        _draw(axes, paper, shown, cell, gap(cell))
+
+    return Tile(draw, height, caption, across, across * LARGEST)
+
+
+def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> None:
+    (ends, picks), loom = shown.size, shown.loom
+    right, above = ends * cell + gap, picks * cell + gap
+    grids = {
+        "drawdown": (shown.drawdown, (0.0, 0.0)),
+        "threading": (shown.marks("threading"), (0.0, above)),
+        "treadling": (shown.marks("treadling"), (right, 0.0)),
+    }
+    if loom.liftplan is None:
+        grids["tieup"] = shown.marks("tieup"), (right, above)
+    for name, (marks, corner) in grids.items():
+        _grid(axes, paper, name, marks, corner, cell)
+    far = right + (shown.columns + _NEAR) * cell, above + (loom.shafts + _NEAR) * cell
+    _strip(axes, paper, shown.warp, np.array([0.0, far[1]]), cell, along=0)
+    _strip(axes, paper, shown.weft, np.array([far[0], 0.0]), cell, along=1)
+    style: dict[str, Any] = {"fontsize": SMALL - 0.5, "color": paper.faint, "clip_on": False}
+    middle = {"ha": "center", "va": "center", **style}
+    for count, begin in ((ends, 0.0), (shown.columns, right)):
+        for number in _numbered(count, cell):
+            x = begin + (number - 0.5) * cell
+            axes.text(x, above - 0.5 * gap, str(number), **middle)
+    for count, begin in ((picks, 0.0), (loom.shafts, above)):
+        for number in _numbered(count, cell):
+            y = begin + (number - 0.5) * cell
+            axes.text(right - 0.5 * gap, y, str(number), **middle)
+
+
+def _grid(
+    axes: Axes, paper: Paper, name: str, marks: Bools, corner: tuple[float, float], cell: float
+) -> None:
+    """Draw a grid of black squares, which are one shape, its first row at the bottom."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import PathPatch, Rectangle
+    from matplotlib.path import Path
+
+    rows, columns = marks.shape
+    size, back = cell * np.array([columns, rows]), "#232a33" if paper.dark else "#ffffff"
+    axes.add_patch(Rectangle(corner, *size, facecolor=back, linewidth=0))
+    places = np.argwhere(marks)[:, ::-1]
+    if len(places):
+        turn = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+        vertices = corner + cell * (places[:, None] + turn).reshape(-1, 2)
+        codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(places)
+        shape = Path(vertices, codes)
+        axes.add_patch(PathPatch(shape, facecolor=paper.ink, linewidth=0, gid=name))
+    fine: list[Floats] = []
+    heavy: list[Floats] = []
+    for count, axis in ((columns, 0), (rows, 1)):
+        for number in range(count + 1):
+            line = np.array([corner, corner], float)
+            line[:, axis] += number * cell
+            line[1, 1 - axis] += size[1 - axis]
+            (heavy if number in (0, count) or number % _GROUP == 0 else fine).append(line)
+    if cell >= _LINED:
+        axes.add_collection(LineCollection(fine, colors=paper.faint, linewidths=0.2))
+    frame = heavy if _GROUP * cell >= _LINED else [heavy[0], heavy[-1]]
+    axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45, clip_on=False))
+
+
+def _strip(
+    axes: Axes, paper: Paper, colors: Bytes, corner: Floats, cell: float, along: int
+) -> None:
+    from matplotlib.collections import PolyCollection
+
+    step, wide = np.zeros(2), np.zeros(2)
+    step[along], wide[1 - along] = cell, _STRIP * cell
+    begin = corner + np.arange(len(colors))[:, None] * step
+    squares = np.stack([begin, begin + step, begin + step + wide, begin + wide], axis=1)
+    edges = paper.faint if cell >= _LINED else "face"
+    axes.add_collection(
+        PolyCollection(list(squares), facecolors=colors / 255, edgecolors=edges, linewidths=0.2)
+    )
+
+
+def _numbered(count: int, cell: float) -> list[int]:
+    """Return numbers with enough room between them."""
+    step = 1
+    while step * cell < 1.15 * SMALL * POINT * len(str(count)):
+        step *= 2 if step > 1 else _GROUP
+    return list(range(step, count + 1, step))

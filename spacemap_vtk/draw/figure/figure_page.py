@@ -1,0 +1,289 @@
+"""A figure of a scene: its pictures, its cloth beside its draft, sections, on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.draw.annotate.measuring import Measures, axes_seen, draw_key, measures_of
+from spacemap_vtk.draw.camera import Viewpoint, aim
+from spacemap_vtk.draw.figure.contact_sheet import name_of
+from spacemap_vtk.draw.figure.draft_sheet import LARGEST, draft_tile
+from spacemap_vtk.draw.figure.page import Paper, Tile, page
+from spacemap_vtk.draw.figure.section_drawing import section_tile
+from spacemap_vtk.draw.figure.sheets import swing_times
+from spacemap_vtk.draw.frame import camera_of
+from spacemap_vtk.draw.picture import Extent, Picture, over_motion, together
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Floats, Tell
+from spacemap_vtk.scenes.face import lengths_of
+from spacemap_vtk.scenes.origin import values_of
+from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.shown import shown_of
+from spacemap_vtk.textile.geometry.cross_section import cross_section
+from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: What a page can have.
+PANELS = {
+    "pictures": "the scene at each of the times, with each of the values",
+    "draft": "threading, tie-up, treadling and drawdown, as the cloth lies",
+    "cloth": "the cloth's face, flat and still, beside its draft where both are asked for",
+    "section": "the cloth cut along an end and along a pick, with Peirce's dimensions",
+}
+#: Pictures that a page may have; ends and picks of a draft that are still seen.
+_MOST, _SEEN = 60, 160
+#: Height of a picture over its width, at least and at most; of the key below, in mm.
+_FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
+
+#: Room beside the last pictures; no axes are flat.
+_BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigurePage(Paper):
+    """What is on the page of a figure, and on what paper."""
+
+    #: Keys of `PANELS`; none: pictures of what moves, of a still cloth all else.
+    panels: Sequence[str] = ()
+    #: Of the pictures, in s; none: the beginning, a quarter and a half of a swing.
+    times: Sequence[float] = ()
+    #: ``section.key=value,value``: a picture of each, or of each pair of the first, the second ...
+    lists: Sequence[str] = ()
+    paired: bool = False
+    #: Whether cages stand over the pictures, in rows of their own.
+    cage: bool = False
+    #: Pictures in a row; None: as suits them.
+    columns: int | None = None
+    #: Numbers from 1 of the end and the pick that are cut along; None: those in the middle.
+    end: int | None = None
+    pick: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if unknown := [name for name in self.panels if name not in PANELS]:
+            raise InputError(
+                "no such panel",
+                key="--panels",
+                value=unknown[0],
+                allowed=", ".join(f"{name} ({words})" for name, words in PANELS.items()),
+            )
+        if self.columns is not None and self.columns < 1:
+            raise InputError(
+                "no number of pictures", key="--columns", value=self.columns, allowed="1 or more"
+            )
+
+
+def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
+    """Return a scene's figure; but for the pictures, all is of the first of several values."""
+    sweep = runs_of(
+        scene,
+        values_of(scene),
+        asked.lists,
+        file=(scene.file or Path("scene")).absolute(),
+        paired=asked.paired,
+        times=asked.times,
+    )
+    sweep.check()
+    if asked.cage and not scene.moves:
+        raise InputError(
+            f"{scene.title}: a scene without a cage that moves",
+            key="--cage",
+            cure="Leave it out, or add a section [response].",
+        )
+    first = sweep.runs[0].scene()
+    panels = asked.panels
+    if not panels:
+        still = not scene.moves and scene.woven is not None and len(sweep.runs) == 1
+        panels = ("draft", "cloth", "section") if still else ("pictures",)
+    if scene.woven is None and (no := [name for name in panels if name != "pictures"]):
+        raise InputError(
+            f"{scene.title}: this scene is not woven",
+            key="--panels",
+            value=no[0],
+            allowed="pictures",
+        )
+    rows: list[list[Tile]] = []
+    drawn = [first]
+    for name in panels:
+        if name == "pictures":
+            shots = _Shots(sweep, asked)
+            rows += shots.rows
+            drawn += shots.scenes
+            continue
+        woven = first.woven
+        assert woven is not None  # asked above
+        if name == "section":
+            for family, number in enumerate((asked.end, asked.pick)):
+                yarn = None if number is None else number - 1
+                rows.append([section_tile(cross_section(woven.cloth, family, yarn))])
+        elif name == "draft" or "draft" not in panels:
+            drawn.append(_still(sweep.runs[0]))
+            rows.append(
+                _weave_row(
+                    drawn[-1],
+                    [k for k in ("draft", "cloth") if k in panels],
+                    asked.dark,
+                    woven.cloth.size,
+                )
+            )
+    made = page(rows, asked, tell)
+    for text in dict.fromkeys(text for each in drawn for text in each.warnings):
+        scene.warn(text)
+    return made
+
+
+def _still(run: Run) -> Scene:
+    """Return the cloth alone, as much of it as can be seen."""
+    whole = run.scene()
+    source = whole.source.section
+    scene = Scene({"title": whole.title, source: run.whole.get(source, {})}, run.file)
+    assert scene.woven is not None
+    ends, picks = scene.woven.cloth.size
+    if max(ends, picks) > _SEEN:
+        scene.assign(source, "ends", min(ends, _SEEN))
+        scene.assign(source, "picks", min(picks, _SEEN))
+        scene.warn(f"of {ends} ends and {picks} picks the first {_SEEN} are drawn")
+    return scene
+
+
+def _weave_row(
+    scene: Scene, kinds: Sequence[str], dark: bool, whole: tuple[int, int]
+) -> list[Tile]:
+    """Return draft and cloth side by side, each pick beside its row."""
+    assert scene.woven is not None
+    shown = shown_of(scene.woven)
+    ends, picks = shown.size
+    sides = lengths_of(scene.woven.cloth)
+    shape = sides[1] / sides[0]
+
+    def draw(axes: Axes, paper: Paper) -> None:
+        _blend(scene, paper)
+        place = Viewpoint(
+            (0.0, 0.0, 10 * max(sides)), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), sides[1] / 2
+        )
+        _put(axes, paper, scene, 0.0, "fabric", place=place)
+
+    # Of a large cloth its beginning is drawn.
+    part = "" if (ends, picks) == whole else f", of {whole[0]} × {whole[1]}"
+    tiles = []
+    if "draft" in kinds:
+        where = "light" if dark else "black"
+        words = f"Draft{part and ', its beginning'}: where {where}, the end lies over the pick"
+        tiles.append(draft_tile(shown, words))
+    if "cloth" in kinds:
+        wide = picks / shape
+        long = " × ".join(format_quantity(side, "m", 3) for side in sides)
+        words = f"Cloth, {ends} × {picks}{part}, {long}"
+        tiles.append(Tile(draw, lambda width: shape * width, words, wide, wide * LARGEST))
+    return tiles
+
+
+class _Shots:
+    """The tiles of a scene's pictures: one camera, one scale of colours, and a key for all."""
+
+    def __init__(self, sweep: Sweep, asked: FigurePage) -> None:
+        self._sweep = sweep
+        self.scenes = [run.scene() for run in sweep.runs]
+        first = self.scenes[0]
+        times = sweep.runs[0].times or self._times(first)
+        shots = list(product(range(len(self.scenes)), times))
+        if len(shots) * (1 + asked.cage) > _MOST:
+            raise InputError(
+                f"{len(shots) * (1 + asked.cage)} pictures are too many for a page",
+                allowed=f"up to {_MOST}",
+                cure='Ask for fewer times or values; "spacemap sweep" draws more.',
+            )
+        for scene in self.scenes:
+            _blend(scene, asked)
+        self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
+        self._shape = _shape(self._extent[0], camera_of(first))
+        chosen = first.view.show if first.moves else "fabric"
+        kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
+        columns = asked.columns or _columns(len(self.scenes), len(times))
+        #: How all are seen, once something is drawn.
+        self._seen: Measures | None = None
+        self.rows: list[list[Tile]] = []
+        for start in range(0, len(shots), columns):
+            some = shots[start : start + columns]
+            for kind in kinds:
+                row = [self._tile(number, time, kind) for number, time in some]
+                # The last row's are no larger than the others.
+                missing = columns - len(row) if start else 0
+                self.rows.append(row + [_BLANK] * missing)
+        self.rows.append([self._key()])
+
+    def _times(self, scene: Scene) -> list[float]:
+        """Return the beginning, a quarter and a half of a swing."""
+        if not scene.moves:
+            return [scene.view.time]
+        found = swing_times(scene)
+        return [found[0], 0.5 * (found[1] + found[2]), found[3]]
+
+    def _tile(self, number: int, time: float, kind: str) -> Tile:
+        def draw(axes: Axes, paper: Paper) -> None:
+            scene = self.scenes[number]
+            self._seen = _put(axes, paper, scene, time, kind, extent=self._extent)
+
+        words = []
+        run = self._sweep.runs[number]
+        for k, (each, value) in enumerate(zip(self._sweep.axes, run.chosen, strict=True)):
+            words.append(f"{name_of(self._sweep, k)} {each.label(value)}")
+        if self.scenes[number].moves:
+            words.append(f"t = {format_quantity(time, 's', 4)}")
+        return Tile(draw, lambda width: self._shape * width, ", ".join(words))
+
+    def _key(self) -> Tile:
+        def draw(axes: Axes, paper: Paper) -> None:
+            assert self._seen is not None
+            draw_key(axes, paper, self._seen, self.scenes[0].view.color, self._extent[1])
+
+        return Tile(draw, lambda width: _KEY, lettered=False)
+
+
+def _blend(scene: Scene, paper: Paper) -> None:
+    """Let a scene's lines be seen on the paper."""
+    for key in ("background", "background_top"):
+        scene.assign("view", key, paper.color)
+
+
+def _columns(runs: int, times: int) -> int:
+    if runs > 1 and 1 < times <= 5:
+        return times
+    count = runs * times
+    return count if count <= 4 else 4 if count % 4 == 0 else 3
+
+
+def _shape(points: Floats, view: str) -> float:
+    """Return how high a picture of points is, over its width."""
+    shape, camera = 1.0, vtkCamera()
+    for _ in range(2):
+        aim(camera, points, 1.0 / shape, view, 1.0)
+        seen = (points - camera.GetPosition()) @ axes_seen(camera)
+        near = 1.0 if camera.GetParallelProjection() else -seen[:, 2:]
+        across, above = np.ptp(seen[:, :2] / near, axis=0)
+        shape = float(np.clip(above / across, _FLATTEST, _TALLEST))
+    return shape
+
+
+def _put(axes: Axes, paper: Paper, scene: Scene, time: float, kind: str, **seen: Any) -> Measures:
+    """Draw a picture into a tile; return how large and which way it is seen."""
+    (_, width), (_, height) = axes.get_xlim(), axes.get_ylim()
+    size = paper.dots(width), paper.dots(height)
+    picture = Picture(scene, [time], size, [kind], bare=True, **seen)
+    image = picture.draw(time)
+    camera = picture.panels[0].window.camera
+    found = measures_of(camera, height)
+    picture.close()
+    axes.imshow(image, extent=(0, width, 0, height), interpolation="none", aspect="auto")
+    return found

@@ -1,0 +1,260 @@
+"""Curves of a scene: its motion over time, its frequency response, its cloth's tensile tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.draw.figure.page import new_figure
+from spacemap_vtk.embedding.interpolation import point_weights
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.transient_response import TransientResponse
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
+from spacemap_vtk.io.output import as_csv
+from spacemap_vtk.mechanics.response.cage_response import Motion, Response
+from spacemap_vtk.mechanics.response.energy import Balance, balance
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.biaxial import Tensile, tensile_tests
+from spacemap_vtk.textile.crimp.interchange import Interchange
+from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+#: Width of a plotted curve, in samples.
+SAMPLES = 2000
+#: Factor on frequencies that meet an undamped mode exactly.
+ASIDE = 1 + 1e-9
+QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
+#: Names of the parts of a `Balance`, in files.
+ENERGY_NAMES = (
+    "kinetic energy",
+    "strain energy",
+    "potential energy",
+    "dissipated energy",
+    "work of loads",
+    "total energy",
+)
+#: A part of a balance below this share of the largest is rounding, and is not plotted.
+_NEGLIGIBLE = 1e-9
+NO_FREQUENCIES = "A motion by steps has no frequency response, which is one of modes."
+_COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
+
+
+def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> Figure:
+    """Plot how a point of the cage moves, and how it answers to frequencies or its energies."""
+    from spacemap_vtk.scenes import report
+
+    figures = report.modes(scene)
+    mover, last_stage = scene.stage("mover"), scene.deforming
+    last = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
+    # Steps are taken by the stage, which keeps them and tells how far it is.
+    scene.update_stage(last_stage, last if isinstance(mover, TransientResponse) else 0.0)
+    motion, linear = last_stage.motion, None if mover is None else mover.motion
+    if motion is None:
+        raise InputError(f"{scene.file}: this scene's motion is no response to loads")
+    place = tip(scene) if point is None else np.asarray(point)
+    weights = point_weights(motion.points, motion.cells, place)
+    unit, row = QUANTITIES[quantity]
+    times = np.linspace(0.0, last, SAMPLES)
+    curves = motion.history(weights, times)[row]
+    unit, size = handy(unit, float(abs(curves).max()))
+
+    where = ", ".join(format_quantity(x, "m", 4) for x in place)
+    figure = figure_about(f"{scene.title}\n{quantity} at ({where})")
+    over_time, below = figure.subplots(2, 1)
+    for axis, color in enumerate(_COLORS):
+        over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
+    over_time.set(xlabel="time [s]", ylabel=f"{quantity} [{unit}]", xlim=(0, times[-1]))
+
+    if isinstance(linear, Response):
+        natural = [mode["frequency_hz"] for mode in figures["modes"]]
+        _over_frequency(below, linear, weights, natural, (unit, size, row))
+    else:
+        scene.warn(NO_FREQUENCIES)
+        _energy_over_time(below, times, balance_of(motion, times))
+    return _with_legends(figure)
+
+
+def figure_about(title: str) -> Figure:
+    """Return a figure that is yet to be drawn."""
+    figure = new_figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    return figure
+
+
+def _with_legends(figure: Figure) -> Figure:
+    """Add grids and legends to a figure whose curves are drawn, and return it."""
+    for panel in figure.axes:
+        panel.grid(color="#e6e9ed", linewidth=0.6)
+        panel.spines[["top", "right"]].set_visible(False)
+        if panel.get_legend_handles_labels()[0]:
+            # Over the panel, where no curve runs.
+            panel.legend(frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 0.98))
+    return figure
+
+
+def tip(scene: Scene) -> Floats:
+    """Return the vertex that moves most in the first mode [m], (3,)."""
+    solver = scene.stage("solver")
+    assert solver is not None
+    shape = array_of(solver.output.GetPointData(), MODE_NAME.format(0), "a plot")
+    return points_of(solver.output)[int(np.argmax((shape**2).sum(axis=1)))].astype(np.float64)
+
+
+def _over_frequency(
+    panel: Axes,
+    response: Response,
+    weights: Floats,
+    natural: list[float],
+    shown: tuple[str, float, int],
+) -> None:
+    """Plot the amplitude of a point, in a unit of some size, of a derivative of its motion."""
+    unit, size, row = shown
+    frequencies = frequencies_near(natural)
+    try:
+        answer = abs(response.frequency_response(weights, frequencies))
+    except InputError:  # an undamped mode was met exactly
+        frequencies *= ASIDE
+        answer = abs(response.frequency_response(weights, frequencies))
+    answer *= (2 * np.pi * frequencies[:, None]) ** row / size
+    for axis, color in enumerate(_COLORS):
+        if answer[:, axis].max() > 1e-9 * answer.max():
+            panel.loglog(frequencies, answer[:, axis], color=color, linewidth=1.3)
+    panel.set(
+        xlabel="frequency of all loads [Hz]",
+        ylabel=f"amplitude [{unit}]",
+        xlim=(frequencies[0], frequencies[-1]),
+    )
+    for mode in natural:
+        if frequencies[0] < mode < frequencies[-1]:
+            panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
+
+
+def balance_of(motion: Motion, times: Floats) -> Balance:
+    """Return the energies of a motion over time, with a total that is conserved."""
+    at_start = motion.energies(np.zeros(1))[0, 3]
+    return balance(motion.energies(times), motion.potential(times), float(at_start))
+
+
+def energy_curves(balance: Balance) -> list[tuple[str, Floats, str]]:
+    """Return label, values [J] and colour of each curve of a balance, the total last."""
+    largest = float(np.nanmax(np.abs(balance), initial=0.0))
+
+    def matters(part: Floats) -> bool:
+        return bool((abs(part) > _NEGLIGIBLE * largest).any())
+
+    curves = [("kinetic", balance.kinetic, "#2c7fb8"), ("strain", balance.strain, "#d9642c")]
+    for label, part, color in (
+        ("potential", balance.potential, "#2f8f5b"),
+        ("dissipated", balance.dissipated, "#8a94a3"),
+        ("work of loads", balance.work, "#8e5ea2"),
+    ):
+        if matters(part):
+            curves.append((label, part, color))
+    total = "total \N{MINUS SIGN} work" if matters(balance.work) else "total"
+    return [*curves, (total, balance.total, "#26323e")]
+
+
+def _energy_over_time(panel: Axes, times: Floats, balance: Balance) -> None:
+    unit, size = handy("J", float(np.nanmax(np.abs(balance))))
+    for label, values, color in energy_curves(balance):
+        panel.plot(times, values / size, color=color, label=label, linewidth=1.3)
+    panel.set(xlabel="time [s]", ylabel=f"energy [{unit}]", xlim=(0, times[-1]))
+
+
+def handy(unit: str, largest: float) -> tuple[str, float]:
+    """Return a unit in which a value is no tiny number."""
+    for power, prefix in zip((9, 6, 3, 0, -3, -6, -9, -12), "GMk mµnp", strict=True):
+        if largest >= (0.1 if power <= 0 else 10.0) * 10.0**power:
+            return prefix.strip() + unit, 10.0**power
+    return unit, 1.0
+
+
+def frequencies_near(natural: list[float]) -> Floats:
+    """Return frequencies to plot, dense about the modes."""
+    swinging = [f for f in natural if f > 0.0] or [1.0]
+    low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)
+    near = np.concatenate([f * (1 + np.linspace(-0.08, 0.08, 41)) for f in swinging])
+    every = np.concatenate([np.geomspace(low, high, 800), near])
+    return np.unique(every[(every >= low) & (every <= high)])
+
+
+#: How far past the extension that straightens a yarn cloth is pulled.
+_PAST = 0.02
+_COLUMNS = (
+    "test",
+    "extension along warp",
+    "extension along weft",
+    "force along warp [N/m]",
+    "force along weft [N/m]",
+    "strain of warp yarns",
+    "strain of weft yarns",
+)
+
+
+def crossings_of(scene: Scene) -> Interchange:
+    """Return the crossings of a scene's cloth, with what its yarns resist."""
+    stage = scene.stage("crimp")
+    if not isinstance(stage, YarnParameters) or stage.inextensible:
+        raise InputError(
+            f"{scene.file}: this scene does not say what its yarns resist",
+            key="yarns.inextensible",
+            allowed="false, with a tension or a modulus",
+            cure="For example --set yarns.inextensible=false --set yarns.modulus='500 cN/tex'",
+        )
+    if scene.woven is None:
+        raise InputError(
+            f"{scene.file or scene.title}: this scene is not woven", key=scene.source.section
+        )
+    cloth = scene.woven.cloth
+    return Interchange(cloth, stage.yarns(cloth))
+
+
+def tests_of(scene: Scene) -> list[Tensile]:
+    """Compute tensile tests of a cloth: strips along warp and weft, and both pulled alike."""
+    crossings = crossings_of(scene)
+    assert scene.woven is not None  # asked above
+    crimp = max(float(family.crimp.crimp) for family in scene.woven.cloth.families)
+    return tensile_tests(crossings, crimp + _PAST)
+
+
+def tensile_table(tests: list[Tensile]) -> str:
+    """Return tensile tests as CSV."""
+    rows = [
+        [test.name, *(format(float(value), ".9g") for value in values)]
+        for test in tests
+        for values in zip(*test.extension, *test.force, *test.strain, strict=True)
+    ]
+    return as_csv([_COLUMNS, *rows])
+
+
+def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
+    """Plot force per width and change of width against extension."""
+    figure = figure_about(f"{title}\nforce per width of its yarns")
+    force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
+    unit, size = handy("N/m", max(float(test.force.max()) for test in tests))
+    for family, name in enumerate(("warp", "weft")):
+        # the warp's are seen beside the weft's where both are the same
+        strip, both, color, wide = tests[family], tests[2], _COLORS[2 * family], 3.0 - 1.6 * family
+        pulled = 100.0 * strip.extension[family]
+        force.plot(pulled, strip.force[family] / size, color=color, label=f"strip along the {name}")
+        force.plot(
+            100.0 * both.extension[family],
+            both.force[family] / size,
+            color=color,
+            linewidth=wide,
+            linestyle="--",
+            label=f"1 : 1, {name}",
+        )
+        width.plot(pulled, 100.0 * strip.extension[1 - family], color=color, linewidth=wide)
+    force.set(ylabel=f"force per width [{unit}]")
+    width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, pulled[-1]))
+    return _with_legends(figure)

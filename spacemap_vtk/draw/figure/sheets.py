@@ -1,0 +1,220 @@
+"""Sheets of several pictures: the paper's figure 6, and a scene's mode shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkUnstructuredGrid
+from vtkmodules.vtkFiltersCore import vtkFeatureEdges
+from vtkmodules.vtkFiltersGeneral import vtkWarpVector
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+from spacemap_vtk.datasets.arrays import copied, points_of
+from spacemap_vtk.datasets.modal_model import model_of
+from spacemap_vtk.draw.actors.coloring import add_measure
+from spacemap_vtk.draw.actors.surface_actor import SurfaceActor, rgb
+from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.compose import composed, gradient
+from spacemap_vtk.draw.frame import add_shape
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
+from spacemap_vtk.draw.offscreen import open_offscreen
+from spacemap_vtk.draw.picture import Picture, over_motion, together
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.mechanics.response.realm import realm
+from spacemap_vtk.ndarrays import Bytes, Tell
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import format_quantity
+
+#: Size of a storyboard, without its labels, in pixels; its columns, where no times are given.
+_BOARD, _TIMES = (2240, 640), 7
+#: Most shapes on a sheet, and how many in a row.
+MOST_SHAPES, COLUMNS = 12, 4
+#: A cell of the sheet in pixels, and the room below it for its label.
+_CELL, _LABEL = (440, 400), 46
+#: Largest displacement of a shape, in diagonals of the cage's box.
+_SWING = 0.12
+_INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
+
+
+def swing_times(scene: Scene) -> list[float]:
+    """Return times over a period of a scene's first mode that has one, or over all its motion."""
+    if not scene.stage("solver"):
+        mover = scene.stage("mover") or scene.deforming
+        first, last = mover.time_range([]) or (0.0, 0.0)
+        return np.linspace(first, last, _TIMES).tolist()
+    swinging = [m["frequency_hz"] for m in report.modes(scene)["modes"] if m["frequency_hz"] > 0.0]
+    period = 1 / swinging[0] if swinging else scene.animation.stop
+    return [float(f"{time:.3g}") for time in np.linspace(0.0, period, _TIMES).tolist()]
+
+
+def storyboard(
+    scene: Scene, times: Sequence[float], size: tuple[int, int] | None, tell: Tell
+) -> Bytes:
+    """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
+    width, height = size or _BOARD
+    cell = width // len(times), height // 2
+    tell(0, len(times))
+    picture = Picture(scene, times, (2 * cell[0], cell[1]), ["cage", "fabric"])
+    columns = []
+    for count, time in enumerate(times, 1):
+        cage, fabric = np.split(picture.draw(time), 2, axis=1)
+        columns.append(np.concatenate([cage, fabric]))
+        tell(count, len(times))
+    picture.close()
+    return _labelled(np.concatenate(columns, axis=1), ["(a)", "(b)"], times)
+
+
+def motions_board(
+    scene: Scene,
+    motions: Sequence[str],
+    times: Sequence[float],
+    size: tuple[int, int] | None,
+    tell: Tell,
+) -> Bytes:
+    """Draw a scene as it moves in several ways, one below the other, time from left to right."""
+    width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
+    given, cell = loaded_cage(scene), (width // len(times), height // len(motions))
+    tell(0, 2 * len(motions))
+    extents = []
+    for count, name in enumerate(motions, 1):
+        take_motion(scene, name, given)
+        extents.append(over_motion(scene, times))
+        tell(count, 2 * len(motions))
+    show = "both" if scene.view.show == "side by side" else scene.view.show
+    picture = Picture(scene, times, cell, [show], extent=together(extents))
+    rows, labels = [], []
+    for count, name in enumerate(motions, 1):
+        take_motion(scene, name, given)
+        rows.append(np.concatenate([picture.draw(time) for time in times], axis=1))
+        share = 100 * _stretch(scene, times)
+        told = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
+        labels.append(f"{MOTIONS[name][1]}\n\nlengths change\nby {told} %")
+        tell(len(motions) + count, 2 * len(motions))
+    picture.close()
+    return _labelled(np.concatenate(rows), labels, times)
+
+
+def _stretch(scene: Scene, times: Sequence[float]) -> float:
+    """Return by how much edges of a cage change their length at some times at most."""
+    model, motion = model_of(scene.deformed_cage), scene.deforming.motion
+    assert motion is not None
+    rest = motion.points if model.displacement is None else motion.points + model.displacement
+    return realm(motion, rest, times, surface=model.pencil.surface).stretch
+
+
+def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:
+    """Add what the rows are on the left and the columns' times below."""
+    height, width = image.shape[:2]
+    size = max(14, height // (16 * len(rows)))
+    font = ImageFont.load_default(size)
+    pen = ImageDraw.Draw(Image.new("RGB", (1, 1)))
+    left = size + max(pen.multiline_textbbox((0, 0), text, font)[2] for text in rows)
+    sheet = Image.new("RGB", (round(left) + width, height + 2 * size), _PAPER)
+    sheet.paste(Image.fromarray(image), (round(left), 0))
+    pen = ImageDraw.Draw(sheet)
+    for row, text in enumerate(rows):
+        middle = (row + 0.5) * height / len(rows)
+        pen.multiline_text((left / 2, middle), text, _INK, font, anchor="mm", align="center")
+    for column, time in enumerate(times):
+        middle = left + (column + 0.5) * width / len(times)
+        pen.text((middle, height + size), format_quantity(time, "s", 4), _INK, font, anchor="mm")
+    return np.asarray(sheet)
+
+
+def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
+    """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
+    figures = report.modes(scene)
+    solver = scene.stage("solver")
+    assert solver is not None
+    scene.update_stage(solver)
+    drawing = _Drawing(scene, solver.output)
+    shapes = figures["modes"][:MOST_SHAPES]
+    tell(0, len(shapes))
+    columns = min(COLUMNS, len(shapes))
+    rows = math.ceil(len(shapes) / columns)
+    sheet = Image.new("RGB", (columns * _CELL[0], rows * (_CELL[1] + _LABEL)), _PAPER)
+    pen = ImageDraw.Draw(sheet)
+    for number, mode in enumerate(shapes):
+        left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
+        sheet.paste(Image.fromarray(drawing.shape(number)), (left, top))
+        middle, line = left + _CELL[0] / 2, top + _CELL[1]
+        title = f"mode {number + 1}: {mode['frequency_hz']:.4g} Hz"
+        pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
+        pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
+        tell(number + 1, len(shapes))
+    drawing.close()
+    return np.asarray(sheet)
+
+
+def _note(mode: dict[str, Any]) -> str:
+    shares = mode["effective_mass_share"]
+    most = int(np.argmax(shares))
+    damping = mode["regime"]
+    if damping not in ("rigid", "lost in rounding"):
+        damping = f"damping {mode['damping_ratio']:.3g}"
+    if shares[most] < 0.005:
+        return f"{damping}, moves no mass as a whole"
+    return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"
+
+
+class _Drawing:
+    """Draws one shape after the other from one place, with room for the swing to every side."""
+
+    def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
+        if draws_without_opengl():
+            scene.warn(WITHOUT_OPENGL)
+        self._scene, self._moved = scene, copied(cage)
+        vertices = points_of(self._moved)
+        self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
+        size = _CELL[0] * 2, _CELL[1] * 2
+        self._window = open_offscreen(size, samples=4)
+        self._window.leave_background()
+        self._behind = gradient(_CELL, (255, 255, 255), (238, 242, 246))
+        self._solid = SurfaceActor()
+        self._warp = BarycentricWarp()
+        self._surface = PatchTessellator(subdivisions=scene.surface.sides)
+        # Of the cage only its corner lines, which its faces share at an angle: enough to see it
+        # bend.
+        faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
+        faces.SetInputData(self._moved)
+        lines.SetInputConnection(faces.GetOutputPort())
+        lines.SetFeatureAngle(30.0)
+        lines.ColoringOff()
+        bent.SetInputConnection(lines.GetOutputPort())
+        bent.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
+        self._window.renderer.AddActor(self._solid)
+        for stage, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
+            actor, mapper = vtkActor(), vtkPolyDataMapper()
+            mapper.SetInputConnection(stage.GetOutputPort())
+            mapper.ScalarVisibilityOff()
+            actor.SetMapper(mapper)
+            actor.GetProperty().SetColor(*rgb(color))
+            actor.GetProperty().SetLineWidth(width)
+            actor.GetProperty().LightingOff()
+            self._window.renderer.AddActor(actor)
+        swing = 0.6 * self._swing
+        room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
+        aim(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
+
+    def shape(self, number: int) -> Bytes:
+        """Draw a mode shape."""
+        add_shape(self._scene, self._moved, number, self._swing)
+        self._moved.GetPointData().SetActiveVectors("displacement")
+        self._moved.Modified()
+        mesh = self._surface(self._warp(self._scene.object_at_rest.output, self._moved))
+        add_measure(mesh, "displacement")
+        self._solid.show(mesh, "displacement", span=(0.0, self._swing))
+        return composed(self._window.draw(), self._behind)
+
+    def close(self) -> None:
+        """Free the window."""
+        self._window.close()

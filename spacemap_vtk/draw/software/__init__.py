@@ -1,0 +1,1 @@
+"""Drawing without OpenGL, on the processor."""

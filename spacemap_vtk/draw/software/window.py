@@ -1,0 +1,666 @@
+"""Draw a renderer's contents on the processor, for machines without OpenGL.
+
+`SoftwareWindow` replaces `spacemap_vtk.draw.offscreen.Offscreen` if no OpenGL library can be
+loaded, with the same actors, camera, light and shadows. It needs Numba, which this program
+installs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# VTK finds its implementations of actors and text only after these modules are imported.
+import vtkmodules.vtkRenderingFreeType
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkMath
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkExtractEdges, vtkTriangleFilter
+from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
+from vtkmodules.vtkRenderingCore import (
+    VTK_WIREFRAME,
+    vtkActor,
+    vtkActor2D,
+    vtkCamera,
+    vtkGlyph3DMapper,
+    vtkProp,
+    vtkRenderer,
+    vtkTextActor,
+    vtkTextProperty,
+    vtkTextRenderer,
+)
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw import graphics
+from spacemap_vtk.draw.actors.glyphs import OutlineActor
+from spacemap_vtk.draw.actors.lighting import constants_of
+from spacemap_vtk.draw.actors.shading import strips
+from spacemap_vtk.draw.actors.sheet_actor import SheetActor
+from spacemap_vtk.draw.actors.surface_actor import SurfaceActor
+from spacemap_vtk.draw.camera import LIGHTS, add_lights
+from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.ndarrays import Bytes, Floats, Ints, Singles
+from spacemap_vtk.parallel import for_each, thread_count
+
+#: Number of corners of the disc that draws a dot.
+_CORNERS = 16
+#: Number of bands of rows into which the picture is divided for each thread.
+_BANDS = 4
+
+
+class _Renderer(vtkRenderer):
+    """A renderer without a VTK window; it is also its window, of which only the size is used."""
+
+    size = (1, 1)
+
+    def GetSize(self) -> tuple[int, int]:
+        return self.size
+
+    def GetRenderWindow(self) -> _Renderer:
+        return self
+
+
+class _Lamps(NamedTuple):
+    """The light of a shape, as arguments of `spacemap_vtk.draw.software.raster_loops.shade`."""
+
+    mode: int
+    triples: Floats
+    numbers: Floats
+
+
+_NO_CELLS, _NO_NORMALS = np.zeros(0, np.int64), np.zeros((0, 3))
+_NO_STRANDS = np.zeros((0, 3), np.float32)
+
+
+class _Shape(NamedTuple):
+    """Triangles of one actor, ready to be drawn."""
+
+    #: Points in m, (n, 3).
+    points: Floats
+    #: Point indices of the triangles, (m, 3).
+    corners: Ints
+    #: Colours, 0 to 1, (k, 3): one for each point, or a table that `cells` refers to.
+    colors: Singles
+    lamps: _Lamps
+    #: Index of each triangle's colour; empty if the points have the colours.
+    cells: Ints = _NO_CELLS
+    normals: Floats = _NO_NORMALS
+    strands: Singles = _NO_STRANDS
+    #: `ALL`, `BACK` or `FRONT` of `spacemap_vtk.draw.software.raster_loops`.
+    cull: int = 0
+    #: x, y, depth and reciprocal distance of triangles that were made in screen coordinates. Their
+    #: normals are in the camera's coordinates.
+    screen: Floats | None = None
+    #: Texture by which colours are multiplied.
+    picture: Bytes | None = None
+    #: Texture coordinates of the points.
+    texels: Floats | None = None
+
+
+class SoftwareWindow:
+    """A window that draws one renderer on the processor."""
+
+    def __init__(self, size: tuple[int, int], samples: int = 0, pixels: int = 1) -> None:
+        self.renderer = _Renderer()
+        add_lights(self.renderer)
+        self.size = self.renderer.size = size
+        #: Resolution of text, as in VTK: 72 dpi for one pixel per point.
+        self._dpi = 72 * pixels
+        self._front: list[vtkProp] = []
+        self.take_samples(samples)
+
+    def add_in_front(self, prop: vtkProp) -> None:
+        """Add a prop that is drawn in front of everything else."""
+        self._front.append(prop)
+
+    def leave_background(self) -> None:
+        """Do nothing, because this window never draws a background."""
+
+    def take_samples(self, samples: int) -> None:
+        """Set the number of samples: four per pixel if more than one is requested, else one."""
+        width, height = self.size
+        #: Number of samples along each side of a pixel.
+        self._grain = 2 if samples > 1 else 1
+        self._drawn = np.zeros((self._grain * height, self._grain * width, 4), np.float32)
+        self._depths = np.ones(self._drawn.shape[:2], np.float32)
+        #: The drawn picture with its text, in pixels of the window; None until it is requested.
+        self._pixels: Singles | None = None
+
+    @property
+    def camera(self) -> vtkCamera:
+        """The active camera."""
+        return self.renderer.GetActiveCamera()
+
+    def draw(self) -> Bytes:
+        """Draw the renderer and return red, green, blue and coverage of each pixel."""
+        self.renderer.ResetCameraClippingRange()
+        self.render()
+        return self.pixels()
+
+    def render(self, front: bool = True, over: bool = False) -> None:
+        """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
+        self.renderer.InvokeEvent("StartEvent")
+        self._pixels = None
+        if not over:
+            self._drawn[:] = 0.0
+            self._depths = np.ones_like(self._depths)
+        else:
+            self._depths = self._depths.copy()  # a caller may still hold the depths
+        actors = [a for a in _listed(self.renderer.GetActors()) if a.GetVisibility()]
+        clear = [a for a in actors if _is_translucent(a)]
+        for actor in actors:
+            if actor not in clear:
+                self._draw_actor(actor, solid=True)
+        for actor in clear:
+            self._draw_actor(actor, solid=False)
+        if front:
+            kept, self._depths = self._depths, np.ones_like(self._depths)
+            for prop in self._front:
+                if prop.GetVisibility():
+                    self._draw_actor(prop, solid=False)
+            self._depths = kept
+
+    def pixels(self) -> Bytes:
+        """Return red, green, blue and coverage of each pixel, 0 to 255, (height, width, 4)."""
+        if self._pixels is None:
+            (width, height), grain = self.size, self._grain
+            fine = self._drawn.reshape(height, grain, width, grain, 4)
+            self._pixels = self._drawn if grain == 1 else fine.mean(axis=(1, 3))
+            self._draw_letters(self._pixels)
+        made = np.empty(self._pixels.shape, np.uint8)
+        for rows in strips(len(made)):
+            made[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
+        return made
+
+    def depths(self, over: bool = False) -> Singles:
+        """Return the depth of each pixel, 0 to 1; 1 where nothing is drawn."""
+        return self._depths[:: self._grain, :: self._grain]
+
+    def close(self) -> None:
+        """Remove all props from the renderer."""
+        self.renderer.RemoveAllViewProps()
+
+    def _draw_actor(self, actor: vtkActor, solid: bool) -> None:
+        view = _View.from_renderer(self.renderer, self.size, self._grain)
+        opacity = actor.GetProperty().GetOpacity()
+        for shape in _shapes(actor, view):
+            self._draw(shape, _clipping(actor, shape.points), view, opacity, solid)
+
+    def _draw(self, shape: _Shape, cut: Floats, view: _View, opacity: float, solid: bool) -> None:
+        from spacemap_vtk.draw.software import raster_loops as loops
+
+        screen, normals = shape.screen, shape.normals
+        if screen is None:
+            screen, normals = view.screen(shape.points), normals @ view.turned[:3, :3].T
+        places = view.placed(shape.points)
+        tables = normals, shape.strands, shape.colors, shape.cells
+
+        def draw(rows: slice) -> None:
+            depth, drawn = self._depths[rows], self._drawn[rows]
+            depth = depth if solid else depth.copy()
+            which = np.full(depth.shape, -1, np.int32)
+            ends = rows.start, rows.stop
+            loops.fill(screen, shape.corners, cut, shape.cull, *ends, depth, which)
+            there = which >= 0
+            if not there.any():
+                return
+            color = np.zeros((*which.shape, 3), np.float32)
+            seen = which, screen, shape.corners, places, *tables, *shape.lamps
+            loops.shade(*seen, view.parallel, float(view.grain), rows.start, color)
+            own, cover = color[there], np.full((1, 1), opacity, np.float32)
+            if shape.picture is not None and shape.texels is not None:
+                texels = _texels(which, rows.start, shape, screen)
+                own = own * texels[:, :3]
+                cover = opacity * texels[:, 3:]
+            whole = [cover * own, np.broadcast_to(cover, (len(own), 1))]
+            drawn[there] = np.concatenate(whole, axis=1) + drawn[there] * (1.0 - cover)
+
+        for_each(_bands(len(self._drawn)), lambda: draw)
+
+    def _draw_letters(self, canvas: Singles) -> None:
+        """Draw annotations over the view: panels, text and colour bars."""
+        for prop in _listed(self.renderer.GetViewProps()):
+            if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
+                continue
+            if isinstance(prop, vtkTextActor):
+                where = prop.GetPosition()
+                self._write(canvas, prop.GetTextProperty(), prop.GetInput(), where[0], where[1])
+            elif isinstance(prop, vtkScalarBarActor):
+                self._draw_scale(canvas, prop)
+            else:
+                self._draw_polygons(canvas, prop)
+
+    def _draw_polygons(self, canvas: Singles, actor: vtkActor2D) -> None:
+        polygons = actor.GetMapper().GetInput()
+        if not polygons.GetNumberOfPolys():
+            return
+        points, colors = points_of(polygons)[:, :2], polygons.GetCellData().GetScalars()
+        plain = [round(255 * part) for part in actor.GetProperty().GetColor()]
+        opacity = actor.GetProperty().GetOpacity()
+        cells = polygons.GetPolys()
+        offsets = vtk_to_numpy(cells.GetOffsetsArray())
+        numbers = vtk_to_numpy(cells.GetConnectivityArray())
+        for cell in range(len(offsets) - 1):
+            ring = points[numbers[offsets[cell] : offsets[cell + 1]]]
+            color = plain if colors is None else [int(c) for c in colors.GetTuple3(cell)]
+            self._draw_polygon(canvas, ring, color, opacity)
+
+    def _draw_polygon(
+        self, canvas: Singles, ring: NDArray[Any], color: list[int], opacity: float
+    ) -> None:
+        """Draw a polygon whose corners are in pixels, with y upwards from the lowest row."""
+        mask = Image.new("L", self.size)
+        corners = [(float(x), self.size[1] - float(y)) for x, y in ring]
+        ImageDraw.Draw(mask).polygon(corners, fill=255)
+        there = np.asarray(mask) > 0
+        paint = np.array([*(opacity * part / 255 for part in color), opacity], np.float32)
+        canvas[there] = paint + canvas[there] * (1.0 - opacity)
+
+    def _write(
+        self, canvas: Singles, look: vtkTextProperty, words: str, x: float, y: float
+    ) -> None:
+        """Draw text whose anchor is at (x, y) in pixels."""
+        if not words:
+            return
+        image, ends = vtkImageData(), [0, 0]
+        if not vtkTextRenderer.GetInstance().RenderString(look, words, image, ends, self._dpi):
+            return
+        (wide, high, _), extent = image.GetDimensions(), image.GetExtent()
+        letters = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(high, wide, -1)[::-1]
+        left, top = round(x) + extent[0], self.size[1] - round(y) - extent[3] - 1
+        rows = slice(max(0, top), min(top + high, self.size[1]))
+        columns = slice(max(0, left), min(left + wide, self.size[0]))
+        if rows.start >= rows.stop or columns.start >= columns.stop:
+            return  # the text is outside the picture
+        part = letters[
+            rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+        ]
+        part = part.astype(np.float32) / 255.0
+        cover = part[..., 3:]
+        under = canvas[rows, columns]
+        own = np.concatenate([part[..., :3] * cover, cover], axis=2)
+        canvas[rows, columns] = own + under * (1.0 - cover)
+
+    def _draw_scale(self, canvas: Singles, bar: vtkScalarBarActor) -> None:
+        """Draw a colour scale: title, strip of colours, and numbers to the right of the strip."""
+        width, height = self.size
+        table, labels = bar.GetLookupTable(), vtk_to_numpy(bar.GetCustomLabels())
+        title, text = bar.GetTitleTextProperty(), bar.GetLabelTextProperty()
+        (x, y), letter = bar.GetPosition(), text.GetFontSize() * self._dpi / 72
+        left, wide = x * width, bar.GetWidth() * width
+        low, high = y * height, (y + bar.GetHeight()) * height
+        lines = bar.GetTitle().split("\n")
+        top = high - letter * len(lines) - bar.GetVerticalTitleSeparation()
+        title.SetJustificationToCentered()
+        left += 0.1 * wide
+        right = left + 0.35 * wide
+        count = table.GetNumberOfTableValues()
+        for number in range(count):
+            ends = [low + (top - low) * part / count for part in (number, number + 1)]
+            color = [round(255 * part) for part in table.GetTableValue(number)[:3]]
+            ring = [[left, ends[0]], [right, ends[0]], [right, ends[1]], [left, ends[1]]]
+            self._draw_polygon(canvas, np.array(ring), color, 1.0)
+        for number, line in enumerate(lines):
+            middle = (x + 0.5 * bar.GetWidth()) * width
+            self._write(canvas, title, line, middle, high - letter * (number + 0.6))
+        least, most = table.GetTableRange()
+        for value in labels:
+            # The margins keep the first and last number within the height of the strip.
+            share = (value - least) / (most - least)
+            place = low + 0.15 * letter + (top - low - 0.5 * letter) * share
+            words = f"{value:.3g}"
+            self._write(canvas, text, words, right + bar.GetTextPad(), place - 0.35 * letter)
+
+
+class _View(NamedTuple):
+    """The matrices of a camera: world to camera coordinates, and world to screen."""
+
+    turned: Floats
+    projected: Floats
+    #: Width and height of the picture in samples.
+    size: tuple[int, int]
+    #: Number of samples along each side of a pixel.
+    grain: int
+    parallel: bool
+
+    @classmethod
+    def from_renderer(cls, renderer: _Renderer, size: tuple[int, int], grain: int) -> _View:
+        camera = renderer.GetActiveCamera()
+        turned = camera.GetViewTransformMatrix()
+        whole = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
+        tables = [
+            np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+            for matrix in (turned, whole)
+        ]
+        fine = grain * size[0], grain * size[1]
+        return cls(tables[0], tables[1], fine, grain, bool(camera.GetParallelProjection()))
+
+    def placed(self, points: Floats) -> Floats:
+        """Return points in the camera's coordinates."""
+        return np.ascontiguousarray(points @ self.turned[:3, :3].T + self.turned[:3, 3])
+
+    def clip(self, points: Floats) -> Floats:
+        """Return clip coordinates (n, 4); a point is in the picture if |x|, |y| and |z| <= w."""
+        return np.asarray(points @ self.projected[:, :3].T + self.projected[:, 3])
+
+    def screen(self, points: Floats) -> Floats:
+        """Return x and y in samples, depth and reciprocal distance of points, (n, 4)."""
+        return self.on_screen(self.clip(points))
+
+    def on_screen(self, clip: Floats) -> Floats:
+        """Return x and y in samples, depth and reciprocal distance from clip coordinates."""
+        behind = clip[:, 3] <= 1e-9 * np.abs(clip[:, 3]).max(initial=1e-300)
+        share = 1.0 / np.where(behind, 1.0, clip[:, 3])
+        x, y, z = (clip[:, :3] * share[:, None]).T
+        share[behind] = 0.0
+        width, height = self.size
+        return np.stack([(x + 1) / 2 * width, (1 - y) / 2 * height, (z + 1) / 2, share], axis=1)
+
+
+def _bands(height: int) -> list[slice]:
+    """Divide the rows of a picture into bands for threads."""
+    step = max(16, -(-height // (_BANDS * thread_count())))
+    return [slice(top, min(top + step, height)) for top in range(0, height, step)]
+
+
+def _listed(props: Any) -> list[Any]:
+    props.InitTraversal()
+    return [props.GetNextProp() for _ in range(props.GetNumberOfItems())]
+
+
+def _is_translucent(actor: vtkActor) -> bool:
+    if actor.GetForceOpaque():
+        return False
+    return bool(actor.GetForceTranslucent()) or actor.GetProperty().GetOpacity() < 1.0
+
+
+def _clipping(actor: vtkActor, points: Floats) -> Floats:
+    """Return each point's smallest signed distance from the clipping planes; negative: hidden."""
+    planes = actor.GetMapper().GetClippingPlanes()
+    if planes is None or not planes.GetNumberOfItems():
+        return np.zeros(0)
+    sides = []
+    for number in range(planes.GetNumberOfItems()):
+        plane = planes.GetItem(number)
+        sides.append((points - plane.GetOrigin()) @ np.array(plane.GetNormal()))
+    return np.asarray(np.min(sides, axis=0))
+
+
+def _shapes(actor: vtkActor, view: _View) -> Iterator[_Shape]:
+    """Yield the shapes of an actor."""
+    if isinstance(actor, SheetActor):
+        graphics.require_opengl("a cloth of so many yarns that it is drawn as a sheet needs")
+    mapper = actor.GetMapper()
+    if isinstance(mapper, vtkGlyph3DMapper):
+        yield from _glyphs(actor, mapper)
+        return
+    data = mapper.GetInput()
+    if data is None or not data.GetNumberOfPoints():
+        return
+    wired = actor.GetProperty().GetRepresentation() == VTK_WIREFRAME
+    triangulated = _edges(data) if wired else _triangulated(data)
+    points = points_of(triangulated).astype(np.float64) + np.array(actor.GetPosition())
+    colors, of_cells = _colors(actor, triangulated)
+    if triangulated.GetNumberOfPolys():
+        if isinstance(actor, OutlineActor):
+            yield _outline(actor, triangulated, points, view)
+        else:
+            yield _surface(actor, triangulated, points, colors, of_cells)
+    if triangulated.GetNumberOfLines() or triangulated.GetNumberOfVerts():
+        yield from _lines_and_dots(actor, triangulated, points, colors, of_cells, view)
+
+
+def _triangulated(data: vtkPolyData) -> vtkPolyData:
+    """Return a surface whose polygons and strips are cut into triangles; lines and dots stay."""
+    if not data.GetNumberOfPolys() and not data.GetNumberOfStrips():
+        return data
+    filter_ = vtkTriangleFilter()
+    filter_.SetInputData(data)
+    # The executive's Update keeps Python's global lock: see `Stage.update`.
+    filter_.GetExecutive().Update()
+    return filter_.GetOutput()
+
+
+def _edges(data: vtkPolyData) -> vtkPolyData:
+    """Return the edges of a surface's facets as lines."""
+    edges = vtkExtractEdges()
+    edges.SetInputData(data)
+    edges.GetExecutive().Update()
+    return edges.GetOutput()
+
+
+def _colors(actor: vtkActor, data: vtkPolyData) -> tuple[Singles, bool]:
+    """Return colours, 0 to 1, and whether they belong to cells instead of points."""
+    mapper = actor.GetMapper()
+    plain = np.array(actor.GetProperty().GetColor(), np.float32)
+    if mapper.GetScalarVisibility() and not isinstance(mapper, vtkGlyph3DMapper):
+        found = type(mapper)()
+        found.ShallowCopy(mapper)
+        found.SetInputData(data)
+        mapped = found.MapScalars(1.0)
+        if mapped is not None:
+            of_cells = mapped.GetNumberOfTuples() != data.GetNumberOfPoints()
+            if mapper.GetScalarMode() in (2, 4):
+                of_cells = True
+            colors = vtk_to_numpy(mapped)[:, :3] / np.float32(255.0)
+            return np.ascontiguousarray(colors, np.float32), of_cells
+    return np.broadcast_to(plain, (data.GetNumberOfPoints(), 3)).copy(), False
+
+
+def _unlit() -> _Lamps:
+    from spacemap_vtk.draw.software.raster_loops import UNLIT
+
+    return _Lamps(UNLIT, np.zeros((12, 3)), np.zeros(8))
+
+
+def _plain_light(ambient: float) -> _Lamps:
+    """Return the light of `spacemap_vtk.draw.camera.LIGHTS`, as VTK computes it."""
+    from spacemap_vtk.draw.software.raster_loops import PLAIN
+
+    triples, numbers = np.zeros((12, 3)), np.zeros(8)
+    numbers[0] = ambient
+    for number, (place, strength, color) in enumerate(LIGHTS):
+        triples[number] = np.array(place) / np.linalg.norm(place)
+        triples[3 + number] = (1.0 - ambient) * strength * np.array(color)
+    return _Lamps(PLAIN, triples, numbers)
+
+
+def _surface(
+    actor: vtkActor, data: vtkPolyData, points: Floats, colors: Singles, of_cells: bool
+) -> _Shape:
+    from spacemap_vtk.draw.software.raster_loops import STYLED
+
+    corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    before = data.GetNumberOfVerts() + data.GetNumberOfLines()
+    cells = before + np.arange(len(corners)) if of_cells else _NO_CELLS
+    look, found = actor.GetProperty(), data.GetPointData().GetNormals()
+    normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
+    strands, lamps = _NO_STRANDS, _unlit()
+    if isinstance(actor, SurfaceActor) and actor.dress is not None and actor.dress.faced:
+        lamps = _Lamps(STYLED, *constants_of(actor.dress.style, actor.dress.point))
+        if actor.dress.fibres:
+            strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
+    elif look.GetLighting():
+        lamps = _plain_light(look.GetAmbient())
+    shape = _Shape(
+        points,
+        np.ascontiguousarray(corners, np.int64),
+        colors,
+        lamps,
+        cells,
+        normals,
+        np.ascontiguousarray(strands, np.float32),
+        look.GetBackfaceCulling() + 2 * look.GetFrontfaceCulling(),
+    )
+    texture, texels = actor.GetTexture(), data.GetPointData().GetTCoords()
+    if texture is None or texels is None:
+        return shape
+    image = texture.GetInput()
+    wide, high, _ = image.GetDimensions()
+    picture = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(high, wide, -1)
+    return shape._replace(picture=picture, texels=vtk_to_numpy(texels).astype(np.float64))
+
+
+def _outline(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View) -> _Shape:
+    """Return a surface enlarged as by the vertex shader of `OutlineActor`."""
+    from spacemap_vtk.draw.software.raster_loops import FRONT
+
+    corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    normals = vtk_to_numpy(data.GetPointData().GetNormals()).astype(np.float64)
+    away = (normals @ view.turned[:3, :3].T)[:, :2]
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
+    clip, rows = view.clip(points), np.linalg.norm(view.projected[:, :3], axis=1)
+    most = actor.most * rows[:2]
+    clip[:, :2] += away * np.minimum(np.multiply.outer(clip[:, 3], actor.wider), most)
+    back = clip[:, 2:] + 0.2 * actor.most * rows[2:]
+    clip = np.concatenate([clip[:, :2] * (back[:, 1:] / clip[:, 3:]), back], axis=1)
+    colors = np.broadcast_to(np.array(actor.GetProperty().GetColor(), np.float32), points.shape)
+    return _Shape(
+        points,
+        np.ascontiguousarray(corners, np.int64),
+        np.ascontiguousarray(colors),
+        _unlit(),
+        cull=FRONT,
+        screen=view.on_screen(clip),
+    )
+
+
+def _glyphs(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
+    """Yield an arrow for each vector of a glyph mapper."""
+    places, look = mapper.GetInput(), actor.GetProperty()
+    if places is None or not places.GetNumberOfPoints():
+        return
+    source = mapper.GetInputAlgorithm(1, 0)
+    source.Update()
+    arrow = _triangulated(source.GetOutput())
+    own = points_of(arrow).astype(np.float64)
+    corners = vtk_to_numpy(arrow.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
+    found = arrow.GetPointData().GetNormals()
+    normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
+    data = places.GetPointData()
+    vectors = vtk_to_numpy(data.GetArray("vector")).astype(np.float64)
+    colors = vtk_to_numpy(data.GetArray("color"))
+    lamps = _plain_light(look.GetAmbient()) if look.GetLighting() else _unlit()
+    for start, vector, color in zip(points_of(places), vectors, colors, strict=True):
+        length = float(np.linalg.norm(vector))
+        if length == 0.0:
+            continue
+        along, second, third = vector / length, [0.0] * 3, [0.0] * 3
+        vtkMath.Perpendiculars(along.tolist(), second, third, 0.0)
+        axes = np.array([along, second, third])
+        painted = np.broadcast_to((color[:3] / 255.0).astype(np.float32), own.shape)
+        yield _Shape(
+            start + length * own @ axes,
+            corners,
+            np.ascontiguousarray(painted),
+            lamps,
+            normals=normals @ axes,
+            cull=look.GetBackfaceCulling(),
+        )
+
+
+def _lines_and_dots(
+    actor: vtkActor,
+    data: vtkPolyData,
+    points: Floats,
+    colors: Singles,
+    of_cells: bool,
+    view: _View,
+) -> Iterator[_Shape]:
+    """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
+    look, screen = actor.GetProperty(), view.screen(points)
+    verts, lines = (_chains(cells) for cells in (data.GetVerts(), data.GetLines()))
+    if len(lines[0]):
+        (begin, end), cell = lines[0].T, lines[1] + data.GetNumberOfVerts()
+        way = screen[end, :2] - screen[begin, :2]
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        aside = np.zeros((len(way), 4))
+        aside[:, :2] = (
+            0.5 * view.grain * look.GetLineWidth() * np.stack([-way[:, 1], way[:, 0]], axis=1)
+        )
+        ends = [screen[begin] - aside, screen[begin] + aside, screen[end] + aside]
+        whole = np.concatenate([*ends, screen[end] - aside])
+        four = np.arange(4)[:, None] * len(begin) + np.arange(len(begin))
+        corners = np.concatenate([four[[0, 1, 2]].T, four[[0, 2, 3]].T])
+        which = np.concatenate([begin, begin, end, end])
+        hue = np.tile(colors[cell], (4, 1)) if of_cells else colors[which]
+        yield _Shape(points[which], corners, hue, _unlit(), screen=whole)
+    if len(verts[0]):
+        dots, cell = verts[0][:, 0], verts[1]
+        turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+        disc = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(turn), np.sin(turn)], axis=1)])
+        sphere, count = look.GetRenderPointsAsSpheres(), len(disc)
+        radius = 0.5 * view.grain * look.GetPointSize()
+        whole = np.repeat(screen[dots], count, axis=0)
+        whole[:, :2] += np.tile(radius * disc * [1.0, -1.0], (len(dots), 1))
+        if sphere:
+            # The centre is nearer to the camera by the radius. Otherwise a surface through the
+            # point would hide half of the sphere.
+            scale = np.linalg.norm(view.projected[1, :3]) * screen[dots, 3] * view.size[1] / 2
+            toward = np.array(view.turned[2, :3])
+            near = view.screen(points[dots] + toward * (radius / np.maximum(scale, 1e-12))[:, None])
+            whole[::count, 2:] = near[:, 2:]
+        first, ring = np.arange(len(dots))[:, None] * count, np.arange(1, count)
+        fan = np.stack([np.zeros_like(ring), ring, np.roll(ring, -1)], axis=1)
+        corners = (first[:, :, None] + fan).reshape(-1, 3)
+        normals = np.concatenate([disc, np.zeros((count, 1))], axis=1)
+        normals[0] = (0.0, 0.0, 1.0)
+        which = np.repeat(dots, count)
+        hue = np.repeat(colors[cell] if of_cells else colors[dots], count, axis=0)
+        normals = np.tile(normals, (len(dots), 1))
+        lamps = _plain_light(0.0) if sphere and look.GetLighting() else _unlit()
+        yield _Shape(points[which], corners, hue, lamps, normals=normals, screen=whole)
+
+
+def _chains(cells: Any) -> tuple[Ints, Ints]:
+    """Return the point pairs of all line segments, (n, 2), and the cell of each segment."""
+    # A cell with one point becomes a segment from this point to itself.
+    offsets = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)
+    numbers = vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)
+    if len(offsets) < 2 or not len(numbers):
+        return np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+    of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    if len(numbers) == len(offsets) - 1:
+        return np.stack([numbers, numbers], axis=1), of
+    within = of[1:] == of[:-1]
+    return np.stack([numbers[:-1], numbers[1:]], axis=1)[within], of[1:][within]
+
+
+def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Singles:
+    """Return the texture's colour and coverage in each pixel of a shape, (n, 4)."""
+    assert shape.picture is not None
+    assert shape.texels is not None
+    rows, columns = np.nonzero(which >= 0)
+    a, b, c = shape.corners[which[rows, columns]].T
+    x, y = columns + 0.5 - screen[a, 0], top + rows + 0.5 - screen[a, 1]
+    abx, aby = (screen[b, :2] - screen[a, :2]).T
+    acx, acy = (screen[c, :2] - screen[a, :2]).T
+    scale = 1.0 / (abx * acy - aby * acx)
+    wb, wc = (x * acy - y * acx) * scale, (abx * y - aby * x) * scale
+    weights = np.stack([1.0 - wb - wc, wb, wc]) * np.stack([screen[k, 3] for k in (a, b, c)])
+    weights /= weights.sum(axis=0)
+    s, t = np.einsum("kn,knd->dn", weights, np.stack([shape.texels[k, :2] for k in (a, b, c)]))
+    return _sampled(shape.picture, s, t)
+
+
+def _sampled(picture: Bytes, s: Floats, t: Floats) -> Singles:
+    """Sample a repeating texture at coordinates (s, t), bilinearly: RGB and coverage, (n, 4)."""
+    high, wide, depth = picture.shape
+    x, y = s * wide - 0.5, t * high - 0.5
+    left, low = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    across, up = (x - left)[:, None], (y - low)[:, None]
+    found = np.zeros((len(s), depth))
+    for column, row in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        share = (across if column else 1.0 - across) * (up if row else 1.0 - up)
+        found += share * picture[(low + row) % high, (left + column) % wide]
+    found /= 255.0
+    if depth < 3:  # a grey image, with or without coverage
+        found = np.concatenate([found[:, :1]] * 3 + [found[:, 1:]], axis=1)
+    if found.shape[1] == 3:
+        found = np.concatenate([found, np.ones((len(found), 1))], axis=1)
+    return found.astype(np.float32)

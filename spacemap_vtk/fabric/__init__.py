@@ -1,1 +1,0 @@
-"""The science of woven fabric: drafts, weave geometry, Bézier patches. numpy and scipy only."""

@@ -1,0 +1,1 @@
+"""Boundary conditions: places, supports, fittings and loads."""

@@ -1,0 +1,198 @@
+"""What is fitted to a cage beside supports along its axes and one material.
+
+Sliders along other directions, rigid bodies, springs between the cage and its base, masses, and
+factors by which tetrahedra are stiffer or heavier than the material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.mechanics.boundary.loads import FACES, traction, wall
+from spacemap_vtk.mechanics.boundary.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions, rigid_bodies
+from spacemap_vtk.mechanics.elements.shell import hexahedra
+from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, element, volumes
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+#: The units of what is fitted; the second of a spring is per area.
+SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
+
+
+class Fittings(NamedTuple):
+    """Arrays of what is fitted; None where nothing is."""
+
+    normals: Floats | None = None
+    """(V, 3, 3), Σ n nᵀ over the directions n that a vertex is held along."""
+    bodies: Ints | None = None
+    """(V,), the number of the rigid body that a vertex belongs to, from 1 on; 0 of none."""
+    springs: Floats | None = None
+    """(V, 3, 3), stiffness against the base [N/m]."""
+    masses: Floats | None = None
+    """(V,), in kg."""
+    stiffness_factors: Floats | None = None
+    """(T,), by which the elasticity of each tetrahedron is multiplied."""
+    mass_factors: Floats | None = None
+    """(T,), by which its density is."""
+
+    @property
+    def given(self) -> dict[str, NDArray[Any]]:
+        """Those that there are, by name."""
+        return {name: array for name, array in self._asdict().items() if array is not None}
+
+
+#: Faces of a hexahedron with corners x + 2y + 4z, in a circle each, and its edges.
+_BLOCK_FACES = np.array(
+    [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]]
+)
+_BLOCK_EDGES = np.array(
+    [[k, k | bit] for bit in (1, 2, 4) for k in range(8) if not k & bit], dtype=np.int64
+)
+
+#: Nothing is fitted.
+NONE = Fittings()
+
+
+def fitted(
+    vertices: Floats,
+    cells: Ints,
+    fixed: Sequence[str],
+    rigid: Sequence[str],
+    springs: Sequence[str],
+    masses: Sequence[str],
+    masks: Masks | None = None,
+) -> tuple[Bools, Fittings]:
+    """Return what of a cage cannot move, and what is fitted to it besides.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions in m.
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra.
+    fixed, rigid, springs, masses : sequence of str
+        Places as `spacemap_vtk.mechanics.boundary.places.parse` reads them: supports, with
+        components or a direction; rigid bodies; springs with a stiffness in N/m of the whole
+        place, or in N/m³ of a side's area; masses in kg, each spread evenly over its place.
+    masks : callable, optional
+        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
+
+    Returns
+    -------
+    held : ndarray of bool, shape (V, 3)
+        Components that cannot move.
+    fittings : Fittings
+        Without factors.
+
+    Raises
+    ------
+    InputError
+        If a place catches no vertex, two bodies share one, a spring per area is not on a side that
+        has faces, or nothing could move; its key is the name of the argument.
+    """
+    with naming("fixed"):
+        held = held_components(vertices, fixed, masks)
+        normals = held_directions(vertices, fixed, masks)
+    with naming("rigid"):
+        bodies = rigid_bodies(vertices, rigid, masks)
+    with naming("springs"):
+        stiffness = spring_stiffness(vertices, cells, springs, masks)
+    with naming("masses"):
+        found = point_masses(vertices, cells, masses, masks)
+    return held, Fittings(normals, bodies, stiffness, found)
+
+
+def spring_stiffness(
+    points: Floats, cells: Ints, springs: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
+    """Return what springs add to the stiffness of each vertex, (V, 3, 3) [N/m]; None without."""
+    # One in N/m is that of the whole place, which its vertices share alike; one in N/m³ is of a
+    # side's area, which they share as a constant pressure.
+    parsed = [place for text in springs for place in parse(text, SPRINGS, what="spring")]
+    if not parsed:
+        return None
+    total = np.zeros((len(points), 3, 3))
+    for place in parsed:
+        along = directions(points, place, masks, "spring")
+        if place.unit == "N/m":
+            share = 1.0 / along.any(axis=(1, 2)).sum()
+        elif place.shape in SIDES:
+            pressed = wall(points, cells, place.shape)
+            share = traction(len(points), pressed, [1.0])[:, 0, None, None]
+        else:
+            raise InputError(
+                f'the spring "{place}" is per area, and only a side has one',
+                value=str(place),
+                allowed=f"one of {', '.join(SIDES)}, or the place's whole stiffness in N/m",
+            )
+        total += place.value * share * along
+    return total
+
+
+def point_masses(
+    points: Floats, cells: Ints, masses: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
+    """Return the masses fitted to each vertex, (V,) [kg], each spread evenly over its place."""
+    parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
+    if not parsed:
+        return None
+    total = np.zeros(len(points))
+    for place in parsed:
+        found = np.any(caught(points, place, masks, "mass").reshape(len(points), -1), axis=1)
+        total += place.value * even_shares(points, cells, np.asarray(found))
+    return total
+
+
+def even_shares(points: Floats, cells: Ints, inside: Bools) -> Floats:
+    """Return the share of each vertex, (V,), in a mass spread evenly over a set of vertices."""
+    # By volume, area or length: by the highest of these for which every vertex of the set belongs
+    # to a solid, a face or an edge all of whose vertices are in it. Scattered ones share alike.
+    for corners, weights in _solids_faces_edges(points, cells, inside):
+        share = np.bincount(corners.ravel(), weights.ravel(), len(points))
+        if (np.bincount(corners.ravel(), minlength=len(points))[inside] > 0).all():
+            return share / share.sum()
+    return inside / inside.sum()
+
+
+def _solids_faces_edges(
+    points: Floats, cells: Ints, inside: Bools
+) -> Iterator[tuple[Ints, Floats]]:
+    """Yield the vertices of solids, faces and edges in a set, and what each has of their size."""
+    # Of a lattice those of its hexahedra: by tetrahedra one vertex would have more than the next.
+    blocks, size = hexahedra(cells), volumes(points, cells)
+    if blocks is not None:
+        size = size.reshape(len(blocks), -1).sum(axis=1)
+        parts = (blocks, blocks[:, _BLOCK_FACES], blocks[:, _BLOCK_EDGES])
+        shares = [np.full(count, 1 / count) for count in (8, 4, 2)]
+        corners = 4
+    else:
+        linear, corners = cells.shape[1] == 4, 3
+        lines = cells[:, EDGES]
+        if not linear:
+            lines = np.concatenate([lines, cells[:, 4:, None]], axis=2)
+        parts = (cells, cells[:, FACES[:, :3] if linear else FACES], lines)
+        # what is constant over a face or an edge, by Simpson's rule where there are middles
+        on_face = np.full(3, 1 / 3) if linear else np.repeat([0.0, 1 / 3], 3)
+        on_line = np.full(2, 1 / 2) if linear else np.array([1.0, 1.0, 4.0]) / 6
+        shares = [element(cells.shape[1]).lumps, on_face, on_line]
+    solids = inside[parts[0]].all(axis=1)
+    yield parts[0][solids], size[solids, None] * shares[0]
+    faces = _once(parts[1], inside)
+    out = points[faces[:, :corners]] - points[faces[:, :1]]
+    areas = np.linalg.norm(np.cross(out[:, 1:-1], out[:, 2:]).sum(axis=1), axis=1) / 2
+    yield faces, areas[:, None] * shares[1]
+    lines = _once(parts[2], inside)
+    lengths = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
+    yield lines, lengths[:, None] * shares[2]
+
+
+def _once(groups: Ints, inside: Bools) -> Ints:
+    """Return the groups of vertices, (…, n), that lie inside, each of them once."""
+    groups = groups.reshape(-1, groups.shape[-1])
+    groups = groups[inside[groups].all(axis=1)]
+    return groups[np.unique(np.sort(groups, axis=1), axis=0, return_index=True)[1]]

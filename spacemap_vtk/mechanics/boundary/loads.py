@@ -1,0 +1,135 @@
+"""Forces on the vertices of a cage: what acts on a side, at a vertex, or on the mass."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.boundary.places import SIDES
+from spacemap_vtk.ndarrays import Floats, Ints
+
+#: The faces of a tetrahedron: three corners, and in a quadratic one the middles of their edges.
+FACES = np.array(
+    [[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 2, 3, 6, 9, 7]], dtype=np.int64
+)
+
+
+class Wall(NamedTuple):
+    """The faces of a mesh that lie in one side of its bounding box."""
+
+    nodes: Ints
+    """(f, k), the vertices that carry the load of each face alike: its corners in a mesh of linear
+    tetrahedra, the middles of its edges in one of quadratic ones; of a sheet the corners of a
+    hexahedron's face."""
+    areas: Floats
+    """(f,) in m²."""
+    normal: Floats
+    """(3,), outward, of length one."""
+    faces: Ints
+    """(f, k), corners counter-clockwise seen from outside: of triangles, with the middles of their
+    edges in a mesh of quadratic tetrahedra, or of quadrilaterals."""
+
+
+def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
+    """Return the faces in one side of the bounding box.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
+    side : str
+        Out of `spacemap_vtk.mechanics.boundary.places.SIDES`.
+    sheet : bool, optional
+        Whether the tetrahedra are those of a sheet, five of each hexahedron.
+
+    Returns
+    -------
+    Wall
+        Faces, areas and normal.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no face there.
+    """
+    axis, end = SIDES[side]
+    low, high = points.min(axis=0), points.max(axis=0)
+    tolerance = 1e-6 * float(np.linalg.norm(high - low))
+    there = abs(points[:, axis] - (high if end > 0 else low)[axis]) <= tolerance
+    faces = cells[:, FACES[:, :3]].reshape(-1, 3)
+    flat = np.flatnonzero(there[faces].all(axis=1))
+    # A face that two tetrahedra share is inside.
+    _, first, count = np.unique(
+        np.sort(faces[flat], axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer = flat[first[count == 1]]
+    if len(outer) == 0:
+        raise InputError(
+            f"the cage has no face in its side {side}",
+            key="on",
+            value=side,
+            cure="Choose a side where the cage is flat",
+        )
+    corners = points[faces[outer]]
+    upward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(upward, axis=1)
+    quadratic = cells.shape[1] == 10
+    whole = cells[:, FACES if quadratic else FACES[:, :3]].reshape(4 * len(cells), -1)[outer]
+    nodes = whole[:, -3:]
+    normal = np.zeros(3)
+    normal[axis] = end
+    turned = [0, 2, 1, 5, 4, 3][: whole.shape[1]]
+    whole = np.where((upward @ normal > 0)[:, None], whole, whole[:, turned])
+    if sheet:
+        # By triangles, vertices with many of them would carry more than those with few: of that a
+        # sheet that hardly bends makes waves.
+        nodes, areas = _faces(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
+        out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
+        around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
+        whole = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
+    return Wall(nodes, areas, normal, whole)
+
+
+def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
+    """Return the faces of hexahedra, (f, 4), and their areas, out of two triangles of each."""
+    order = np.argsort(owner, kind="stable")
+    both = np.sort(nodes[order].reshape(-1, 6), axis=1)
+    first = np.diff(both, axis=1, prepend=-1) > 0
+    return both[first].reshape(-1, 4), areas[order].reshape(-1, 2).sum(axis=1)
+
+
+def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
+    """Return the forces of a constant traction on a wall."""
+    share = np.zeros(count)
+    corners = where.nodes.shape[1]
+    np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / corners, corners))
+    return share[:, None] * np.asarray(stress, dtype=np.float64)
+
+
+def nearest(points: Floats, place: ArrayLike) -> int:
+    """Return the vertex nearest to a place.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    place : array_like of float, shape (3,)
+        Where [m].
+
+    Returns
+    -------
+    int
+        Its number; of equally near ones the first.
+    """
+    return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
+
+
+def on_mass(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:
+    """Return the forces of a constant acceleration, such as gravity."""
+    return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

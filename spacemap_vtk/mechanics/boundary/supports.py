@@ -1,0 +1,280 @@
+"""Supports that hold parts of a cage, along its axes or any direction, and rigid bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.boundary.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+
+#: Name of the places of `rigid_bodies` in messages.
+BODY = "rigid place"
+
+#: Shares of an extent: a slab below the first is flat up to rounding, a box below the second is as
+#: thin as a sheet.
+_FLAT, _THIN = 1e-3, 0.1
+#: A motion counts as held if the square of its part along held directions is more than this share.
+_HELD = 1e-10
+
+
+def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> Bools:
+    """Find the components of the vertices that supports without a direction hold.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions [m].
+    supports : iterable of str
+        Texts for `spacemap_vtk.mechanics.boundary.places.parse`; without any, nothing is held.
+    masks : callable, optional
+        Function from the name of a point array to its values, of shape (V,) or, for components,
+        (V, 3).
+
+    Returns
+    -------
+    ndarray of bool, shape (V, 3)
+        True where held.
+
+    Raises
+    ------
+    InputError
+        If a support contains no vertex, or nothing is left that can move.
+
+    Examples
+    --------
+    >>> held_components(np.eye(3), ["+x:z", "sphere(0, 1, 0, 0.1)"]).astype(int).tolist()
+    [[0, 0, 1], [1, 1, 1], [0, 0, 0]]
+    """
+    held = np.zeros(vertices.shape, dtype=np.bool_)
+    texts = list(supports)
+    for support in (place for text in texts for place in parse(text)):
+        if not support.direction:
+            found = caught(vertices, support, masks).reshape(len(vertices), -1)
+            held |= found & [axis in support.components for axis in "xyz"]
+    if held.all():
+        raise InputError(
+            "every vertex of the cage is held, nothing can move",
+            value=" ".join(texts),
+            cure="Fix fewer sides, or divide the cage more finely.",
+        )
+    return held
+
+
+def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None = None) -> list[str]:
+    """List the sides among the supports that should hold the cage but leave it free to turn.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions [m].
+    supports : iterable of str
+        As for `held_components`.
+    masks : callable, optional
+        As for `held_components`.
+
+    Returns
+    -------
+    list of str
+        Empty if the supports prevent any rotation, if one of them is meant to slide, or if no
+        support is a side.
+
+    Examples
+    --------
+    >>> loose_sides(np.array([[0, 0, 0], [1, 1, 0], [1, -1, 0], [2, 0, 1.0]]), ["-x"])
+    ['-x']
+    """
+    places = [place for text in supports for place in parse(text)]
+    if not places or any(place.components != "xyz" for place in places):
+        return []
+    count = len(vertices)
+    held = [caught(vertices, place, masks).reshape(count, -1).any(axis=1) for place in places]
+    if np.linalg.matrix_rank(six_motions(vertices[np.any(held, axis=0)])) == 6:
+        return []
+    return [str(place) for place in places if place.shape in SIDES]
+
+
+def resting(vertices: Floats, up: int) -> str:
+    """Choose the place at which an object is held by default.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Vertices of its cage [m].
+    up : int
+        Axis that points up.
+
+    Returns
+    -------
+    str
+        The lowest slab in which the cage cannot turn, or a side if this slab is flat. For a thin
+        object its upper end; if the object lies level, the lower end of its longest axis.
+
+    Examples
+    --------
+    >>> resting(np.array([[x, y, z] for x in (0, 2) for y in (0, 1) for z in (0, 1.0)]), 2)
+    '-z'
+    """
+    extent = np.ptp(vertices, axis=0)
+    axis, sign = up, -1
+    if is_thin(extent):
+        level = int(extent.argmin()) == up
+        axis, sign = (int(extent.argmax()), -1) if level else (up, 1)
+    height = sign * (vertices[:, axis] - vertices[:, axis].mean())
+    for share in (0.05, 0.1, 0.2, 0.4, 1.0):
+        slab = height >= height.max() - share * extent[axis]
+        if np.linalg.matrix_rank(six_motions(vertices[slab])) == 6:
+            break
+    held = vertices[slab, axis]
+    if np.ptp(held) <= _FLAT * extent[axis]:
+        return f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"
+    ends = ["-inf", "inf"] * 3
+    end = held.min() if sign > 0 else held.max()
+    ends[2 * axis + (sign < 0)] = f"{end + -sign * _FLAT * extent[axis]:.6g}"
+    return f"box({', '.join(ends)})"
+
+
+def is_thin(extent: Floats) -> bool:
+    """Check whether a box is as thin as a sheet.
+
+    Parameters
+    ----------
+    extent : ndarray of float64, shape (3,)
+        Sides of the box, in any unit.
+
+    Returns
+    -------
+    bool
+        True if its smallest side is far below the second smallest, so a bar is not thin.
+    """
+    thin, narrow, _ = np.sort(extent)
+    return bool(thin < _THIN * narrow)
+
+
+def held_directions(
+    vertices: Floats, supports: Iterable[str], masks: Masks | None = None
+) -> Floats | None:
+    """Compute the directions that supports with a direction hold.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions [m].
+    supports : iterable of str
+        As for `held_components`.
+    masks : callable, optional
+        As for `held_components`.
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3, 3), or None
+        Σ n nᵀ over the directions n held at each vertex; None if no support has a direction.
+
+    Raises
+    ------
+    InputError
+        If a support contains no vertex.
+    """
+    inclined = [place for text in supports for place in parse(text) if place.direction]
+    if not inclined:
+        return None
+    return np.sum([directions(vertices, place, masks) for place in inclined], axis=0)
+
+
+def rigid_bodies(
+    vertices: Floats, places: Iterable[str], masks: Masks | None = None
+) -> Ints | None:
+    """Number the rigid body of each vertex, (V,), from 1, or 0 for none; None without places."""
+    parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
+    if not parsed:
+        return None
+    body = np.zeros(len(vertices), dtype=np.int64)
+    for number, place in enumerate(parsed, 1):
+        found = caught(vertices, place, masks, BODY).reshape(len(vertices), -1).any(axis=1)
+        if (shared := body[found].max()) > 0:
+            raise InputError(
+                f'the {BODY}s "{parsed[shared - 1]}" and "{place}" share a vertex',
+                value=str(place),
+                allowed="places apart from each other; one box or mask over both makes one body",
+            )
+        body[found] = number
+    return body
+
+
+def free_motions(
+    points: Floats, held: Bools, normals: Floats | None = None, bodies: Ints | None = None
+) -> csc_matrix:
+    """Compute T, (3V, n), of u = T q: the displacements u that supports and rigid bodies allow."""
+    # The columns are orthonormal, and unit vectors for vertices held along axes only. They are in
+    # the order of the vertices; those of a body come at its first vertex.
+    from scipy.sparse import csc_matrix
+
+    count = len(points)
+    body = np.zeros(count, dtype=np.int64) if bodies is None else bodies
+    normal = np.zeros((count, 3, 3)) if normals is None else normals
+    bound = held[:, :, None] * np.eye(3) + normal
+    inclined = normal.any(axis=(1, 2)) & (body == 0)
+    # One block of columns for all vertices held along axes, one for inclined supports, and one for
+    # each body.
+    axes = np.flatnonzero((~held & ~inclined[:, None] & (body == 0)[:, None]).ravel())
+    blocks = [_Block(axes, np.arange(len(axes)), np.ones(len(axes)), axes)]
+    alone = np.flatnonzero(inclined)
+    if len(alone):
+        kept, vectors = np.linalg.eigh(bound[alone])
+        vertex, which = np.nonzero(kept <= _HELD)
+        rows = 3 * alone[vertex, None] + np.arange(3)
+        columns = np.repeat(np.arange(len(vertex)), 3)
+        entries = vectors[vertex, :, which].ravel()
+        blocks.append(_Block(rows.ravel(), columns, entries, rows[:, 0]))
+    for number in range(1, int(body.max(initial=0)) + 1):
+        mine = np.flatnonzero(body == number)
+        rows = (3 * mine[:, None] + np.arange(3)).ravel()
+        left, sizes, _ = np.linalg.svd(six_motions(points[mine]), full_matrices=False)
+        basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has only five motions
+        each = basis.reshape(len(mine), 3, -1)
+        kept, turn = np.linalg.eigh(np.einsum("vim,vij,vjn->mn", each, bound[mine], each))
+        basis = basis @ turn[:, kept <= _HELD]
+        size = basis.shape[1]
+        columns = np.tile(np.arange(size), len(rows))
+        blocks.append(_Block(np.repeat(rows, size), columns, basis.ravel(), rows[:1].repeat(size)))
+    order = np.argsort(np.concatenate([block.first for block in blocks]), kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    starts = np.cumsum([0, *(len(block.first) for block in blocks[:-1])])
+    where = [place[block.columns + at] for block, at in zip(blocks, starts, strict=True)]
+    entries, rows = (np.concatenate([b[k] for b in blocks]) for k in (2, 0))
+    shape = 3 * count, len(order)
+    return csc_matrix((entries, (rows, np.concatenate(where))), shape=shape)
+
+
+class _Block(NamedTuple):
+    """Entries of several columns of a matrix, and the first row of each column."""
+
+    rows: Ints
+    columns: Ints
+    entries: Floats
+    first: Ints
+
+
+def six_motions(points: Floats, places: Bools | None = None) -> Floats:
+    """Compute three translations and three rotations about the middle, (3V, 6), scaled to 1."""
+    # Nodes that are not positions, such as half thicknesses, only turn.
+    shifts = np.ones(len(points), dtype=bool) if places is None else places
+    away = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
+    away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
+    motions = np.zeros((len(points), 3, 6))
+    motions[shifts, :, :3] = np.eye(3)
+    motions[:, :, 3:] = turned(away)
+    return motions.reshape(-1, 6)
+
+
+def turned(vectors: Floats) -> Floats:
+    """Compute the changes of vectors in small rotations about x, y and z, (n, 3, 3)."""
+    return np.cross(np.eye(3)[None], vectors[:, None]).swapaxes(1, 2)

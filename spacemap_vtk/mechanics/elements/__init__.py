@@ -1,0 +1,1 @@
+"""Finite elements: tetrahedra and sheets, their strains and materials."""

@@ -1,0 +1,127 @@
+"""How a displacement field stretches and turns each tetrahedron."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk import cancel
+from spacemap_vtk.mechanics.elements.elasticity import barycentric_gradients
+from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, shape_slopes
+from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.parallel import blocks
+
+#: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
+LARGE_ROTATION = np.radians(20.0)
+
+#: Rotation up to which a shape that `spacemap_vtk.mechanics.response.rotation_coordinates`
+#: rebuilds is to be trusted [rad]. A linear motion answers its loads too strongly where the cage
+#: turns, and rebuilding cannot mend that: the shape of a clamped strip under a load at its end or
+#: along it is wrong by 1 % of its length where it turns by 20°, 5 % at 37°, 13 % at 57°, 51 % at
+#: 115°, whichever the load.
+TRUSTED_ROTATION = np.radians(35.0)
+
+
+class MeanGradient:
+    """The mean gradient of displacement fields in each tetrahedron."""
+
+    def __init__(self, points: ArrayLike, cells: ArrayLike) -> None:
+        nodes = np.asarray(cells, dtype=np.int64)
+        slopes = barycentric_gradients(np.asarray(points, dtype=np.float64), nodes)[0]
+        if nodes.shape[1] == 10:
+            # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge; where all L are 1/4 the gradients of
+            # the corners vanish, and those of an edge are the sum of its corners'.
+            slopes = slopes[:, EDGES].sum(axis=2)
+            nodes = nodes[:, 4:]
+        # The tetrahedra last, so that each sum runs along memory.
+        self._nodes = np.ascontiguousarray(nodes.T)
+        self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
+
+    def of(self, displacement: Floats) -> Floats:
+        """Return the gradients of a field."""
+        values = np.ascontiguousarray(displacement.T).take(self._nodes, axis=1)
+        return np.einsum("int,jnt->ijt", values, self._slopes)
+
+
+def largest_rotation(gradients: Floats) -> float:
+    """Return the largest rotation of any tetrahedron, half the curl of the displacement.
+
+    Parameters
+    ----------
+    gradients : ndarray of float64, shape (3, 3, T)
+        From `MeanGradient`.
+
+    Returns
+    -------
+    float
+        In rad.
+    """
+    twice = gradients - gradients.swapaxes(0, 1)  # each component of the curl, with both signs
+    return 0.5 * math.sqrt(0.5 * np.einsum("ijt,ijt->t", twice, twice).max())
+
+
+def strains(gradients: Floats) -> Floats:
+    """Return the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears as γ = 2ε, (T, 6)."""
+    twice = (gradients + gradients.swapaxes(0, 1)).reshape(9, -1)
+    strain = twice.take([0, 4, 8, 5, 6, 1], axis=0)
+    strain[:3] *= 0.5
+    return np.asarray(strain.T)
+
+
+#: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;
+#: their mean is exact.
+SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
+
+#: Tetrahedra that are worked on at a time.
+_CHUNK = 4096
+
+
+def strain_products(
+    points: Floats, cells: Ints, elasticity: Floats, fields: Floats, factors: Floats | None = None
+) -> Floats:
+    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε."""
+    # That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is
+    # the small difference of large forces; here, where only displacements within a tetrahedron are
+    # subtracted, it is a sum of positive terms, with twice as many digits.
+    gradients, volume = barycentric_gradients(points, cells)
+    if factors is not None:
+        volume = volume * factors
+    linear = cells.shape[1] == 4
+    slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
+    total = np.zeros((len(fields), len(fields)))
+    for part in blocks(len(cells), _CHUNK):
+        cancel.check()
+        moved = fields[:, cells[part]]
+        moved = (moved - moved[:, :, :1]).swapaxes(2, 3)
+        for slope in slopes:
+            gradient = moved @ (slope @ gradients[part])  # n, t, i, j
+            strain = strains(gradient.transpose(2, 3, 0, 1).reshape(3, 3, -1))
+            stress = strain @ elasticity
+            stress.reshape(len(fields), -1, 6)[...] *= volume[part, None] / len(slopes)
+            total += stress.reshape(len(fields), -1) @ strain.reshape(len(fields), -1).T
+    return (total + total.T) / 2
+
+
+#: From a stress to what von Mises squares: differences of the normal ones by √½, shears by √3.
+_MISES = np.zeros((6, 6))
+_MISES[:3, :3] = 0.5**0.5 * (np.eye(3) - np.roll(np.eye(3), 1, axis=0))
+_MISES[3:, 3:] = 3**0.5 * np.eye(3)
+
+
+def von_mises(stress: Floats) -> Floats:
+    """Return the von Mises stress.
+
+    Parameters
+    ----------
+    stress : ndarray of float64, shape (T, 6)
+        Components xx, yy, zz, yz, zx, xy [Pa].
+
+    Returns
+    -------
+    ndarray of float64, shape (T,)
+        In Pa.
+    """
+    parts = stress @ _MISES
+    return np.asarray(np.sqrt(np.einsum("ti,ti->t", parts, parts)))

@@ -1,0 +1,159 @@
+"""Measured fabrics: stiffness per width and mass per area, of a sheet or made into a solid.
+
+A sheet keeps what was measured: stretch, shear and bending, see `MeasuredFabric.sheet`. A cage of
+tetrahedra is a solid: its moduli are the sheet's stiffness divided by the thickness of the cage, so
+that it stretches, shears and weighs as the fabric does. Its frequencies in the plane do not depend
+on that thickness; bending does, see `MeasuredFabric.plate`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.elements.plates import Plate
+
+#: Where all of `FABRICS` were measured.
+SOURCE = (
+    "H. Wang, J. F. O'Brien, R. Ramamoorthi, Data-driven elastic models for cloth: modeling and "
+    "measurement, ACM Transactions on Graphics 30 (4), 71 (2011), table of material parameters, "
+    "as distributed with the program ARCSim (materials/*.json)"
+)
+
+#: What the measurement does not say, and is taken here.
+ASSUMED = (
+    "the first of the table's six sets of constants, that at no strain: cloth stiffens as it is "
+    "stretched, and a linear model cannot",
+    "force per width = constant times Green's strain, the shear's in tensor measure, as in the "
+    "paper; ARCSim itself doubles all of them, which makes frequencies in the plane 1.41 times "
+    "higher",
+    "where the table has a negative C12 (knits, by up to 15 N/m) it is taken as 0, as ARCSim does: "
+    "a pulled fabric would grow wider",
+    "direction 1 of the table is the weft (of a knit: the courses): denim stretches more along its "
+    "weft, which has the elastane",
+    "across the thickness E3 = sqrt(E1 E2), G13 = G23 = G12, ν13 = ν23 = 0: none was measured",
+    "no thickness was measured: of tetrahedra, moduli and density are those per width and area, "
+    "divided by modal.thickness",
+    "of a sheet, bending along one direction does nothing along the other (D12 = 0), as in ARCSim: "
+    "then D66 follows from the bias, whose B45 = (D11 + D22 + 2 D12 + 4 D66)/4",
+    "a sheet keeps its thickness, and its normals stay upright",
+)
+
+
+#: Of what a fabric's constants can be spread over [m].
+THINNEST, THICKEST = 1e-9, 1e9
+
+
+class Solid(NamedTuple):
+    """Constants of an orthotropic solid along the axes of a fabric."""
+
+    #: E1 (warp), E2 (weft), E3 (normal) [Pa].
+    youngs_moduli: tuple[float, float, float]
+    #: G12, G13, G23 [Pa].
+    shear_moduli: tuple[float, float, float]
+    #: ν12, ν13, ν23.
+    poissons_ratios: tuple[float, float, float]
+    #: In kg/m³.
+    density: float
+
+
+class MeasuredFabric(NamedTuple):
+    """What was measured of a fabric."""
+
+    #: Its name in the source.
+    sample: str
+    #: What it is sold for, and its fibres.
+    use: str
+    #: In kg/m².
+    areal_mass: float
+    #: C11, C12, C22, C33 [N/m].
+    stiffness: tuple[float, float, float, float]
+    #: Bending stiffness along direction 1, the bias and direction 2 at small curvature [N m].
+    bending: tuple[float, float, float]
+
+    @property
+    def plate(self) -> float:
+        """The thickness [m] at which a plate that stretches as the fabric bends as it, too."""
+        # A plate of stiffness A per width has the bending stiffness A h²/12. Of warp and weft the
+        # geometric means are taken.
+        c11, _, c22, _ = self.stiffness
+        along, _, across = self.bending
+        return math.sqrt(12 * math.sqrt(along * across / (c11 * c22)))
+
+    @property
+    def sheet(self) -> Plate:
+        """What the fabric itself resists, per width."""
+        c11, c12, c22, c33 = self.stiffness
+        c12 = max(c12, 0.0)
+        along, askew, across = self.bending
+        # Of the bias: (D11 + D22 + 2 D12 + 4 D66)/4 with D12 = 0. Shear is of tensor measure:
+        # force per width = c33 γ / 2.
+        twisting = askew - (along + across) / 4
+        stretched = np.array([[c11, c12, 0.0], [c12, c22, 0.0], [0.0, 0.0, c33 / 2]])
+        bent = np.diag([along, across, twisting])
+        return Plate(stretched, bent)
+
+    def solid(self, thickness: float) -> Solid:
+        """Return the solid that is the fabric when it is as thick as given."""
+        if not THINNEST <= thickness <= THICKEST:
+            raise InputError(
+                "a fabric's constants are spread over a thickness",
+                key="thickness",
+                value=thickness,
+                allowed=f"{THINNEST:g} to {THICKEST:g} m",
+            )
+        c11, c12, c22, c33 = self.stiffness
+        c12 = max(c12, 0.0)
+        weft = (c11 - c12**2 / c22) / thickness
+        warp = (c22 - c12**2 / c11) / thickness
+        # Of tensor measure: force per width = c33 γ / 2.
+        shear = c33 / 2 / thickness
+        return Solid(
+            (warp, weft, math.sqrt(warp * weft)),
+            (shear, shear, shear),
+            (c12 / c11, 0.0, 0.0),
+            self.areal_mass / thickness,
+        )
+
+
+#: What each is in the source, and what it is sold for. That has a tenth (navy-sparkle-sweat, a
+#: sweater), whose C22 at no strain, 3 N/m, is an eightieth of that at the next strain.
+_SOLD = {
+    "denim": ("11oz-black-denim", "jeans, 99 % cotton, 1 % elastane"),
+    "trousers": ("royal-target", "trousers, 65 % cotton, 35 % polyester"),
+    "tablecloth": ("white-dots-on-blk", "tablecloth, polyester"),
+    "blanket": ("pink-ribbon-brown", "blanket, polyester"),
+    "jacket": ("tango-red-jet-set", "jacket, polyester"),
+    "t-shirt": ("gray-interlock", "T-shirt, interlock knit, 60 % cotton, 40 % polyester"),
+    "rib-knit": ("ivory-rib-knit", "underwear, rib knit, 95 % cotton, 5 % elastane"),
+    "ponte-knit": ("camel-ponte-roma", "jacket, double knit, 60 % polyester, 40 % rayon"),
+    "swimsuit": ("white-swim-solid", "swimsuit, 87 % nylon, 13 % elastane"),
+}
+#: Mass [kg/m²]; C11, C12, C22, C33 [N/m]; bending along direction 1, the bias and 2 [µN m].
+_MEASURED = """
+denim      0.324 205.352005  10.234077 1013.88629  53.387184  64.196457  73.384567  96.951576
+trousers   0.220 2016.55456   9.170511 2034.97644 104.759674 125.409805 107.997696 125.409805
+tablecloth 0.128 2002.08618   0.345588 2027.48559  19.189022  51.713814  40.659470  31.282822
+blanket    0.228 151.503906 106.028160 244.830673  30.250183 117.070122  87.509773  59.774277
+jacket     0.113  43.067627  54.373299 171.424835  14.314700  14.293814  21.951700  20.345654
+t-shirt    0.187  16.593832 -14.695990  34.477123  36.860302  23.191698  24.749964  14.267624
+rib-knit   0.276  42.871021  -0.234556  65.166023  83.175644  46.237591  30.015930  32.243889
+ponte-knit 0.284  31.146198 -12.802702  44.028667  31.896357  36.348366  33.013252  37.157593
+swimsuit   0.204  47.971176   6.834521 104.615456  60.773663  60.237942  58.803211  51.018833
+"""
+
+
+def _fabrics() -> Iterator[tuple[str, MeasuredFabric]]:
+    for name, *words in map(str.split, _MEASURED.strip().splitlines()):
+        mass, c11, c12, c22, c33 = map(float, words[:5])
+        along, askew, across = (float(f"{word}e-6") for word in words[5:])
+        bending = along, askew, across
+        yield name, MeasuredFabric(*_SOLD[name], mass, (c11, c12, c22, c33), bending)
+
+
+#: Fabrics by name.
+FABRICS = dict(_fabrics())

@@ -1,0 +1,277 @@
+"""Strains that are quadratic in the positions: one kernel for cloth and solids at any deformation.
+
+Each strain of an element depends on the positions z of its nodes as
+
+    ε_s = ½ Σ_ab b_sab z_a · z_b - ε⁰_s
+
+with a constant symmetric form b. Energy, forces and their exact tangent are then a few products:
+
+    W = ½ Σ ε C ε      f = Σ_s σ_s b_s z,  σ = C ε      K = Gᵀ C G + Σ_s σ_s b_s ⊗ I,  G_s = b_s z
+
+At zero strain the second part of K, the geometric stiffness, is zero, and K is the linear
+stiffness. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; the strains of a sheet
+are in `spacemap_vtk.mechanics.elements.shell`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from spacemap_vtk.mechanics.elements.elasticity import barycentric_gradients
+from spacemap_vtk.mechanics.elements.kinematics import SAMPLES
+from spacemap_vtk.mechanics.elements.tetrahedra import shape_slopes
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, digest_of
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+#: Axes of the strain components xx, yy, zz, yz, zx, xy.
+_AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
+
+#: A negative eigenvalue of a form is rounding if it is below this share of the largest one.
+_DEFINITE = 1e-9
+
+#: Largest rotation in a Newton step [rad].
+TURN = 0.5
+
+#: Smallest rotation that is not zero; it avoids a division by zero.
+_LEAST_TURN = float(np.finfo(np.float64).tiny)
+
+
+@dataclass(frozen=True, eq=False)
+class Strains(EnergyTerm):
+    """Strains of elements of one kind at their quadrature points, and their energy."""
+
+    #: (E, n) Nodes of each of the E elements, as row numbers of the positions.
+    nodes: Ints
+    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points.
+    forms: Floats
+    #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
+    reference: Floats
+    #: (E, Q, s, s) Elasticity C, multiplied by the quadrature weights.
+    stiffness: Floats
+    #: (3, n) Node weights of three vectors whose handedness changes if an element is inside out.
+    frame: Floats | None = field(default=None, kw_only=True)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the elements and their material."""
+        return digest_of(self.nodes, self.forms, self.reference, self.stiffness)
+
+    def at(self, positions: Floats) -> StrainState:
+        """Evaluate strains and stresses at positions (V, 3)."""
+        return StrainState(self, positions)
+
+    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
+        """Compute strains ε, (E, Q, s), at positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
+        squares, gradients = self.squares(positions)
+        return squares - self.reference, gradients
+
+    def squares(self, positions: Floats) -> tuple[Floats, Floats]:
+        """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and G."""
+        z = positions[self.nodes]
+        elements, nodes = self.nodes.shape
+        gradients = (self.forms.reshape(elements, -1, nodes) @ z).reshape(*self.forms.shape[:4], 3)
+        flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
+        return 0.5 * flat.reshape(self.reference.shape), gradients
+
+    def energy(self, positions: Floats) -> float:
+        """Compute W = ½ Σ εᵀ C ε [J]."""
+        strain = self.strained(positions)[0]
+        return 0.5 * float(np.vdot(strain, self.stresses(strain)))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Compute ∂W/∂z, (V, 3): the forces that hold the shape [N]."""
+        strain, gradients = self.strained(positions)
+        return self.summed(self.stresses(strain), gradients, len(positions))
+
+    def stresses(self, strain: Floats) -> Floats:
+        """Compute C ε of strains (E, Q, s), quadrature weights included."""
+        return (self.stiffness @ strain[..., None])[..., 0]
+
+    def summed(self, stress: Floats, gradients: Floats, count: int) -> Floats:
+        """Sum σ_s G_s over the strains at each of `count` nodes, (count, 3)."""
+        elements, nodes = self.nodes.shape
+        force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
+        force = force.reshape(-1, 3)
+        rows = self.nodes.ravel()
+        return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Compute ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
+        strain, gradients = self.strained(positions)
+        return self.tangent_of(self.stresses(strain), gradients)
+
+    def pulling(self, stress: Floats) -> Floats:
+        """Keep only the stresses, (E, Q, s), with which K is positive definite at any shape."""
+        # Compression is removed, and so are stresses of strains whose form is indefinite.
+        return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
+
+    def changes(self, gradients: Floats, move: Floats) -> Floats:
+        """Compute G Δz of a move (V, 3), (E, Q, s)."""
+        elements, nodes = self.nodes.shape
+        flat = gradients.reshape(elements, -1, 3 * nodes) @ move[self.nodes].reshape(
+            elements, -1, 1
+        )
+        return flat.reshape(self.reference.shape)
+
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Check that no element is inside out; its mirror image would have the same energy."""
+        return bool((self._handedness(positions) * self._handedness(start) > 0).all())
+
+    def _handedness(self, positions: Floats) -> Floats:
+        """Compute the triple product of each element's frame, (E,)."""
+        if self.frame is None:
+            return np.ones(len(self.nodes))
+        return np.linalg.det(self.frame @ positions[self.nodes])
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
+        # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
+        # across it by θ of its length has a strain of θ²/2.
+        squares = self.squares(move)[0][self._stabilises]
+        return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
+
+    def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
+        """Compute Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
+        # `others` replaces the second G, if the stress changes by other strains than G Δz.
+        elements, points, count, nodes, _ = gradients.shape
+        flat = gradients.reshape(elements, points, count, 3 * nodes)
+        right = flat if others is None else others.reshape(flat.shape)
+        pulled = (self.stiffness @ right).reshape(elements, -1, 3 * nodes)
+        result = flat.reshape(elements, -1, 3 * nodes).swapaxes(1, 2) @ pulled
+        forms = self.forms.reshape(elements, points * count, -1)
+        pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+        blocks = result.reshape(elements, nodes, 3, nodes, 3)
+        for axis in range(3):
+            blocks[:, :, axis, :, axis] += pull
+        return result
+
+    def products(self, positions: Floats, fields: Floats) -> Floats:
+        """Compute φᵀ K φ for each pair of the fields (m, V, 3), as a sum over strains, (m, m)."""
+        # If K is a sum of large forces that cancel, as for a thin sheet that bends, this sum keeps
+        # more digits.
+        strain, gradients = self.strained(positions)
+        stress = self.stresses(strain)
+        elements, nodes = self.nodes.shape
+        moved = fields[:, self.nodes]
+        rows = moved.reshape(len(fields), elements, 3 * nodes).transpose(1, 2, 0)
+        strained = gradients.reshape(elements, -1, 3 * nodes) @ rows
+        strained = strained.reshape(*self.reference.shape, len(fields))
+        left, right = (self.stiffness @ strained), strained
+        total = left.reshape(-1, len(fields)).T @ right.reshape(-1, len(fields))
+        if stress.any():
+            forms = self.forms.reshape(elements, -1, nodes * nodes)
+            pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+            total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
+        return (total + total.T) / 2
+
+    def resisted(self) -> Floats:
+        """Compute matrices, (E, 3 n, 3 n), that are zero for moves which strain no element."""
+        rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
+        seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
+        return seen
+
+    @cached_property
+    def _stabilises(self) -> Bools:
+        """Strains whose tensile stress adds to the stiffness."""
+        values = np.linalg.eigvalsh(self.forms)
+        return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
+
+
+class StrainState(TermState):
+    """Strains and stresses of elements of one kind at fixed positions."""
+
+    def __init__(self, kind: Strains, positions: Floats) -> None:
+        super().__init__(kind, positions)
+        self.kind = kind
+        #: Strains ε, (E, Q, s), and gradients G, (E, Q, s, n, 3).
+        self.strain, self.gradients = kind.strained(positions)
+        #: Stresses C ε, (E, Q, s).
+        self.stress = kind.stresses(self.strain)
+        self._count = len(positions)
+
+    @cached_property
+    def energy(self) -> float:
+        """Energy ½ Σ ε C ε [J]."""
+        return float(np.vdot(self.strain, self.stress)) / 2
+
+    @cached_property
+    def forces(self) -> Floats:
+        """Forces Σ σ G [N], (V, 3)."""
+        return self.kind.summed(self.stress, self.gradients, self._count)
+
+    def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
+        """Compute the tangent, with the carried stress if one is given."""
+        # `firm` is the share that is removed of stresses that do not pull. If all of it is removed,
+        # the tangent is definite.
+        stress = self.stress if carried is None else carried
+        stress = stress + firm * (self.kind.pulling(stress) - stress)
+        return self.kind.tangent_of(stress, self.gradients)
+
+    def predicted(self, move: Floats, curve: Floats | None = None) -> Floats:
+        """Compute the stress that balances a linear solution, without that of spurious stretch."""
+        # Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313 (2017) 986.
+        strain = self.strain + self.kind.changes(self.gradients, move)
+        if curve is not None:
+            strain = strain + self.kind.squares(move)[0]
+            strain = strain + self.kind.changes(self.gradients, curve)
+        return self.kind.stresses(strain)
+
+
+@dataclass(frozen=True, eq=False)
+class Pulls(Strains):
+    """Displacements of vertices as strains, which springs between vertices and a base resist."""
+
+    # ε = Σ_a w_a (z_a - Z_a) is linear in the positions with scalar weights w_a: forms are zero.
+
+    #: (E, n) Weights w.
+    weights: Floats
+
+    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
+        """Compute displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
+        moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
+        slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
+        return moved[:, None] - self.reference, slopes[:, None]
+
+    def resisted(self) -> Floats:
+        """Compute a matrix of each spring that is zero for moves which it does not resist."""
+        size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
+        alike = Pulls(self.nodes, self.forms, self.reference, self.stiffness / size, self.weights)
+        return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
+
+
+def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> Pulls:
+    """Make springs (E, 3, 3) that resist the displacements Σ_a w_a z_a of nodes (E, n)."""
+    forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
+    reference = np.zeros((len(nodes), 1, 3))
+    bare = Pulls(nodes, forms, reference, stiffness[:, None], weights)
+    return Pulls(nodes, forms, bare.strained(points)[0], stiffness[:, None], weights)
+
+
+def of_tetrahedra(
+    points: Floats, cells: Ints, elasticity: Floats, factors: Floats | None = None
+) -> Strains:
+    """Make Green's strains of linear or quadratic tetrahedra: xx, yy, zz, yz, zx, xy."""
+    slope, weights = sampled_slopes(points, cells)
+    forms = np.stack([product(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
+    forms[:, :, :3] /= 2
+    reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*weights.shape, 6))
+    weights = weights if factors is None else weights * factors[:, None]
+    frame = np.eye(4, cells.shape[1])[1:] - np.eye(1, cells.shape[1])
+    return Strains(cells, forms, reference, weights[..., None, None] * elasticity, frame=frame)
+
+
+def sampled_slopes(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
+    """Compute ∇N of tetrahedra at their quadrature points, (T, Q, n, 3), and weights (T, Q)."""
+    gradients, volume = barycentric_gradients(points, cells)
+    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
+    weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
+    return np.einsum("qna,tai->tqni", slopes, gradients), weights
+
+
+def product(left: Floats, right: Floats) -> Floats:
+    """Build the form b whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
+    outer = left[..., :, None] * right[..., None, :]
+    return outer + outer.swapaxes(-1, -2)

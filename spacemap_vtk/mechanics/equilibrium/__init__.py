@@ -1,0 +1,1 @@
+"""Energy terms, and the equilibrium under them."""

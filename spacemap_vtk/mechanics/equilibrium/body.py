@@ -1,0 +1,222 @@
+"""Energy, forces and tangent of a body, reduced to the coordinates that its supports leave free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy import linalg as la
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+
+from spacemap_vtk.errors import SolverError
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
+from spacemap_vtk.mechanics.linalg.factors import Solve, factorise
+from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
+
+#: Share of its diagonal that is added to a stiffness matrix, so that it is regular even if some
+#: motions need no energy; and the largest share that is tried if rounding makes a definite matrix
+#: indefinite.
+SHIFT, MOST_SHIFT = 1e-13, 1e-8
+
+#: Matrices of at most this size are solved densely for their lowest eigenvalue.
+_DENSE = 60
+
+
+class Body:
+    """Energy terms in free coordinates q; the nodal positions are z = ``start + T q``."""
+
+    def __init__(
+        self,
+        terms: Sequence[EnergyTerm],
+        basis: sp.csr_matrix,
+        start: Floats,
+        progress: Progress = lambda _: None,
+    ) -> None:
+        self.terms, self.basis, self.start = terms, basis.tocsr(), start
+        #: Factor of each term.
+        self.factors = np.ones(len(terms))
+        self._across = self.basis.T
+        #: Number of linear systems solved so far.
+        self.steps = 0
+        self._progress, self._shift = progress, SHIFT
+        found = [crossings(term.nodes, self.basis) for term in terms]
+        ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in terms])
+        self._entry = np.concatenate(
+            [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
+        )
+        self._weight = np.concatenate([each[1] for each in found])
+        size = self.basis.shape[1]
+        keys, slots = np.unique(np.concatenate([each[2] for each in found]), return_inverse=True)
+        self._slot, self._columns = slots.ravel(), keys % size
+        self._starts = np.searchsorted(keys, np.arange(size + 1) * size)
+        # Rows with the same pattern, those of one vertex or pair, are eliminated together.
+        pattern = self._csr(np.ones(len(keys), dtype=np.int64))
+        names = pattern @ np.random.default_rng(0).integers(1 << 62, size=size)
+        self._analysis = Analysis(pattern, names)
+
+    def _csr(self, values: NDArray[Any]) -> sp.csr_matrix:
+        size = self.basis.shape[1]
+        return sp.csr_matrix((values, self._columns, self._starts), shape=(size, size))
+
+    @property
+    def order(self) -> Ints:
+        """Coordinates in the order of elimination."""
+        return self._analysis.order
+
+    def pattern(self) -> sp.csr_matrix:
+        """Make a matrix of ones with the sparsity pattern of every tangent."""
+        return self._csr(np.ones(len(self._columns)))
+
+    def matrix(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
+        """Assemble Tᵀ M T from matrices (E, 3 n, 3 n) of each term."""
+        values = np.concatenate([block.ravel() for block in blocks])[self._entry]
+        return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
+
+    def at(self, z: Floats) -> list[TermState]:
+        """Evaluate all terms at positions z."""
+        return [term.at(z) for term in self.terms]
+
+    def energies(self, states: list[TermState]) -> Floats:
+        """Compute the energy of each term."""
+        return self.factors * np.array([state.energy for state in states])
+
+    def tangent(
+        self, states: list[TermState], carried: Sequence[Any] | None = None, firm: float = 0.0
+    ) -> sp.csr_matrix:
+        """Assemble the tangent K, see `TermState.tangent`."""
+        carried = [None] * len(states) if carried is None else carried
+        blocks = [state.tangent(firm, each) for state, each in zip(states, carried, strict=True)]
+        for number in np.flatnonzero(self.factors != 1.0):
+            blocks[number] = self.factors[number] * blocks[number]
+        return self.matrix(blocks)
+
+    def forces(self, states: list[TermState]) -> Floats:
+        """Compute ∂W/∂q, (N,)."""
+        total = np.zeros_like(self.start)
+        for factor, state in zip(self.factors, states, strict=True):
+            total += factor * state.forces
+        return self.along_free(total)
+
+    def along_free(self, nodal: Floats) -> Floats:
+        """Compute Tᵀ f of nodal forces (V, 3)."""
+        return self._across @ nodal.ravel()
+
+    def moved(self, q: Floats) -> Floats:
+        """Compute the move T q of the nodes, (V, 3)."""
+        return (self.basis @ q).reshape(-1, 3)
+
+    def largest_step(self, z: Floats, move: Floats) -> float:
+        """Compute the largest multiple of a move (V, 3) that may be made at once."""
+        return min(term.largest_step(z, move) for term in self.terms)
+
+    def admits(self, z: Floats) -> bool:
+        """Check whether all terms admit the positions z."""
+        return all(term.admits(self.start, z) for term in self.terms)
+
+    def solution(self, matrix: sp.csr_matrix) -> Solve:
+        """Factorise a positive definite matrix; return its solver."""
+        self.report()
+        self.steps += 1
+        solve = factorise(self._shifted(matrix), lambda: self._analysis, self.report).solve
+        return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
+
+    def definite(self, matrix: sp.csr_matrix) -> Solve:
+        """Factorise a matrix that is positive definite up to rounding; return its solver."""
+        while True:
+            try:
+                return self.solution(matrix)
+            except SolverError:
+                if self._shift >= MOST_SHIFT:
+                    raise
+                self._shift *= 100
+
+    def unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
+        """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
+        order = self._analysis.order
+        try:
+            solve = splu(
+                self._analysis.ordered(matrix),
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            ).solve
+        except RuntimeError as error:
+            raise SolverError("the matrix of a step is singular") from error
+
+        def solved(right: Floats) -> Floats:
+            result = np.empty_like(right)
+            result[order] = solve(right[order])
+            return result
+
+        return solved
+
+    def lowest(self, matrix: sp.csr_matrix, definite: sp.csr_matrix) -> tuple[float, Floats, Solve]:
+        """Find the lowest eigenvalue of a pencil, its vector, and the solver of `definite`."""
+        solve, size = self.definite(definite), matrix.shape[0]
+        definite = self._shifted(definite)
+        if size <= _DENSE:
+            values, vectors = la.eigh(matrix.toarray(), definite.toarray(), subset_by_index=[0, 0])
+            return float(values[0]), vectors[:, 0], solve
+
+        def divided(right: Floats) -> Floats:
+            self.report()
+            return solve(right)
+
+        # Shifted by 1, as ARPACK's tolerance is relative to the eigenvalue, which may be near zero.
+        try:
+            values, vectors = eigsh(
+                matrix - definite,
+                1,
+                definite,
+                which="SA",
+                Minv=LinearOperator(matrix.shape, divided, dtype=np.float64),
+                v0=np.random.default_rng(0).standard_normal(size),
+                ncv=min(size, 40),
+                tol=1e-5,
+            )
+        except ArpackError as error:
+            raise SolverError(
+                f"the lowest eigenvalue of a stiffness was not found: {error}",
+                cure="Look for badly shaped tetrahedra in the cage",
+            ) from error
+        return float(values[0]) + 1.0, vectors[:, 0], solve
+
+    def free_share(self, load: Floats) -> float:
+        """Compute the share of a load (N,) that no term resists, however the body is deformed."""
+        # A load that only turns the body leads to a new equilibrium; a load that no term resists
+        # moves the body without end.
+        blocks = [term.resisted() for term in self.terms]
+        matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
+        moved = self.solution(matrix)(load)
+        work = float(moved @ load)
+        return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0
+
+    def report(self, _: float = 0.0) -> None:
+        """Report the progress; the callback may raise an exception to stop."""
+        self._progress(1.0 - float(np.exp(-self.steps / 40)))
+
+    def _shifted(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+        return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
+
+
+def crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
+    """Return entries of element matrices, their weights, and their keys in the matrix Tᵀ K T."""
+    elements, wide = len(nodes), 3 * nodes.shape[1]
+    part = basis[(3 * nodes[:, :, None] + np.arange(3)).ravel()]
+    filled = np.diff(part.indptr)
+    row = np.repeat(np.arange(elements * wide), filled)
+    count = filled.reshape(elements, wide).sum(axis=1)
+    each = np.repeat(count, count)  # each entry of an element is multiplied with all of them
+    left = np.repeat(np.arange(len(row)), each)
+    first = np.repeat(np.cumsum(count) - count, count)
+    right = np.arange(len(left)) - np.repeat(np.cumsum(each) - each - first, each)
+    column = part.indices.astype(np.int64)
+    return (
+        row[left] * wide + row[right] % wide,
+        part.data[left] * part.data[right],
+        column[left] * basis.shape[1] + column[right],
+    )

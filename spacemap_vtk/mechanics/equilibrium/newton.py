@@ -1,0 +1,322 @@
+"""Stable equilibrium of a body under loads, for any displacements and rotations.
+
+The equilibrium is the state of least energy. Newton's method alone hardly reaches it: its linear
+solution stretches everything that it turns, and a thin sheet tolerates so little stretch that a
+line search for less energy allows only short steps. Three measures keep the number of steps small:
+
+- The tangent uses the stress C (ε + G Δz) that balances the linear solution of the last step,
+  without its spurious stretch (mixed integration points: Magisano, Leonetti and Garcea, Comput.
+  Methods Appl. Mech. Eng. 313 (2017) 986). Only the rotation of a step is limited; the energy may
+  rise on the way. If this does not converge, the search continues with steps that each lower the
+  energy.
+- Far from the solution the tangent contains only tensile stresses and is therefore positive
+  definite. Closer to it, the smallest share of the other stresses is left out that keeps it so.
+- From an unstable state the search moves along the lowest eigenvector, with a second-order
+  correction.
+
+Nothing is assumed about how the energy depends on the positions: the length of a step follows from
+the slope of the energy along it, and no step is longer than a term admits
+(`EnergyTerm.largest_step`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics.equilibrium.body import Body
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
+from spacemap_vtk.mechanics.linalg import blas_threads
+from spacemap_vtk.ndarrays import Floats, Progress
+
+#: A state is in equilibrium if the unbalanced forces are at most the share RESIDUAL of the load; or
+#: if a further step would lower the energy by at most the share DECREMENT, because forces have no
+#: more correct digits then.
+RESIDUAL, DECREMENT = 1e-8, 1e-18
+
+#: A state is also in equilibrium if OFTEN steps in a row would each lower the energy by less than
+#: the share LOST, and by no less than half of the smallest decrease before. Only rounding is left
+#: then, as with tetrahedra that are much thinner than wide.
+LOST, OFTEN = 1e-6, 3
+
+#: Share of the largest admissible step below which the next tangent is made closer to the exact
+#: one.
+NEAR = 0.3
+
+#: Line search: LEVEL is the share of the steepest slope that may be left at the end of a step,
+#: NOISE the rounding error of the total energy as a share of the sum of absolute energies, and
+#: TRIALS the largest number of lengths.
+LEVEL, NOISE, TRIALS = 0.1, 1e-13, 40
+
+#: A tangent that lacks less than the share EXACT of the stresses that do not pull is made exact.
+#: SOFT is the share that is left out first if the exact tangent is indefinite.
+EXACT, SOFT = 0.02, 0.1
+
+#: Number of steps without a new least energy, after which every step has to lower the energy.
+PATIENCE = 25
+
+#: An unstable state is left as soon as a step would lower the energy by less than this share, even
+#: if the state has not been found to the last digit.
+EARLY = 1e-6
+
+#: Rounding error of an eigenvalue, as a share of |v| · |K| |v|.
+ROUNDING = 1e-14
+
+#: A tangent is taken to change in proportion to the load up to this share of the largest admissible
+#: step.
+STRAIGHT = 0.2
+
+#: Number of steps after which a smaller share of the load is tried, and the least such share.
+ATTEMPT, LEAST = 400, 1 / 64
+
+#: Share of the load in directions that nothing resists which is still rounding of a balanced load.
+FREE = 0.01
+
+
+class Equilibrium(NamedTuple):
+    """A stable state."""
+
+    positions: Floats
+    """Nodal vectors (V, 3)."""
+    steps: int
+    """Linear systems that were solved."""
+    residual: float
+    """Norm of the unbalanced forces, as a share of that of the load."""
+    critical: float | None
+    """Share of the load at which the body buckled, on its way straight to an unstable state."""
+
+
+def equilibrium(
+    terms: Sequence[EnergyTerm],
+    basis: sp.csr_matrix,
+    start: Floats,
+    loads: Sequence[EnergyTerm],
+    *,
+    progress: Progress | None = None,
+    steps: int = 1200,
+) -> Equilibrium:
+    """Find a stable equilibrium of a body under loads, which are applied in shares if necessary."""
+    # Nodal vectors are start (V, 3) + (basis @ q).reshape(V, 3), with the basis (3V, N) of what the
+    # supports leave free; `steps` limits the number of linear systems. Before each of them
+    # `progress` is called with the share of the work that is done; it may raise, to cancel.
+    # Raises InputError if nothing holds the body against the load, and SolverError if the steps do
+    # not suffice.
+    with blas_threads.one():
+        body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
+        acting = -body.along_free(np.sum([load.forces(start) for load in loads], axis=0))
+        if body.free_share(acting) > FREE:
+            raise InputError(
+                "nothing holds the cage, or a part of it, against the load",
+                cure="Hold a side or a corner of it, or take the load away",
+            )
+        z, residual, reached, step = start, 0.0, 0.0, 1.0
+        critical: float | None = None
+        while reached < 1.0:
+            share = min(1.0, reached + step)
+            search = _Search(body, len(loads), z, reached, share)
+            found = search.run(min(steps, body.steps + ATTEMPT))
+            critical = search.critical if critical is None else critical
+            if found is not None:
+                z, residual, reached, step = *found, share, 2 * step
+                continue
+            step /= 2
+            if step < LEAST or body.steps >= steps:
+                raise _unsolved(body.steps, reached, critical)
+    if progress is not None:
+        progress(1.0)
+    return Equilibrium(z, body.steps, residual, critical)
+
+
+def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError:
+    buckled = "" if critical is None else f", and it buckles at {critical:.3g} of it"
+    return SolverError(
+        f"no stable equilibrium was found in {steps} steps: {reached:.3g} of the load is borne"
+        f"{buckled}",
+        cure="Lower the load, hold more of the cage, or make it stiffer",
+    )
+
+
+class _Search:
+    """Search for a stable state under a share of the load, from one under a smaller share."""
+
+    def __init__(self, body: Body, loads: int, start: Floats, before: float, share: float) -> None:
+        self._body, self._start, self._before, self._share = body, start, before, share
+        #: Number of loads; they are the first terms of the body.
+        self._loads = loads
+        body.factors[:loads] = share
+        self._z, self._best, self._least, self._since = start, start, np.inf, 0
+        #: Expected decrease of energy in the last step; the smallest such decrease recently; and
+        #: the number of steps in a row that did not clearly go below it.
+        self._won, self._lowest, self._often = np.inf, np.inf, 0
+        #: Share of the negative curvature that is left out of the tangent.
+        self._firm = 1.0
+        #: Whether each step has to lower the energy. If not, `_carried` holds the prediction of the
+        #: last step.
+        self._careful = False
+        self._carried: list[Any] | None = None
+        #: Positions that were evaluated last, and the terms there.
+        self._known: tuple[Floats, list[TermState]] | None = None
+        #: Share of the load at which the direct path becomes unstable.
+        self.critical: float | None = None
+
+    def run(self, limit: int) -> tuple[Floats, float] | None:
+        """Find the state and its residual; None if it needs more steps than the limit."""
+        body, full = self._body, 0.0
+        while body.steps < limit:
+            states = self._at(self._z)
+            force, energies = body.forces(states), body.energies(states)
+            energy, size = float(energies.sum()), float(abs(energies).sum())
+            left = float(np.linalg.norm(force))
+            full = full or self._applied(states) or left or 1.0
+            settled = (
+                left <= RESIDUAL * full or self._won <= DECREMENT * size or self._often >= OFTEN
+            )
+            if self._astray(energy, size, settled):
+                continue
+            if settled or self._firm < EXACT or self._won <= EARLY * size:
+                self._firm = 0.0
+            own = settled or self._careful
+            matrix = body.tangent(states, None if own else self._carried, self._firm)
+            try:
+                solve = (body.definite if self._firm == 1.0 else body.solution)(matrix)
+            except SolverError:
+                if self._firm > 0.0:
+                    self._firm = min(1.0, 3.0 * self._firm)
+                    continue
+                self._firm = SOFT
+                found = settled or self._won <= EARLY * size
+                if not (found and not self._left(states, matrix) and settled):
+                    continue
+            if settled and body.admits(self._z):
+                return self._z, left / full
+            if settled and self._careful:
+                return None
+            if settled:  # long steps have turned something over that short steps cannot turn back
+                self._go_back(self._start)
+                continue
+            q = -solve(force)
+            self._won = -float(q @ force)
+            self._often = self._often + 1 if self._won < LOST * size and self._firm == 0.0 else 0
+            if self._won < self._lowest / 2 or self._often == 0:
+                self._lowest, self._often = self._won, 0
+            self._step(states, q)
+        return None
+
+    def _at(self, z: Floats) -> list[TermState]:
+        if self._known is None or self._known[0] is not z:
+            self._known = z, self._body.at(z)
+        return self._known[1]
+
+    def _applied(self, states: list[TermState]) -> float:
+        """Compute the norm of the loads."""
+        forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
+        return self._share * float(np.linalg.norm(self._body.along_free(forces)))
+
+    def _astray(self, energy: float, size: float, settled: bool) -> bool:
+        """Go back to the state of least energy if the search leads away from it."""
+        self._since = 0 if energy < self._least - 1e-9 * abs(self._least) else self._since + 1
+        if energy < self._least:
+            self._least, self._best = energy, self._z
+        worse = settled and energy > self._least + 1e-9 * size
+        if self._careful or not (worse or self._since > PATIENCE):
+            return False
+        self._go_back(self._best)
+        return True
+
+    def _go_back(self, z: Floats) -> None:
+        """Start again at the given positions, with steps that lower the energy."""
+        self._z, self._best, self._least, self._since = z, z, np.inf, 0
+        self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
+
+    def _step(self, states: list[TermState], q: Floats) -> None:
+        """Make a step, and choose the next tangent."""
+        move = self._body.moved(q)
+        most = self._body.largest_step(self._z, move)
+        if self._careful:
+            length = self._fall(q, np.zeros_like(q), min(2.0, most))[0]
+            near = length > 0.5
+        else:
+            length, near = min(1.0, most), NEAR * most > 1.0
+        self._firm = self._firm / 3 if near else 1.0
+        move = length * move
+        self._carried = [state.predicted(move) for state in states]
+        self._z = self._moved_to(self._z + move)
+
+    def _moved_to(self, z: Floats) -> Floats:
+        """Return the positions; the array that was evaluated last if they are equal to it."""
+        return z if self._known is None or (self._known[0] != z).any() else self._known[0]
+
+    def _left(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
+        """Leave a state of indefinite tangent; return whether it is indefinite beyond rounding."""
+        body = self._body
+        value, q, solve = body.lowest(matrix, body.tangent(states, firm=1.0))
+        self._won = np.inf
+        if value > -ROUNDING * float(abs(q) @ (abs(matrix) @ abs(q))):
+            return False
+        straight = self._z - self._start
+        if self.critical is None and body.largest_step(self._start, straight) * STRAIGHT > 1.0:
+            stable = body.tangent(body.at(self._start))
+            way = -1.0 / body.lowest(matrix - stable, stable)[0]
+            self.critical = self._before + (self._share - self._before) * way
+        # The first of the largest components is made positive, or rounding would choose the side.
+        q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
+        move = body.moved(q)
+        q = q * min(body.largest_step(self._z, side * move) for side in (1.0, -1.0))
+        move = body.moved(q)
+        # Bending must not stretch the sheet, so the path is curved: z + a Δz + a² w (Koiter 1945).
+        there, back = (body.forces(body.at(self._z + side * move)) for side in (1.0, -1.0))
+        bend = -solve((there + back) / 2 - body.forces(states))
+        length, energy = self._fall(q, bend, 1.0)
+        other, lower = self._fall(-q, bend, 1.0)
+        length = -other if lower < energy else length
+        move, curve = length * move, length**2 * body.moved(bend)
+        self._carried = [state.predicted(move, curve) for state in states]
+        self._z = self._z + move + curve
+        return True
+
+    def _fall(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
+        """Find how far, up to `most`, the energy falls along a q + a² bend, and its value there."""
+        # The only assumption about the energy is that its slope along the path is continuous.
+        body, z = self._body, self._z
+        move, curve = body.moved(q), body.moved(bend)
+
+        def trial(length: float) -> tuple[float, float, float]:
+            states = self._at(z + length * move + length**2 * curve if length else z)
+            energies = body.energies(states)
+            slope = float(body.forces(states) @ (q + 2 * length * bend))
+            return float(energies.sum()), float(abs(energies).sum()), slope
+
+        return fall(trial, most)
+
+
+def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> tuple[float, float]:
+    """Find a length, up to `most`, at which a function stops falling, and its value there."""
+    # For a length, `trial` returns the value, the sum of the absolute terms of the value, and the
+    # slope. The slope at zero is negative, or zero at a maximum. The search ends at the first
+    # length where at most the share LEVEL of the steepest slope is left.
+    first, _, slope = trial(0.0)
+    low, high = (0.0, slope), (0.0, 0.0)
+    steepest, length = -slope, min(1.0, most)
+    for _ in range(TRIALS):
+        value, size, slope = trial(length)
+        falls = value <= first + NOISE * size
+        steepest = max(steepest, -slope)
+        if falls and (abs(slope) < LEVEL * steepest or (slope <= 0.0 and length == most)):
+            return length, value
+        if falls and slope <= 0.0:
+            low = length, slope
+        else:
+            high = length, slope
+        if high[0] == 0.0:
+            length = min(2.0 * length, most)
+            continue
+        # By the secant method, not too close to either end; without a sign change, by bisection.
+        width, share = high[0] - low[0], 0.5
+        if low[1] < 0.0 < high[1]:
+            share = float(np.clip(low[1] / (low[1] - high[1]), 0.1, 0.9))
+        length = low[0] + share * width
+    return low[0] or length, value

@@ -1,0 +1,67 @@
+"""Terms of a cage's vertices as terms of the nodes that its model moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacemap_vtk.mechanics.elements.shell import MidSurface
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_of
+from spacemap_vtk.ndarrays import Floats
+
+
+class OnVertices(EnergyTerm):
+    """A term of a cage's vertices as one of the nodes of its model, times a factor."""
+
+    # Nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
+    # `spacemap_vtk.mechanics.elements.shell.MidSurface`; of a solid they are the vertices.
+
+    def __init__(self, term: EnergyTerm, surface: MidSurface | None, factor: float = 1.0) -> None:
+        self._term, self._surface, self._factor = term, surface, factor
+        self.nodes = term.nodes
+        self.conservative = term.conservative
+        if surface is not None:
+            ends, signs = surface.ends()
+            self.nodes = ends[term.nodes].reshape(len(term.nodes), -1)
+            #: (E, n, 2) Signs of the mid-point and the half thickness of each vertex.
+            self._signs = signs[term.nodes]
+
+    @property
+    def digest(self) -> str:
+        """Digest of the term and the factor; a mesh has one surface at most."""
+        return digest_of(self._term.digest, self._factor)
+
+    def energy(self, positions: Floats) -> float:
+        """Return the energy times the factor."""
+        return self._factor * self._term.energy(self._vertices(positions))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Return its gradient with respect to the nodes."""
+        forces = self._factor * self._term.forces(self._vertices(positions))
+        return forces if self._surface is None else 2 * self._surface.nodal(forces)
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Return its second derivatives with respect to the nodes."""
+        return self._factor * self._of_nodes(self._term.tangent(self._vertices(positions)))
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Return the term's own."""
+        return self._term.largest_step(self._vertices(positions), self._vertices(move))
+
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Return the term's own."""
+        return self._term.admits(self._vertices(start), self._vertices(positions))
+
+    def resisted(self) -> Floats:
+        """Return the term's own, with respect to the nodes."""
+        return self._of_nodes(self._term.resisted())
+
+    def _vertices(self, nodal: Floats) -> Floats:
+        return nodal if self._surface is None else self._surface.vertices(nodal)
+
+    def _of_nodes(self, blocks: Floats) -> Floats:
+        if self._surface is None:
+            return blocks
+        count, size = self._term.nodes.shape
+        parts = blocks.reshape(count, size, 3, size, 3)
+        parts = np.einsum("eaikj,eap,ekq->eapikqj", parts, self._signs, self._signs)
+        return np.asarray(parts.reshape(count, 6 * size, 6 * size))

@@ -1,0 +1,1 @@
+"""Sparse factorisation, Lanczos iteration, threads of dense algebra."""

@@ -1,0 +1,82 @@
+"""Factors of a sparse, symmetric, positive definite matrix, from the best library available.
+
+Libraries are tried in this order: CHOLMOD (scikit-sparse), Pardiso (pypardiso), and this project's
+`spacemap_vtk.mechanics.linalg.multifrontal`, which needs only scipy. The first two are not
+installed by default: CHOLMOD's supernodal part is GPL and has no wheel, Pardiso brings MKL.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from spacemap_vtk.errors import SizeError, SolverError
+from spacemap_vtk.mechanics.linalg.multifrontal import Analysis, Cholesky
+from spacemap_vtk.ndarrays import Floats, Progress
+
+Solve = Callable[[Floats], Floats]
+
+#: CHOLMOD's memory errors, which are not a MemoryError before scikit-sparse 0.5.
+_TOO_LARGE = ("CholmodOutOfMemoryError", "CholmodTooLargeError", "CholmodOverflowError")
+
+
+class Factors(NamedTuple):
+    """Solver of a factorised matrix."""
+
+    #: Function from right-hand sides (N, m) to solutions (N, m).
+    solve: Solve
+    #: Name of the library that computed the factors.
+    library: str
+
+
+def factorise(
+    matrix: sp.csr_matrix, analysis: Callable[[], Analysis], progress: Progress | None = None
+) -> Factors:
+    """Factorise a matrix with the first library that is installed."""
+    for library in (cholmod, pardiso):
+        try:
+            return Factors(library(matrix), library.__name__.strip("_"))
+        except ImportError:
+            continue
+        except Exception as error:  # each library has its own exception classes
+            if isinstance(error, MemoryError) or type(error).__name__ in _TOO_LARGE:
+                raise SizeError(
+                    f"the factors of {matrix.shape[0]} degrees of freedom do not fit into memory",
+                    cure="Use a coarser cage",
+                ) from error
+            raise SolverError(
+                f"the stiffness matrix cannot be factorised: {error}",
+                cure="Look for badly shaped tetrahedra in the cage",
+            ) from error
+    return Factors(Cholesky(matrix, analysis(), progress).solve, "multifrontal")
+
+
+def cholmod(matrix: sp.csr_matrix) -> Solve:
+    """Factorise with SuiteSparse's CHOLMOD."""
+    from sksparse import cholmod as library
+
+    if hasattr(library, "cho_factor"):  # scikit-sparse 0.5 or newer
+        return library.cho_factor(matrix.tocsc(), lower=True, order="metis").solve
+    # By default CHOLMOD factorises a small matrix as LDLᵀ, which would accept an indefinite one.
+    factor = library.cholesky(matrix.tocsc(), ordering_method="metis", mode="supernodal")
+    return lambda right: factor(right)
+
+
+def pardiso(matrix: sp.csr_matrix) -> Solve:
+    """Factorise with MKL's PARDISO."""
+    from pypardiso import PyPardisoSolver
+
+    solver = PyPardisoSolver(mtype=2)
+    upper = sp.triu(matrix, format="csr")
+    solver.factorize(upper)
+
+    def solve(right: Floats) -> Floats:
+        return np.asarray(solver.solve(upper, np.asfortranarray(right)))
+
+    # MKL owns the factors; Python's garbage collector does not know of them.
+    weakref.finalize(solve, solver.free_memory, everything=True)
+    return solve

@@ -1,0 +1,1 @@
+"""Vibration modes of a cage, and what a few of them leave out."""

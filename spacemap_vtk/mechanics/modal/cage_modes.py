@@ -1,0 +1,328 @@
+"""The modes of a cage, loads on them, and residual vectors: all of a response that has no time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.boundary import loads as forces
+from spacemap_vtk.mechanics.boundary.timefunctions import TimeFunction
+from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, strains
+from spacemap_vtk.mechanics.elements.shell import LegGradient
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.residual_vectors import participation
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+
+class LoadVector(NamedTuple):
+    """Forces on the vertices, with their factor over time."""
+
+    parts: tuple[tuple[str, float], ...]
+    """Name and size of each elementary vector that it is a sum of."""
+    function: TimeFunction
+    """The factor."""
+    moves_base: Floats | None = None
+    """The displacement of the base [m], for which the vector is the mass times it."""
+    pressure: float = 0.0
+    """The pressure that stays normal to `faces` [Pa]; `parts` are those where nothing has moved."""
+    faces: Ints | None = None
+    """(f, k) of a `spacemap_vtk.mechanics.boundary.loads.Wall`; None for all other loads."""
+
+
+class Basis(NamedTuple):
+    """The shapes that a cage moves in."""
+
+    eigenvalues: Floats
+    """(n + k,): of the modes and of the residual vectors."""
+    shapes: Floats
+    """(n + k, 3V)."""
+
+
+#: Share of a cage's diagonal by which a load may miss it.
+FAR = 0.05
+
+
+#: Displacements under forces, (3V, m), and the share of each that is rounding, (m,).
+Statics = Callable[[Floats], tuple[Floats, Floats]]
+
+
+class CageModes:
+    """The modes of a cage, and whatever follows from them without a load's time function.
+
+    Parameters
+    ----------
+    model : Model
+        The cage.
+    eigenvalues : ndarray of float64, shape (n,)
+        λ of its modes [1/s²].
+    shapes : ndarray of float64, shape (n, 3V)
+        Mass-normalised [1/√kg].
+    rounding : ndarray of float64, shape (n,)
+        The share of each eigenvalue that is rounding.
+    """
+
+    # Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
+    # solutions are kept by name, so that another size of a load solves nothing.
+
+    def __init__(self, model: Model, eigenvalues: Floats, shapes: Floats, rounding: Floats) -> None:
+        self.model, self.eigenvalues, self.shapes = model, eigenvalues, shapes
+        self.eigenvalue_rounding = rounding
+        self.nodal_mass = model.nodal_mass
+        self._forces: dict[str, Floats] = {}
+        self._statics: dict[str, Floats] = {}
+        self._rounding: dict[str, float] = {}
+        self._bases: dict[tuple[str, ...], Basis] = {}
+
+    def away(self, place: ArrayLike) -> float:
+        """Return how far a place is from the cage's bounding box.
+
+        Parameters
+        ----------
+        place : array_like of float, shape (3,)
+            Where [m].
+
+        Returns
+        -------
+        float
+            In m; zero for what is inside, or nearly so.
+        """
+        low, high = self.model.points.min(axis=0), self.model.points.max(axis=0)
+        where = np.asarray(place, dtype=np.float64)
+        distance = float(np.linalg.norm(where - where.clip(low, high)))
+        return distance if distance > FAR * np.linalg.norm(high - low) else 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether these are all modes there are."""
+        return len(self.eigenvalues) >= self.model.pencil.size
+
+    @cached_property
+    def gradient(self) -> MeanGradient | LegGradient:
+        """Displacements from the equilibrium to their gradient in each tetrahedron of it."""
+        moved, surface = self.model.displacement, self.model.pencil.surface
+        if moved is None:
+            return MeanGradient(self.model.points, self.model.cells)
+        if surface is None:
+            return MeanGradient(self.model.points + moved, self.model.cells)
+        return LegGradient(self.model.points, surface, moved)
+
+    def strained(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
+        """Return strain and stress of each tetrahedron.
+
+        Parameters
+        ----------
+        moved : ndarray of float64, shape (V, 3)
+            Displacement from the equilibrium [m].
+        gradients : ndarray of float64, shape (3, 3, T)
+            Of that, from `gradient`; of what hangs they do not count.
+
+        Returns
+        -------
+        strain : ndarray of float64, shape (T, 6)
+            As xx, yy, zz, yz, zx, xy, shears in engineering measure.
+        stress : ndarray of float64, shape (T, 6)
+            In Pa.
+        """
+        if self.model.plate is None and self.model.displacement is None:
+            strain = strains(gradients)
+            return strain, self.model.stress(strain)
+        return self.model.strained(moved)
+
+    @cached_property
+    def effective_masses(self) -> Floats:
+        """Of each mode along x, y and z [kg], (n, 3)."""
+        return participation(self.shapes, self.nodal_mass) ** 2
+
+    @property
+    def frequencies(self) -> Floats:
+        """Frequencies without damping in Hz, (n,); 0 of what no stiffness brings back."""
+        return np.asarray(np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi))
+
+    @property
+    def mass_shares(self) -> Floats:
+        """Effective masses as shares of what can move along x, y and z, (n, 3)."""
+        masses, movable = self.effective_masses, self.model.movable_mass
+        # A cage held along an axis everywhere has nothing to move along it.
+        return np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
+
+    def vector(
+        self,
+        action: str,
+        value: Any,
+        function: TimeFunction,
+        place: Any = None,
+        follower: bool = False,
+    ) -> LoadVector:
+        """Return the vector of a load.
+
+        Parameters
+        ----------
+        action : str
+            "gravity", "base_acceleration", "base_displacement", "pressure", "traction", "force", or
+            "array", forces on all vertices.
+        value : float or array_like
+            Its size in SI units: a number of a pressure, (V, 3) of an array, otherwise (3,).
+        function : TimeFunction
+            Its factor over time.
+        place : object, optional
+            The side of a pressure or traction, the point of a force, the name of an array.
+        follower : bool, optional
+            Whether a pressure turns with its side, which only `Stepped` can.
+
+        Returns
+        -------
+        LoadVector
+            Made of elementary vectors, each solved for once.
+
+        Raises
+        ------
+        InputError
+            If a base moves and nothing is fixed, or the cage has no face in that side.
+        """
+        if action.startswith("base") and not self.model.grounded:
+            raise InputError(
+                "nothing is fixed, so there is no base to move",
+                key=f"loads.{action}",
+                value=value,
+                cure='Fix the cage ([modal] fixed = "+y")',
+            )
+        if action == "base_displacement":
+            return LoadVector(_axes("mass", value), function, np.array(value))
+        if action in ("gravity", "base_acceleration"):
+            sign = 1.0 if action == "gravity" else -1.0
+            return LoadVector(_axes("mass", [sign * v for v in value]), function)
+        if action in ("pressure", "traction"):
+            sheet = self.model.plate is not None
+            where = forces.wall(self.model.points, self.model.cells, place, sheet)
+            stress = -value * where.normal if action == "pressure" else value
+            for axis, unit in enumerate(np.eye(3)):
+                self._forces.setdefault(
+                    f"{place} {axis}",
+                    forces.traction(len(self.nodal_mass), where, unit).ravel(),
+                )
+            follows = (value, where.faces) if follower else ()
+            return LoadVector(_axes(place, stress), function, None, *follows)
+        if action == "force":
+            vertex = forces.nearest(self.model.points, place)
+            return LoadVector(_axes(f"vertex {vertex}", value), function)
+        self._forces[f"array {place}"] = np.ravel(value)
+        return LoadVector(((f"array {place}", 1.0),), function)
+
+    def force(self, vector: LoadVector) -> Floats:
+        """Return a vector's forces.
+
+        Parameters
+        ----------
+        vector : LoadVector
+            Made by `vector`.
+
+        Returns
+        -------
+        ndarray of float64, shape (3V,)
+            In N, for a factor of one.
+        """
+        total = np.zeros(self.shapes.shape[1])
+        for name, size in vector.parts:
+            total += size * self._elementary(name)
+        return total
+
+    def basis(
+        self, vectors: Sequence[LoadVector], residual: bool = True, statics: Statics | None = None
+    ) -> Basis:
+        """Return the shapes that a cage under some loads moves in.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+        residual : bool, optional
+            Whether a residual vector for each elementary vector follows the modes.
+        statics : callable, optional
+            What solves for these; by default the model.
+
+        Returns
+        -------
+        Basis
+            The same one as long as the elementary vectors are the same.
+        """
+        names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
+        if not residual or self.complete or not names:
+            return Basis(self.eigenvalues, self.shapes)
+        if names not in self._bases:
+            free = self.model.free
+            new = [name for name in names if name not in self._statics]
+            if new:
+                load = np.stack([self._elementary(name) * free for name in new], axis=1)
+                found, rounding = (statics or self.model.statics)(load)
+                self._statics.update(zip(new, found.T, strict=True))
+                self._rounding.update(zip(new, rounding.tolist(), strict=True))
+            values, shapes = self.model.residual_modes(
+                self.shapes,
+                self.eigenvalues,
+                np.stack([self._elementary(name) * free for name in names], axis=1),
+                np.stack([self._statics[name] for name in names], axis=1),
+            )
+            # One at a time: a basis of a large cage is large.
+            self._bases = {
+                names: Basis(
+                    np.concatenate([self.eigenvalues, values]),
+                    np.concatenate([self.shapes, shapes]),
+                )
+            }
+        return self._bases[names]
+
+    def rounding(self, vectors: Sequence[LoadVector]) -> float:
+        """Return how far rounding disturbs the static response to some loads.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+
+        Returns
+        -------
+        float
+            The largest share of a static response that is rounding.
+        """
+        names = {name for vector in vectors for name, _ in vector.parts}
+        return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
+
+    def loaded_axes(self, vectors: Sequence[LoadVector]) -> Bools:
+        """Return along which axes the loads have a resultant.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+
+        Returns
+        -------
+        ndarray of bool, shape (3,)
+            Of x, y and z.
+        """
+        loaded = np.zeros(3, dtype=bool)
+        for vector in vectors:
+            force = self.model.pencil.movable(self.force(vector)[:, None]).reshape(-1, 3)
+            loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
+        return loaded
+
+    def _elementary(self, name: str) -> Floats:
+        if name not in self._forces:
+            kind, _, axis = name.rpartition(" ")
+            unit = np.eye(3)[int(axis)]
+            if kind == "mass":
+                force = forces.on_mass(self.nodal_mass, unit)
+            else:
+                force = np.zeros_like(self.model.points)
+                force[int(kind.removeprefix("vertex "))] = unit
+            self._forces[name] = force.ravel()
+        return self._forces[name]
+
+
+def _axes(kind: str, vector: Sequence[float] | Floats) -> tuple[tuple[str, float], ...]:
+    return tuple((f"{kind} {axis}", float(v)) for axis, v in enumerate(vector) if v != 0.0)

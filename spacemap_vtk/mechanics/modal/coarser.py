@@ -1,0 +1,67 @@
+"""The same sheet in cells twice as wide: what differs there still depends on the cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.elements.shell import MidSurface, mid_surface
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.ndarrays import Floats, Ints
+
+#: How far a pair may lie from its line of the lattice, as a share of the lattice's extent.
+_LINE = 1e-6
+
+
+def coarser(model: Model) -> Model | None:
+    """Return a sheet in cells twice as wide, or None where that cannot be.
+
+    Parameters
+    ----------
+    model : Model
+        Of a sheet.
+
+    Returns
+    -------
+    Model or None
+        Undeformed, with the supports of the vertices that it keeps. None of what is no rectangular
+        lattice of at least four by four cells, and where springs, masses, factors or further terms
+        of the energy are.
+    """
+    surface, plate = model.pencil.surface, model.plate
+    if surface is None or plate is None or model.fittings.given or model.terms:
+        return None
+    grid = _grid(model.points, surface)
+    if grid is None or min(grid.shape) <= 4:
+        return None
+    # The nearest to evenly spaced ones: every second one, where the number of cells is even.
+    rows, columns = (np.rint(np.linspace(0, n - 1, (n - 1) // 2 + 1)) for n in grid.shape)
+    kept = grid[np.ix_(rows.astype(np.int64), columns.astype(np.int64))]
+    points, cells = lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
+    own = mid_surface(points, cells)
+    assert own is not None
+    order = np.lexsort(own.nodal(points)[: len(own.pairs), :2].T)
+    held = np.zeros(points.shape, dtype=bool)
+    for mine, theirs in zip(own.pairs.T, surface.pairs.T, strict=True):
+        points[mine[order]] = model.points[theirs[kept.ravel()]]
+        held[mine[order]] = ~model.free.reshape(-1, 3)[theirs[kept.ravel()]]
+    if not plate.local:
+        plate = Plate(plate.membrane, plate.bending)
+    return Model(points, cells, plate, model.density, held, model.lumped)
+
+
+def _grid(points: Floats, surface: MidSurface) -> Ints | None:
+    """Return the pairs of a rectangular lattice in rows and columns, or None of any other."""
+    places = surface.nodal(points)[: len(surface.pairs)]
+    near = _LINE * float(np.ptp(places, axis=0).max())
+    lines = []
+    for axis in ((surface.normal + 2) % 3, (surface.normal + 1) % 3):
+        order = np.argsort(places[:, axis], kind="stable")
+        number = np.empty(len(order), dtype=np.int64)
+        number[order] = np.cumsum(np.diff(places[order, axis], prepend=-np.inf) > near) - 1
+        lines.append(number)
+    shape = int(lines[0].max()) + 1, int(lines[1].max()) + 1
+    grid = np.full(shape, -1, dtype=np.int64)
+    grid[lines[0], lines[1]] = np.arange(len(places))
+    return None if grid.size != len(places) or (grid < 0).any() else grid

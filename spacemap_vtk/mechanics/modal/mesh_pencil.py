@@ -1,0 +1,338 @@
+"""K and M of a supported mesh of unit modulus and density, found again by content.
+
+Pencils and assemblies are kept while anyone holds them: ModalResponse comes upon the factors that
+ModalSolver made, though only arrays pass between the two. Nothing is assembled before it is asked
+for.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import numpy as np
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.boundary.supports import free_motions
+from spacemap_vtk.mechanics.elements.elasticity import Assembly, assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.kinematics import strain_products
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.elements.shell import (
+    free_pairs,
+    mid_surface,
+    of_pairs,
+    of_quads,
+    of_sheet,
+)
+from spacemap_vtk.mechanics.elements.strains import Strains, of_base, of_tetrahedra
+from spacemap_vtk.mechanics.equilibrium.energy_terms import (
+    EnergyTerm,
+    assembled,
+    digest_of,
+    tangent,
+)
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
+from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, selection, some
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix, csr_matrix
+
+
+#: Digits of a material that count: two moduli in a fixed ratio leave the last ones to rounding.
+_DIGITS = 14
+
+
+V = TypeVar("V")
+
+
+class WeakValues(Generic[V]):
+    """A `weakref.WeakValueDictionary` that runs no Python when a value dies."""
+
+    # A value may die with its stage within VTK's collector, which holds a lock of all threads.
+    # There any line of Python may hand Python's own lock to a thread that then waits for VTK's, and
+    # both stand for ever. So the dead are dropped when the next value comes.
+
+    def __init__(self) -> None:
+        self.entries: dict[str, weakref.ref[V]] = {}
+
+    def get(self, key: str) -> V | None:
+        """Return a value, or None where there is none any more."""
+        kept = self.entries.get(key)
+        return None if kept is None else kept()
+
+    def __contains__(self, key: str) -> bool:
+        return self.get(key) is not None
+
+    def __setitem__(self, key: str, value: V) -> None:
+        alive = {k: kept for k, kept in list(self.entries.items()) if kept() is not None}
+        self.entries = alive | {key: weakref.ref(value)}
+
+
+class MeshPencil(Pencil):
+    """K and M of a supported mesh of unit modulus and density."""
+
+    # Nothing is assembled before it is asked for: modes may come from a cache.
+
+    def __init__(
+        self,
+        digest: str,
+        mesh: str,
+        points: Floats,
+        cells: Ints,
+        material: list[Floats],
+        free: Bools,
+        lumped: bool,
+        displacement: Floats | None,
+        fittings: Fittings,
+        local: bool,
+        added: Sequence[EnergyTerm],
+        modulus: float,
+    ) -> None:
+        self.digest, self.free, self.material = digest, free, material
+        self.fittings, self._local = fittings, local
+        self.surface = mid_surface(points, cells) if len(material) > 1 else None
+        #: Terms beside elements and springs.
+        self.added = [OnVertices(term, self.surface, 1 / modulus) for term in added]
+        if len(material) > 1 and self.surface is None:
+            raise GeometryError(
+                "a sheet is what a one-layer lattice is: the cage is none",
+                key="elements",
+                value="sheet",
+                cure='Set [cage] divisions such as [20, 20, 1] and order = 1, or elements = "auto"',
+            )
+        self._mesh, self._points, self._cells, self._lumped = mesh, points, cells, lumped
+        self._displacement = displacement
+        # Held from now on, so that a solver's last model hands it to the next.
+        if (kept := _assemblies.get(mesh)) is not None:
+            self.assembly = kept
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        found = _assemblies.get(self._mesh)
+        if found is None:
+            stiff, heavy = self._stiff, self.fittings.mass_factors
+            if self.surface is None:
+                found = assemble(self._points, self._cells, stiff, heavy)
+            else:
+                found = of_pairs(self._points, self.surface, of_quads(heavy))
+            _assemblies[self._mesh] = found
+        return found
+
+    @property
+    def _stiff(self) -> Floats | None:
+        """Factors of the tetrahedra's stiffness: none have those that are within a rigid body."""
+        # What they would add to K is rounding, which soft springs would not be told from.
+        factors, bodies = self.fittings.stiffness_factors, self.fittings.bodies
+        if bodies is None:
+            return factors
+        mine = bodies[self._cells]
+        inside = (mine[:, :1] > 0).ravel() & (mine == mine[:, :1]).all(axis=1)
+        return np.where(inside, 0.0, 1.0 if factors is None else factors)
+
+    @cached_property
+    def elements(self) -> list[Strains]:
+        """The strains of the elements; of a sheet those of its quadrilaterals, then its pairs."""
+        factors = self._stiff
+        if self.surface is None:
+            return [of_tetrahedra(self._points, self._cells, self.material[0], factors)]
+        membrane, bending, shear, thickness = self.material
+        plate = Plate(membrane, bending, shear, float(thickness), self._local)
+        return of_sheet(self._points, self.surface, plate, of_quads(factors))
+
+    @cached_property
+    def others(self) -> list[EnergyTerm]:
+        """The springs, where there are any, and what is added."""
+        found = self.fittings.springs
+        springs = [] if found is None else [self._against_base(found)]
+        return [*springs, *self.added]
+
+    @property
+    def terms(self) -> list[EnergyTerm]:
+        """All of which its energy is the sum."""
+        return [*self.elements, *self.others]
+
+    @cached_property
+    def nodes(self) -> Nodes:  # type: ignore[override]
+        moved = 0.0 if self._displacement is None else self._displacement
+        positions, places = self._points + moved, np.ones(len(self._points), dtype=bool)
+        if self.surface is not None:
+            positions = self.surface.nodal(positions)
+            places[len(self.surface.pairs) :] = False
+        nodes = Nodes(positions, places)
+        if self.others:
+            alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.others]
+            nodes = nodes._replace(springs=assembled(alike, positions.size))
+        if self._displacement is None:
+            return nodes
+        forces = np.sum([term.forces(positions) for term in self.terms], axis=0)
+        return nodes._replace(forces=forces)
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom."""
+        return int(self.free.sum()) if self.plain else super().size
+
+    @property
+    def plain(self) -> bool:
+        """Whether all that is held is held along axes."""
+        return self.fittings.normals is None and self.fittings.bodies is None
+
+    @cached_property
+    def basis(self) -> csc_matrix:
+        if self.surface is None and self.plain:
+            return selection(self.free)
+        held, (normals, bodies) = ~self.free.reshape(-1, 3), self.fittings[:2]
+        if self.surface is None:
+            found = free_motions(self._points, held, normals, bodies)
+        else:
+            found = free_pairs(self._points, self.surface, held, normals, bodies)
+        return some(found)
+
+    @cached_property
+    def whole_stiffness(self) -> csr_matrix:
+        positions = self.nodes.positions
+        if self.surface is not None or self._displacement is not None:
+            return tangent(self.terms, positions)
+        found = stiffness(self.assembly, self.material[0])
+        return found + tangent(self.others, positions) if self.others else found
+
+    @cached_property
+    def whole_mass(self) -> csr_matrix:
+        found = mass(self.assembly, 1.0, self._lumped)
+        if self.fittings.masses is None:
+            return found
+        blocks = self.fittings.masses[:, None, None] * np.eye(3)
+        return found + tangent([self._against_base(blocks)], self.nodes.positions)
+
+    @cached_property
+    def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
+        if self.surface is not None or self._displacement is not None:
+            return partial(_products, self.terms, self.nodes.positions)
+        solid = self._points, self._cells, self.material[0]
+        found = partial(strain_products, *solid, factors=self._stiff)
+        if not self.others:
+            return found
+        return lambda fields: found(fields) + _products(self.others, self._points, fields)
+
+    def gathered(self, forces: Floats) -> Floats:
+        """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
+        found = self.coordinates(forces)
+        return found if self.surface is None else 2 * found
+
+    def coordinates(self, moved: Floats) -> Floats:
+        """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""
+        if self.surface is None and self.plain:
+            return moved[self.free]
+        nodal = moved if self.surface is None else self._nodal(moved)
+        return self.basis.T @ nodal
+
+    def spread(self, coordinates: Floats) -> Floats:
+        """Return the displacements of the vertices (3V, m) that coordinates (N, m) stand for."""
+        if self.surface is None and self.plain:
+            result = np.zeros((len(self.free), coordinates.shape[1]))
+            result[self.free] = coordinates
+            return result
+        nodal: Floats = self.basis @ coordinates
+        if self.surface is None:
+            return nodal
+        nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
+        return self.surface.vertices(nodal).reshape(len(self.free), -1)
+
+    def movable(self, moved: Floats) -> Floats:
+        """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
+        if self.plain:
+            return moved * self.free[:, None]
+        return self.spread(self.coordinates(moved))
+
+    def of_vertices(self, matrix: csr_matrix) -> csr_matrix:
+        """Return a matrix of the nodes' vectors as one of the vertices."""
+        if self.surface is None:
+            return matrix
+        turn = self.surface.matrix()
+        return (turn.T @ matrix @ turn).tocsr()
+
+    def _against_base(self, blocks: Floats) -> Strains:
+        """Return the strains of springs (V, 3, 3) between the vertices and the base."""
+        where = np.flatnonzero(blocks.any(axis=(1, 2)))
+        if self.surface is None:
+            return of_base(self._points, where[:, None], np.ones((len(where), 1)), blocks[where])
+        nodes, signs = self.surface.ends()
+        rest = self.surface.nodal(self._points)
+        return of_base(rest, nodes[where], signs[where], blocks[where])
+
+    def _nodal(self, table: Floats) -> Floats:
+        assert self.surface is not None
+        whole = table.reshape(len(self._points), 3, table.shape[1])
+        return self.surface.nodal(whole).reshape(table.shape)
+
+
+_assemblies: WeakValues[Assembly] = WeakValues()
+_pencils: WeakValues[MeshPencil] = WeakValues()
+
+
+def mesh_pencil(
+    points: Floats,
+    cells: Ints,
+    parts: list[Floats],
+    modulus: float,
+    held: Bools,
+    lumped: bool,
+    displacement: Floats | None,
+    fittings: Fittings,
+    local: bool = False,
+    added: Sequence[EnergyTerm] = (),
+) -> MeshPencil:
+    """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
+    material = [_rounded(part / modulus) for part in parts]
+    for what, given in (("held", held), ("displacement", displacement)):
+        if given is not None and given.shape != points.shape:
+            raise InputError(f"{what} of shape {given.shape}", allowed=f"{points.shape}")
+    weights = [
+        part
+        for name, factors in fittings.given.items()
+        if name in ("bodies", "stiffness_factors", "mass_factors")
+        for part in (name, factors)
+    ]
+    mesh = digest_of(points, cells, len(material), *weights)
+    where = [] if displacement is None else [displacement]
+    fitted = [part for pair in fittings.given.items() for part in pair]
+    terms = [part for term in added for part in (term.digest, modulus)]
+    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms)
+    found = _pencils.get(whole)
+    if found is None:
+        free = ~held.ravel()
+        found = MeshPencil(
+            whole,
+            mesh,
+            points,
+            cells,
+            material,
+            free,
+            lumped,
+            displacement,
+            fittings,
+            local,
+            added,
+            modulus,
+        )
+        _pencils[whole] = found
+    return found
+
+
+def _alike(blocks: Floats) -> Floats:
+    """Return matrices whose largest entry is one, or zero."""
+    sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
+    return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
+
+
+def _products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
+    return np.sum([term.products(positions, fields) for term in terms], axis=0)
+
+
+def _rounded(matrix: Floats) -> Floats:
+    text = [f"{value:.{_DIGITS - 1}e}" for value in np.ravel(matrix)]
+    return np.array(text, dtype=np.float64).reshape(np.shape(matrix)) + 0.0  # no -0.0

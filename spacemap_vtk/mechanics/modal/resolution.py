@@ -1,0 +1,122 @@
+"""How well the cells of a sheet resolve its vibration modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+#: Error of a mode's frequency divided by (k c)², for wave number k and cell width c. BENDING is for
+#: modes that bend the sheet, fitted to simply supported plates (π/12 to π/4 per cell: 0.11 to
+#: 0.12). STRETCHING is for modes that stretch it or that tension stiffens; it is the error of
+#: bilinear elements, 1/24.
+BENDING, STRETCHING = 0.117, 1 / 24
+#: Estimated error of a mode's frequency above which the mode is reported as unresolved.
+UNRESOLVED = 0.1
+
+
+def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[float]:
+    """Estimate by what share the frequencies of a sheet's modes are too high.
+
+    Parameters
+    ----------
+    model : Model
+        Model of a sheet; the modes of solids are not estimated.
+    eigenvalues : ndarray of float64, shape (n,)
+        Eigenvalues λ of the modes [1/s²].
+    shapes : ndarray of float64, shape (n, 3V)
+        Mass-normalised mode shapes [1/√kg].
+
+    Yields
+    ------
+    float
+        Error of each mode in turn; 0 for rigid modes, and for the modes of solids.
+
+    Notes
+    -----
+    A wave with numbers kx and ky along the cells has an error of (kx⁴ cx² + ky⁴ cy²)/(kx² + ky²)
+    times `BENDING` or `STRETCHING`, weighted by the share of bending in the mode's energy. k⁴ is
+    the mean square of the sheet's curvature, or of second differences of the displacement; k² is
+    that of first differences. Waves shorter than four cells have larger errors than estimated.
+    """
+    surface = model.pencil.surface
+    if surface is None:
+        yield from [0.0] * len(eigenvalues)
+        return
+    count = len(surface.pairs)
+    rest = surface.nodal(model.points)[:count]
+    lines = [_Lines(surface.quads, turn, rest) for turn in (0, 1)]
+    sheet = model.pencil.elements[0]
+    gradients = sheet.strained(model.pencil.nodes.positions)[1]
+    places = math.prod(gradients.shape[:2]) / len(surface.quads)
+    for eigenvalue, shape in zip(eigenvalues, shapes, strict=True):
+        moved = surface.nodal(shape.reshape(-1, 3))
+        slopes, waves = np.sum([line.differences(moved[:count]) for line in lines], axis=0)
+        if not (eigenvalue > 0 and slopes > 0):
+            yield 0.0
+            continue
+        strain = sheet.changes(gradients, moved)
+        bent = np.where(np.arange(strain.shape[2]) // 3 == 1, strain, 0.0)
+        energy = model.modulus * float(np.vdot(bent, sheet.stresses(bent)))
+        share = min(energy / eigenvalue, 1.0)
+        curved = sum(
+            float((strain[..., 3 + axis] ** 2).sum()) * line.width**2 / places
+            for axis, line in enumerate(lines)
+        )
+        yield (share * BENDING * curved + (1 - share) * STRETCHING * float(waves)) / float(slopes)
+
+
+def unresolved_modes(errors: Sequence[float]) -> str:
+    """Describe the unresolved modes in a clause; empty if all are resolved.
+
+    Parameters
+    ----------
+    errors : sequence of float
+        Error of each mode, as `mode_errors` estimates it.
+
+    Returns
+    -------
+    str
+        For example "modes 7 to 20 are shorter than the cage's cells resolve: …", without a full
+        stop.
+    """
+    large = {number: error for number, error in enumerate(errors, 1) if error > UNRESOLVED}
+    if not large:
+        return ""
+    first, last = min(large), max(large)
+    which = f"mode {first} is" if first == last else f"modes {first} to {last} are"
+    if len(large) <= last - first:
+        which = f"{len(large)} of the modes {first} to {last} are"
+    return (
+        f"{which} shorter than the cage's cells resolve: frequencies are about "
+        f"{min(large.values()):.0%} too high and more"
+    )
+
+
+class _Lines:
+    """Lines along a sheet's cells in one of their two directions."""
+
+    def __init__(self, quads: Ints, turn: int, rest: Floats) -> None:
+        corners = np.roll(quads, -turn, axis=1)
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [3, 2]]])
+        #: (n, 2) Ends of each edge, along the line.
+        self._edges = np.unique(edges, axis=0)
+        first, last = self._edges.T
+        #: Mean length of the edges [m].
+        self.width = float(np.linalg.norm(rest[last] - rest[first], axis=1).mean())
+        #: Whether each node has a neighbour on both sides.
+        self._inner: Bools = np.bincount(self._edges.ravel(), minlength=len(rest)) == 2
+
+    def differences(self, moved: Floats) -> tuple[float, float]:
+        """Sum the squares of first differences, and of second ones, both over the width²."""
+        first, last = self._edges.T
+        step = moved[last] - moved[first]
+        second = np.zeros_like(moved)
+        np.add.at(second, first, step)
+        np.subtract.at(second, last, step)
+        square = self.width**2
+        return float((step**2).sum()) / square, float((second[self._inner] ** 2).sum()) / square

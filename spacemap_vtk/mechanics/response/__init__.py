@@ -1,0 +1,1 @@
+"""Closed-form response of modes to loads, at any time."""

@@ -1,0 +1,96 @@
+"""How far a linear motion exceeds the range of small displacements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk import cancel
+from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, largest_rotation
+from spacemap_vtk.mechanics.elements.shell import LegGradient, MidSurface
+from spacemap_vtk.mechanics.elements.tetrahedra import EDGES
+from spacemap_vtk.mechanics.response.cage_response import Motion
+from spacemap_vtk.ndarrays import Floats
+
+#: The sides of a quadrilateral.
+_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
+
+
+class Realm(NamedTuple):
+    """Largest rotation, stretch and change of volume of any cell over several times."""
+
+    rotation: float
+    """Half the curl of the displacement from rest, of a tetrahedron [rad]."""
+    stretch: float
+    """Change of an edge's length, of a sheet on its mid-surface, as a share of it."""
+    volume: float
+    """Change of a tetrahedron's volume, as a share of it."""
+
+    @property
+    def period(self) -> float:
+        """Period of a pendulum of this amplitude, as a multiple of that of a small amplitude."""
+        if self.rotation >= math.pi:
+            return math.inf  # a pendulum released upside down never returns
+        # 2 K(sin θ/2)/π as an arithmetic-geometric mean.
+        one, other = 1.0, math.cos(self.rotation / 2)
+        while abs(one - other) > 1e-12:
+            one, other = (one + other) / 2, math.sqrt(one * other)
+        return 1.0 / one
+
+
+def realm(
+    motion: Motion,
+    rest: Floats,
+    times: Iterable[float],
+    gradient: MeanGradient | LegGradient | None = None,
+    surface: MidSurface | None = None,
+) -> Realm:
+    """Compute the largest rotation, stretch and change of volume in a motion.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion of a cage.
+    rest : ndarray of float64, shape (V, 3)
+        Vertices at rest, undeformed or in equilibrium [m].
+    times : iterable of float
+        Times to evaluate [s].
+    gradient : MeanGradient or LegGradient, optional
+        Gradient of displacements from rest; by default that of each tetrahedron.
+    surface : MidSurface, optional
+        Mid-surface, if the cage is a sheet.
+
+    Returns
+    -------
+    Realm
+        The largest rotation, stretch and change of volume.
+    """
+    cells = motion.cells
+    gradient = MeanGradient(rest, cells) if gradient is None else gradient
+    edges = cells[:, EDGES] if surface is None else surface.quads[:, _SIDES]
+    # Each edge once. Not by `np.unique`, whose imports would delay the window's first picture.
+    one, other = np.sort(edges.reshape(-1, 2), axis=1).T
+    keys = np.sort(one * len(rest) + other)
+    first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))
+
+    def lengths(vertices: Floats) -> Floats:
+        nodes = vertices if surface is None else surface.nodal(vertices)
+        return np.asarray(np.linalg.norm(nodes[last] - nodes[first], axis=1))
+
+    before = lengths(rest)
+    most = Realm(0.0, 0.0, 0.0)
+    for time in times:
+        cancel.check()
+        moved = motion.points + motion.at(time)[0]
+        tensor = gradient.of(moved - rest)
+        swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
+        now = (
+            largest_rotation(tensor),
+            abs(lengths(moved) / before - 1).max(),
+            abs(swollen - 1).max(),
+        )
+        most = Realm(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
+    return most

@@ -1,0 +1,1 @@
+"""Implicit steps of the nonlinear equations of motion."""

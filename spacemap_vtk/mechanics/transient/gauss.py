@@ -1,0 +1,567 @@
+"""One time step of a body's nonlinear equations of motion, of fourth order, that conserves energy.
+
+    M ẍ + (α M + U Uᵀ) ẋ + f(x, ẋ) = F,    f = Σ G(x)ᵀ C (ε + β ε̇)
+
+The step is the two-stage Gauss collocation method, applied to positions, rates and strains
+together: strains are integrated from ε̇ = G(x) ẋ; they are not computed from the positions of the
+stages. Strains are quadratic in the positions. Therefore the energy ½ ẋᵀ M ẋ + ½ ε C ε and the
+difference between integrated and computed strains are both quadratic in these variables, and Gauss
+methods conserve quadratic invariants exactly (Cooper, IMA J. Numer. Anal. 7 (1987) 1). The change
+of energy is the work of the loads less the dissipated energy, whatever the length of the step.
+
+With one stage this would be the midpoint rule with the mean of the stresses at both ends (Simo and
+Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). Its periods are too long by (ω h)²/12; with two
+stages they are too long by (ω h)⁴/720.
+
+Terms other than strains (`EnergyTerm`) are integrated by a quadrature over the step (Hairer, JNAIAM
+5 (2010) 73). What it misses of the change of their energy, at a contact for example, is put into
+the equations as a force along M ẋ (Gonzalez, J. Nonlinear Sci. 6 (1996) 449), so that the energy is
+conserved for any term.
+
+The damping β resists rates of strain, and therefore not rotation; about an unstrained state it is
+Rayleigh's β K.
+
+Vibrations much faster than 1/h, such as those of a sheet's directors across its thickness, are not
+resolved. Their amplification tends to +1, so that a deviation persists unchanged; with the midpoint
+rule it tends to -1, and a deviation changes sign in every step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
+from spacemap_vtk.mechanics.equilibrium.body import Body
+from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.linalg.factors import Solve
+from spacemap_vtk.ndarrays import Floats, Ints
+
+#: Times of the two stages, as shares of the step. Their weights are ½, ½.
+STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
+#: Matrix A of the method, and its inverse.
+_A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
+_INVERSE = np.linalg.inv(_A)
+
+#: Points and weights of a quadrature over the step, for terms other than strains. The work of a
+#: pressure is of fifth degree in time, so three Gauss points integrate it exactly.
+_TIMES = 0.5 + np.array([-1.0, 0.0, 1.0]) * 15**0.5 / 10
+_SHARES = np.array([5.0, 8.0, 5.0]) / 18
+#: The stages' Lagrange polynomials at these points.
+_LAGRANGE = np.stack(
+    [(_TIMES - STAGES[1]) / (STAGES[0] - STAGES[1]), (_TIMES - STAGES[0]) / (STAGES[1] - STAGES[0])]
+)
+
+#: Largest number of Newton corrections in a step.
+TRIES = 40
+
+#: The tangent is recomputed after a correction that is larger than this share of the one before.
+GAIN = 0.3
+
+#: The tangent is recomputed after a move of more than this share of the largest admissible move;
+#: for elements this is a rotation of 0.003 rad.
+NEAR = 0.006
+
+#: Largest number of tangents computed in a step. A correction larger than the one before ends the
+#: step at once: a step of half the length costs less than further tries.
+MADE = 12
+
+#: Newton's method has converged when a correction is below this share of the step.
+LAST = 1e-10
+
+#: It has also converged when a correction below this share of the step is not smaller than the one
+#: before: only rounding is left.
+LOST = 1e-6
+
+#: It has also converged when a correction moves less than this share of the body's size.
+LEAST = 1e-15
+
+#: A change of energy below this share of the energy is rounding.
+NOISE = 1e-14
+
+
+class Acting(NamedTuple):
+    """Loads at one time."""
+
+    push: Floats
+    """Forces, (N,)."""
+    factors: Floats
+    """By which each term that does external work is multiplied, (n,)."""
+
+
+class Step(NamedTuple):
+    """The state at the end of a step, and the energy exchanged in it."""
+
+    position: Floats
+    """q, (N,)."""
+    rate: Floats
+    """q̇ [1/s], (N,)."""
+    parts: list[TermState]
+    """All terms in this state."""
+    damped: float
+    """Energy dissipated in the step."""
+    work: float
+    """Work of the loads in the step."""
+    error: Floats
+    """Estimated errors of the nodal vectors per radian of vibration [m], (V, 3)."""
+    stress: list[Floats]
+    """Stress at the second stage, for each kind of element."""
+
+
+class _Stages(NamedTuple):
+    """Elements of one kind; each list has an entry for each of the two stages."""
+
+    slopes: list[Floats]
+    """G."""
+    spins: list[Floats]
+    """The rate of G."""
+    rates: list[Floats]
+    """ε̇."""
+    stress: list[Floats]
+    """C (ε + β ε̇)."""
+
+
+class _Kept(NamedTuple):
+    """A factorised tangent, with the step length and position it was computed for."""
+
+    span: float
+    position: Floats
+    solve: Solve
+
+
+class Gauss:
+    """The equations of motion of a body; forces and energies are divided by its modulus."""
+
+    # Terms of the body that are not conservative do external work. Each is multiplied by a factor
+    # that may change with time, see `Acting`.
+
+    def __init__(
+        self,
+        body: Body,
+        mass: sp.csr_matrix,
+        alpha: float,
+        beta: float,
+        drag: Floats | None = None,
+    ) -> None:
+        self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
+        #: Numbers of the terms that are strains, and of the others; `_driven` marks those of the
+        #: others that do external work.
+        self._strained = [k for k, t in enumerate(body.terms) if isinstance(t, Strains)]
+        self._kinds = [term for term in body.terms if isinstance(term, Strains)]
+        self._others = [k for k, t in enumerate(body.terms) if not isinstance(t, Strains)]
+        self._driven = np.array([not body.terms[k].conservative for k in self._others], dtype=bool)
+        size = self.mass.shape[0]
+        #: Matrix U of the equations above, (N, m).
+        self.drag = np.empty((size, 0)) if drag is None else drag
+        extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
+        self._least = LEAST * extent * math.sqrt(float(mass.diagonal().sum()))
+        self._both = _Pairs(body, self.mass)
+        self._kept: _Kept | None = None
+
+    def at(self, position: Floats) -> list[TermState]:
+        """Evaluate all terms at q."""
+        return self.body.at(self._nodal(position))
+
+    def strains(self, parts: list[TermState]) -> list[StrainState]:
+        """Select the terms that are strains."""
+        return [part for part in parts if isinstance(part, StrainState)]
+
+    def stored(self, rate: Floats, parts: list[TermState]) -> tuple[float, float]:
+        """Compute the kinetic energy, and the energy of all conservative terms."""
+        held = sum(part.energy for part in parts if part.term.conservative)
+        return 0.5 * float(rate @ (self.mass @ rate)), held
+
+    def impulse(self, parts: list[TermState], move: Floats) -> Floats:
+        """Compute the impulse of the damping against a sudden move q."""
+        return self._dragged(move) + self._viscous(parts, move)
+
+    def step(
+        self,
+        position: Floats,
+        rate: Floats,
+        parts: list[TermState],
+        acting: Callable[[float], Acting],
+        span: float,
+        guess: Floats,
+        carried: list[Floats],
+    ) -> Step | None:
+        """Compute the state after a span [s]; None if Newton's method does not converge."""
+        # `acting` returns the loads at a share of the step. `guess`, (2, N), estimates the moves
+        # from the start to both stages; `carried` is the stress of each kind of element.
+        pushes = np.stack([acting(share).push for share in STAGES])
+        factors = np.stack([self._factors(acting(share)) for share in _TIMES])
+        strains = self.strains(parts)
+        least, size, made = self._least / span, math.inf, 0
+        moves, stress = guess, [[pull, pull] for pull in carried]
+        kept = self._kept
+        if kept is None or kept.span != span or self._far(position, position - kept.position):
+            kept = None
+        for _ in range(TRIES):
+            if not self._admitted(position, moves):
+                return None
+            speeds = _INVERSE @ moves / span
+            stages = self._stages(position, moves, speeds, strains, span)
+            inertia = self._inertia(speeds - rate, span)
+            left = inertia + self._dragged(speeds.T).T - pushes
+            for i in range(2):
+                left[i] += self._force(
+                    strains, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
+                )
+            between = self._between(position, moves)
+            left += self._driving(between, factors)
+            left += self._conserving(between, factors, parts, position, moves, speeds, span)
+            if kept is None:
+                if made == MADE:
+                    return None
+                # The geometric stiffness uses the stress predicted by the last linear solution.
+                # The stress computed from its positions contains the spurious stretch of a
+                # linearised rotation. The static equilibrium does the same.
+                solve = self._solution(stages, stress, between, factors, span)
+                if solve is None:
+                    return None
+                kept = self._kept = _Kept(span, position + moves.mean(axis=0), solve)
+                made += 1
+            change = -kept.solve(left)
+            before, size = size, math.sqrt(abs(float(np.vdot(change, left))))
+            moves = moves + change
+            # The size of the step in the norm of a correction: A⁻² / h² has the determinant
+            # (12 / h²)², so the moves weigh √12 / h.
+            whole = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
+            if size > max(LOST * whole, before) or not math.isfinite(size):
+                if made == 0:  # the tangent of an earlier step no longer fits
+                    kept, moves, size = None, moves - change, math.inf
+                    continue
+                return None
+            if size <= max(least, LAST * whole) or LOST * whole > size >= before:
+                break
+            if size > GAIN * before or (made and self._far(position, change)):
+                kept = None
+                stress = self._predicted(stages, change, span)
+        else:
+            return None
+        speeds = _INVERSE @ moves / span
+        stages = self._stages(position, moves, speeds, strains, span)
+        end = _end(position, moves)
+        later = rate + 3**0.5 * (speeds[1] - speeds[0])
+        inertia = self._inertia(speeds - rate, span)
+        damped = span / 2 * float(np.vdot(speeds, self._dragged(speeds.T).T))
+        for part, stage in zip(strains, stages, strict=True):
+            for flow in stage.rates:
+                damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
+        driving = self._driving(self._between(position, moves), factors)
+        work = span / 2 * float(np.vdot(pushes - driving, speeds))
+        error = self._error(rate, parts, acting(0.0), inertia, kept.solve)
+        pulls = [stage.stress[1] for stage in stages]
+        return Step(end, later, self.at(end), damped, work, error, pulls)
+
+    def _error(
+        self,
+        rate: Floats,
+        parts: list[TermState],
+        load: Acting,
+        inertia: Floats,
+        solve: Solve,
+    ) -> Floats:
+        """Estimate the errors per radian of vibration [m], (V, 3)."""
+        # The accelerations of the stages, extrapolated linearly to the start, differ from the
+        # acceleration there by h²/12 of its second derivative: by a ω⁴ h²/12 for a vibration of
+        # amplitude a and frequency ω. The error per radian is a (ω h)⁴/720, which is h²/60 times
+        # that difference. Solving with the tangent turns the difference into a move to the second
+        # stage: c₂² h²/2 times the difference if h is short, and no more than the amplitude for a
+        # vibration faster than the step (Hosea and Shampine 1996).
+        wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
+        strains = self.strains(parts)
+        pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
+        wrong = wrong + self._force(strains, pulls, slopes)
+        wrong += self._dragged(rate) + self._viscous(parts, rate) - load.push
+        for number, factor in zip(self._others, self._factors(load), strict=True):
+            if factor:
+                wrong += factor * self.body.along_free(parts[number].forces)
+        found = solve(np.stack([wrong, wrong]))
+        return self.body.moved(found[1] / (30 * STAGES[1] ** 2))
+
+    def _inertia(self, changes: Floats, span: float) -> Floats:
+        """Compute M ẍ at the stages from the changes of their rates since the start, (2, N)."""
+        return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
+
+    def _stages(
+        self,
+        position: Floats,
+        moves: Floats,
+        speeds: Floats,
+        parts: list[StrainState],
+        span: float,
+    ) -> list[_Stages]:
+        places = [self.body.start + self.body.moved(position + move) for move in moves]
+        flows = [self.body.moved(speed) for speed in speeds]
+        found = []
+        for part in parts:
+            kind = part.kind
+            slopes = [kind.strained(place)[1] for place in places]
+            spins = [kind.squares(flow)[1] for flow in flows]
+            rates = [kind.changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
+            stress = [
+                kind.stresses(
+                    part.strain
+                    + span * (_A[i, 0] * rates[0] + _A[i, 1] * rates[1])
+                    + self.beta * rates[i]
+                )
+                for i in range(2)
+            ]
+            found.append(_Stages(slopes, spins, rates, stress))
+        return found
+
+    def _slopes(self, stage: _Stages, span: float, i: int, k: int) -> Floats:
+        """Compute the derivative of ε + β ε̇ at stage i with respect to the move to stage k."""
+        mixed = _A[i, :] * _INVERSE[:, k]
+        mixed[i] += self.beta / span * _INVERSE[i, k]
+        turning = span * _A[i, k] + (self.beta if i == k else 0.0)
+        result: Floats = mixed[0] * stage.slopes[0]
+        result += mixed[1] * stage.slopes[1]
+        result += turning * stage.spins[k]
+        return result
+
+    def _predicted(self, stages: list[_Stages], change: Floats, span: float) -> list[list[Floats]]:
+        """Predict the stress at the stages after a correction, to first order."""
+        moved = [self.body.moved(part) for part in change]
+        return [
+            [
+                stage.stress[i]
+                + kind.stresses(
+                    kind.changes(self._slopes(stage, span, i, 0), moved[0])
+                    + kind.changes(self._slopes(stage, span, i, 1), moved[1])
+                )
+                for i in range(2)
+            ]
+            for kind, stage in zip(self._kinds, stages, strict=True)
+        ]
+
+    def _solution(
+        self,
+        stages: list[_Stages],
+        stress: list[list[Floats]],
+        between: list[list[TermState]],
+        factors: Floats,
+        span: float,
+    ) -> Solve | None:
+        """Factorise the tangent of both stages; return its solver, or None if it is singular."""
+        others = self._tangents(between, factors)
+        tangents = np.empty((2, 2, self._both.count))
+        for i, k in np.ndindex(2, 2):
+            blocks = {number: found[i, k] for number, found in others.items()}
+            for number, kind, pull, stage in zip(
+                self._strained, self._kinds, stress, stages, strict=True
+            ):
+                blocks[number] = kind.tangent_of(
+                    pull[i] if i == k else np.zeros_like(pull[i]),
+                    stage.slopes[i],
+                    self._slopes(stage, span, i, k),
+                )
+            ordered = [blocks[number] for number in range(len(blocks))]
+            tangents[i, k] = self.body.matrix(ordered).data
+        heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
+        solve = self._both.solution(tangents, heavy)
+        drag = self.drag
+        if solve is None or not drag.size:
+            return solve
+        # Woodbury: the drag adds (U Uᵀ) A⁻¹ / h.
+        count = drag.shape[1]
+        pushes = np.zeros((2 * count, 2, len(drag)))
+        pushes[:count, 0], pushes[count:, 1] = drag.T, drag.T
+        whole = np.stack([solve(push) for push in pushes])
+        seen = (whole @ drag).reshape(2 * count, 2 * count).T
+        small = np.linalg.inv(np.kron(span * _A, np.eye(count)) + seen)
+
+        def solved(right: Floats) -> Floats:
+            found = solve(right)
+            share = small @ (found @ drag).ravel()
+            return found - np.tensordot(share, whole, 1)
+
+        return solved
+
+    def _factors(self, load: Acting) -> Floats:
+        """Return the factor of each term other than strains: 1 unless it does external work."""
+        factors = np.ones(len(self._others))
+        factors[self._driven] = load.factors
+        return factors
+
+    def _between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
+        """Evaluate the terms other than strains at each point of the quadrature."""
+        if not self._others:
+            return [[] for _ in _TIMES]
+        terms = [self.body.terms[number] for number in self._others]
+        places = [self._nodal(position + _reached(time) @ moves) for time in _TIMES]
+        return [[term.at(place) for term in terms] for place in places]
+
+    def _driving(self, between: list[list[TermState]], factors: Floats) -> Floats:
+        """Compute the forces at the stages of terms that do external work, (2, N)."""
+        return self._mean(between, factors * self._driven)
+
+    def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
+        """Compute weighted means of forces over the step, whose work at the stages is exact."""
+        # The work is exact if the power is of at most fifth degree in time. A constant pressure
+        # does the work p ΔV.
+        total = np.zeros((2, len(self.drag)))
+        for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
+            for state, size in zip(states, sizes, strict=True):
+                if size:
+                    force = self.body.along_free(size * state.forces)
+                    total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
+        return total
+
+    def _tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
+        """Differentiate `_mean` at stage i with respect to the move to stage k, (2, 2, E, …)."""
+        found = {}
+        for column, number in enumerate(self._others):
+            total: Floats | float = 0.0
+            for point, sizes in enumerate(factors):
+                weights = 2 * _SHARES[point] * _LAGRANGE[:, point, None] * _reached(_TIMES[point])
+                blocks = sizes[column] * between[point][column].tangent()
+                total = total + weights[:, :, None, None, None] * blocks
+            found[number] = np.asarray(total)
+        return found
+
+    def _conserving(
+        self,
+        between: list[list[TermState]],
+        factors: Floats,
+        parts: list[TermState],
+        position: Floats,
+        moves: Floats,
+        speeds: Floats,
+        span: float,
+    ) -> Floats:
+        """Compute the forces of conservative terms at the stages; their work is the energy gain."""
+        forces = self._mean(between, factors * ~self._driven)
+        held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
+        if not held:
+            return forces
+        heavy = (self.mass @ speeds.T).T
+        weight = span / 2 * float(np.vdot(speeds, heavy))
+        if weight == 0.0:
+            return forces
+        end = self._nodal(_end(position, moves))
+        before = np.array([parts[number].energy for number in held])
+        after = np.array([self.body.terms[number].energy(end) for number in held])
+        missing = float((after - before).sum()) - span / 2 * float(np.vdot(forces, speeds))
+        if abs(missing) <= NOISE * float((abs(before) + abs(after)).sum()):
+            return forces
+        return forces + missing / weight * heavy
+
+    def _admitted(self, position: Floats, moves: Floats) -> bool:
+        """Check whether the terms other than strains admit the positions of a step."""
+        if not self._others:
+            return True
+        places = [position + _reached(time) @ moves for time in _TIMES]
+        nodal = [self._nodal(place) for place in (*places, _end(position, moves))]
+        terms = [self.body.terms[number] for number in self._others]
+        return all(term.admits(self.body.start, place) for term in terms for place in nodal)
+
+    def _nodal(self, position: Floats) -> Floats:
+        return self.body.start + self.body.moved(position)
+
+    def _far(self, position: Floats, moves: Floats) -> bool:
+        """Check whether a tangent at a position no longer fits after any of the given moves."""
+        place = self._nodal(position)
+        return any(
+            NEAR * self.body.largest_step(place, self.body.moved(move)) < 1.0
+            for move in np.atleast_2d(moves)
+        )
+
+    def _dragged(self, move: Floats) -> Floats:
+        """Multiply a move or a rate by α M + U Uᵀ."""
+        return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
+
+    def _viscous(self, parts: list[TermState], move: Floats) -> Floats:
+        """Multiply a move or a rate by β Gᵀ C G."""
+        if self.beta == 0.0:
+            return np.zeros_like(move)
+        moved, strains = self.body.moved(move), self.strains(parts)
+        stress = [
+            self.beta * part.kind.stresses(part.kind.changes(part.gradients, moved))
+            for part in strains
+        ]
+        return self._force(strains, stress, [part.gradients for part in strains])
+
+    def _force(
+        self, parts: list[StrainState], stress: list[Floats], gradients: list[Floats]
+    ) -> Floats:
+        total = np.zeros_like(self.body.start)
+        for part, pull, slope in zip(parts, stress, gradients, strict=True):
+            total += part.kind.summed(pull, slope, len(total))
+        return self.body.along_free(total)
+
+
+class _Pairs:
+    """Linear systems for both stages, in which each unknown of the body occurs twice."""
+
+    def __init__(self, body: Body, mass: sp.csr_matrix) -> None:
+        pattern = body.pattern()
+        size, count = pattern.shape[0], pattern.nnz
+        self._size = 2 * size
+        #: Number of entries in the pattern of a tangent.
+        self.count = count
+        rows = np.repeat(np.arange(size), np.diff(pattern.indptr))
+        keys, given = rows * size + pattern.indices, mass.tocoo()
+        self._mass = np.zeros(count)
+        slots = np.searchsorted(keys, given.row * size + given.col.astype(np.int64))
+        self._mass[slots] = given.data
+        numbers = np.arange(count) + 1.0
+        blocks = sp.bmat(
+            [
+                [
+                    sp.csr_matrix((numbers + (2 * i + k) * count, pattern.indices, pattern.indptr))
+                    for k in range(2)
+                ]
+                for i in range(2)
+            ],
+            format="csr",
+        )
+        #: Unknowns in the order of elimination; the two of a coordinate are neighbours.
+        self._order: Ints = (body.order[:, None] + [0, size]).ravel()
+        ordered = blocks[self._order][:, self._order].tocsc()
+        self._entries = ordered.data.astype(np.int64) - 1
+        self._rows, self._starts = ordered.indices, ordered.indptr
+
+    def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
+        """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
+        values = (tangents + heavy[:, :, None] * self._mass).ravel()[self._entries]
+        shape = self._size, self._size
+        matrix = sp.csc_matrix((values, self._rows, self._starts), shape=shape)
+        try:
+            solve = splu(
+                matrix,
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            ).solve
+        except RuntimeError:
+            return None
+
+        def solved(right: Floats) -> Floats:
+            result = np.empty(self._size)
+            result[self._order] = solve(right.ravel()[self._order])
+            return result.reshape(2, -1)
+
+        return solved
+
+
+def _end(position: Floats, moves: Floats) -> Floats:
+    """Compute the position at the end of a step from the moves to its stages."""
+    return position + 3**0.5 * (moves[1] - moves[0])
+
+
+def _reached(share: float) -> Floats:
+    """Compute the weights of both stages' moves in the move at a share of a step, (2,)."""
+    first, second = STAGES
+    return np.array(
+        [
+            share * (share - second) / (first * (first - second)),
+            share * (share - first) / (second * (second - first)),
+        ]
+    )

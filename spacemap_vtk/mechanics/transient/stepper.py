@@ -1,0 +1,492 @@
+"""The motion of a cage however far it turns: implicit steps, and any time between them.
+
+A state is a row of numbers. A step is of fourth order and keeps energy (see
+`spacemap_vtk.mechanics.transient.gauss`); between two states the motion is their cubic Hermite
+interpolation.
+
+How long a step may be follows from the motion itself: the error in a radian of what vibrates is
+estimated, and bounded by a share of how far the cage has moved since it started, however little
+that is. What vibrates at ω with most of the motion's amplitude takes steps of (ω h)⁴ = 720 times
+that share; what has little of the amplitude may be resolved less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
+from spacemap_vtk.mechanics.boundary.timefunctions import Sine, is_constant
+from spacemap_vtk.mechanics.elements.strains import StrainState
+from spacemap_vtk.mechanics.equilibrium.body import Body
+from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
+from spacemap_vtk.mechanics.linalg import blas_threads
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.response.cage_response import Motion
+from spacemap_vtk.mechanics.response.motion import base_at, jump_of
+from spacemap_vtk.mechanics.transient.gauss import STAGES, Acting, Gauss
+from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Floats, Progress
+
+#: The first step, and the shortest, as shares of the longest one.
+FIRST, SHORTEST = 1 / 256, 1e-9
+
+#: Share of the step that the bound allows which is taken, and the most and the least that the next
+#: step is of the last.
+SAFETY, GROWTH, CUT = 0.75, 2.0, 0.1
+
+#: Steps in a period of a sine, at least.
+IN_PERIOD = 20
+
+#: The tolerance is of so many periods.
+PERIODS = 10
+
+#: Errors across the direction in which a node moves, and of nodes that hardly move, may be larger
+#: by this factor than those of what moves.
+OTHERS = 100.0
+
+#: A motion smaller than this share of the cage's diagonal is resolved as if it were as large:
+#: below it, rounding shows.
+SMALLEST = 1e-7
+
+#: A next step that would be longer by no more than this factor is as long as the last: its matrix
+#: need not be factorised again.
+ALIKE = 1.2
+
+#: What a row holds before positions and rates: time, the step to try next, kinetic, strain and
+#: dissipated energy, and external work.
+COLUMNS = 6
+
+
+class Stepped(Motion):
+    """Motion of a cage by steps, at any time from 0 on.
+
+    Parameters
+    ----------
+    cage : CageModes
+        The cage; its modes matter to ratios alone. What it hangs under, if it does, goes on to act.
+    loads : sequence of LoadVector
+        What acts beside that, made by `CageModes.vector`.
+    damping : Damping
+        α and β; or ratios of the cage's modes: forces on how fast each moves, and a β that gives
+        those above them at least the ratio of the last.
+    displacement : ndarray of float64, shape (V, 3), optional
+        At t = 0, from where nothing is deformed [m]; by default where the cage hangs.
+    velocity : ndarray of float64, shape (V, 3), optional
+        At t = 0 [m/s]. What is held stays.
+    settled : bool, optional
+        Whether it is at rest under its loads, so that a base is where its function starts.
+    tolerance : float, optional
+        Error after ten periods of what moves, as a share of the largest displacement since t = 0;
+        infinite, all steps are as long as they may be otherwise.
+    max_step : float, optional
+        Longest step [s].
+
+    Raises
+    ------
+    InputError
+        If damping, loads or cage are such as steps cannot have.
+
+    Notes
+    -----
+    Nothing is computed before a time is asked for, and nothing twice: every method steps on as far
+    as it has to. The steps do not depend on the times asked for.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.mechanics.elements.materials import isotropic
+    >>> from spacemap_vtk.mechanics.modal.model import Model
+    >>> from spacemap_vtk.mechanics.boundary.timefunctions import step
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> held = np.arange(4)[:, None] < [3, 3, 3]
+    >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
+    >>> cage = CageModes(model, np.empty(0), np.empty((0, 12)), np.empty(0))
+    >>> load = cage.vector("gravity", (0, 0, -10.0), step())
+    >>> motion = Stepped(cage, [load], Damping(alpha=50.0))
+    >>> float(motion.at(0.5)[0, 3, 2].round(4))  # of the vertex that is free [m]
+    -0.0025
+    """
+
+    def __init__(
+        self,
+        cage: CageModes,
+        loads: Sequence[LoadVector] = (),
+        damping: Damping = Damping(),  # noqa: B008
+        *,
+        displacement: Floats | None = None,
+        velocity: Floats | None = None,
+        settled: bool = False,
+        tolerance: float = 1e-4,
+        max_step: float = 0.02,
+    ) -> None:
+        self.model = model = cage.model
+        self.points, self.cells = model.points, model.cells
+        self.loads, self._settled = tuple(loads), settled
+        _refuse(cage, self.loads)
+        size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
+        #: Share of the motion that the error in a radian may be. What swings about where it would
+        #: be at rest goes twice as far from its start.
+        self._share = tolerance / (4 * math.pi * PERIODS)
+        self._smallest = SMALLEST * size
+        sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
+        self.max_step = min([max_step, *(2 * math.pi / (IN_PERIOD * s.omega) for s in sines)])
+        pencil = model.pencil
+        # All forces are divided by the model's modulus: the strains are those of a unit one.
+        start, forces = pencil.nodes.positions, pencil.nodes.forces
+        #: How far each nodal vector has been from its start, at most.
+        self._farthest = np.zeros_like(start)
+        dead = np.zeros_like(start) if forces is None else forces
+        followers = [
+            OnVertices(FollowerPressure(load.faces), pencil.surface)
+            for load in self.loads
+            if load.faces is not None
+        ]
+        body = Body([*pencil.terms, *followers], pencil.basis, start)
+        #: How many terms beside these do external work.
+        self._steady = sum(not term.conservative for term in pencil.terms)
+        mass = (model.density / model.modulus) * pencil.mass
+        #: Where it hangs [m], zero where it does not.
+        self.rest = np.zeros_like(self.points)
+        if model.displacement is not None:
+            self.rest = model.displacement
+        beta, drag = _of_ratios(cage, body, mass, damping)
+        self._rule = Gauss(body, mass, damping.alpha, beta, drag)
+        self._dead = body.along_free(dead)
+        self._pushes = [
+            pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
+        ]
+        moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
+        q, v = (
+            pencil.coordinates(np.reshape(field, (-1, 1)))[:, 0]
+            for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
+        )
+        self._rows = np.empty((64, COLUMNS + 2 * len(q)))
+        self._count = 0
+        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
+        self._append(np.concatenate([first, q, v]))
+        self._parts: tuple[int, list[TermState], list[Floats]] = 0, [], []
+        #: The number of states that `_farthest` is of.
+        self._seen = 1
+        self._jump(0.0)
+
+    @property
+    def rows(self) -> Floats:
+        """The states so far, (n, 6 + 2N): their times ascend, twice the same where a base jumps."""
+        return self._rows[: self._count]
+
+    @property
+    def reached(self) -> float:
+        """The time of the last state [s]."""
+        return float(self._rows[self._count - 1, 0])
+
+    def resume(self, rows: Floats) -> bool:
+        """Go on from states of the same motion that were stepped elsewhere.
+
+        Parameters
+        ----------
+        rows : ndarray of float64, shape (n, 6 + 2N)
+            Of another one's `rows`, from the first on.
+
+        Returns
+        -------
+        bool
+            False where they are no such states, and nothing changes.
+        """
+        mine = self.rows
+        if rows.ndim != 2 or rows.shape[1] != mine.shape[1] or len(rows) < len(mine):
+            return False
+        if not (np.isfinite(rows).all() and np.array_equal(rows[: len(mine)], mine)):
+            return False
+        self._rows, self._count = rows, len(rows)
+        return True
+
+    def reach(self, time: float, progress: Progress | None = None) -> None:
+        """Step on until there is a state beyond a time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        progress : callable, optional
+            Is told the share that is done, 0 to 1, after each step; may raise to stop. What was
+            stepped is kept.
+
+        Raises
+        ------
+        InputError
+            If the time is not a finite number.
+        SizeError
+            If memory does not hold the steps up to it.
+        SolverError
+            If no step leads on, however short.
+        """
+        if not math.isfinite(time):
+            raise InputError(
+                "not a time", key="time", value=time, allowed="a finite number of seconds"
+            )
+        first = self.reached
+        least = min(max(time - first, 0.0) / self.max_step, 1e30)
+        require(
+            round(least) * self._rows[0].nbytes,
+            f"{least:.3g} steps or more, up to {time:g} s,",
+            cure="Ask for an earlier time, or allow longer steps (max_step).",
+        )
+        with blas_threads.one():
+            while self.reached <= time:
+                self._step()
+                if progress is not None:
+                    progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
+
+    def at(self, time: float) -> Floats:
+        """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
+        fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
+        fields = fields + self.base(time)[:, None]
+        fields[0] += self.rest
+        return fields
+
+    def history(self, weights: Floats, times: Floats) -> Floats:
+        """Return how a point moves over time."""
+        # The point is a mesh of one vertex; what gathers forces is the transposed of what spreads.
+        forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
+        point, share = self.model.pencil.gathered(forces), weights.sum()
+        found = np.stack([self._state(t) @ point + share * self.base(t) for t in times], axis=1)
+        found[0] += weights @ self.rest
+        return found
+
+    def energies(self, times: Floats) -> Floats:
+        """Return where the energy is over time, linear between the states."""
+        wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
+        self.reach(float(wanted.max(initial=0.0)))
+        table = self.rows
+        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
+        return self.model.modulus * np.stack(found, axis=1)
+
+    def potential(self, times: Floats) -> Floats:
+        """Return the potential energy of the loads that never change, linear between the states."""
+        wanted = np.append(np.maximum(np.asarray(times, dtype=np.float64), 0.0), 0.0)
+        self.reach(float(wanted.max()))
+        # A pressure follows the surface it acts on, and has no potential.
+        dead = self._dead.copy()
+        for load, push in zip(self.loads, self._pushes, strict=True):
+            if load.faces is None and load.moves_base is None and is_constant(load.function):
+                dead += load.function.value(0.0) * push
+        table = self.rows
+        lost = table[:, COLUMNS : COLUMNS + len(dead)] @ dead
+        found = -self.model.modulus * np.interp(wanted, table[:, 0], lost)
+        return np.asarray(found[:-1] - found[-1])
+
+    def _state(self, time: float) -> Floats:
+        """Return q, its rate and its acceleration at a time, (3, N)."""
+        self.reach(max(time, 0.0))
+        now = int(np.searchsorted(self.rows[:, 0], max(time, 0.0), side="right")) - 1
+        first, last = self._rows[now : now + 2]
+        (q, v), (end, later) = (np.split(row[COLUMNS:], 2) for row in (first, last))
+        if time < 0.0:
+            return np.stack([q, 0.0 * v, 0.0 * v])
+        whole = last[0] - first[0]
+        since, mean = (time - first[0]) / whole, (end - q) / whole
+        bend, twist = 3 * mean - 2 * v - later, v + later - 2 * mean
+        place = q + whole * since * (v + since * (bend + since * twist))
+        rate = v + since * (2 * bend + 3 * since * twist)
+        return np.stack([place, rate, (2 * bend + 6 * since * twist) / whole])
+
+    def base(self, time: float) -> Floats:
+        """Return how the base moves.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        total = np.zeros((3, 3))
+        for load in self.loads:
+            if load.moves_base is not None:
+                total += np.outer(base_at(load.function, time), load.moves_base)
+        return total
+
+    def _append(self, row: Floats) -> None:
+        if self._count == len(self._rows):
+            size = (len(row) - COLUMNS) // 2
+            require(
+                2 * self._rows.nbytes,
+                f"keeping more than {self._count} steps of {size} degrees of freedom",
+                cure="Use a coarser cage, longer steps or an earlier time.",
+            )
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self._count] = row
+        self._count += 1
+
+    def _load(self, time: float) -> Acting:
+        """Return what acts at a time, after a jump that happens just then."""
+        total, factors = self._dead.copy(), [1.0] * self._steady
+        for load, push in zip(self.loads, self._pushes, strict=True):
+            if load.faces is not None:
+                factors.append(load.function.value(time) * load.pressure / self.model.modulus)
+            elif load.moves_base is None:
+                total += load.function.value(time) * push
+            elif isinstance(load.function, Sine):
+                total += load.function.omega**2 * load.function.value(time) * push
+        return Acting(total, np.array(factors))
+
+    def _step(self) -> None:
+        """Append a state."""
+        row = self.rows[-1]
+        (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
+        if self._parts[0] != self._count:
+            parts = self._rule.at(q)
+            self._parts = self._count, parts, [part.stress for part in self._rule.strains(parts)]
+        _, parts, carried = self._parts
+        for other in self.rows[self._seen :, COLUMNS : COLUMNS + len(q)]:
+            self._farthest = _farther(self._farthest, self._moved(other))
+        self._seen = self._count
+        end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
+        step = min(step, self.max_step)
+        while True:
+            # No sliver is left before a corner.
+            left = end - time
+            span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
+            found = self._rule.step(
+                q, v, parts, partial(self._acting, time, span), span, self._guess(span), carried
+            )
+            shortest = span <= SHORTEST * self.max_step
+            if found is None:
+                if shortest:
+                    raise SolverError(
+                        f"no step, however short, leads on from {time:.6g} s",
+                        cure="Make the cage stiffer, damp it, or divide it differently",
+                    )
+                step = span / 2
+                continue
+            error = self._error(found.error, found.position)
+            share = SAFETY * max(error / self._share, 1e-30) ** (-1 / 4)
+            if share >= SAFETY or shortest:
+                break
+            step = span * max(share, CUT)
+        longer = 1.0 if SAFETY <= share <= ALIKE else min(share, GROWTH)
+        # A step that a corner has cut short does not hold back the next one.
+        following = max(span * longer, step if span < step else 0.0)
+        kinetic, strain = self._rule.stored(found.rate, found.parts)
+        damped, work = row[4] + found.damped, row[5] + found.work
+        head = [end if span == left else time + span, following, kinetic, strain, damped, work]
+        self._append(np.concatenate([head, found.position, found.rate]))
+        self._parts = self._count, found.parts, found.stress
+        if span == left:
+            self._jump(end)
+
+    def _acting(self, time: float, span: float, share: float) -> Acting:
+        """Return what acts at a share of a step."""
+        return self._load(time + share * span)
+
+    def _moved(self, position: Floats) -> Floats:
+        """Return how far the nodal vectors of a state are from those of the first one, (V, 3)."""
+        first = self.rows[0, COLUMNS : COLUMNS + len(position)]
+        return self._rule.body.moved(position - first)
+
+    def _error(self, errors: Floats, position: Floats) -> float:
+        """Return estimated errors (V, 3) of a step as a share of the motion up to its end."""
+        # Along the way that each node has gone, and weighted with its length: sideways, as along a
+        # strip that swings, there are vibrations that are too small to matter.
+        farthest = _farther(self._farthest, self._moved(position))
+        largest = max(float(np.linalg.norm(farthest, axis=1).max()), self._smallest)
+        along = float(abs(np.einsum("ni,ni->n", errors, farthest)).max()) / largest
+        return max(along, float(abs(errors).max()) / OTHERS) / largest
+
+    def _guess(self, span: float) -> Floats:
+        """Return the moves to both stages on the last step's parabola."""
+        row = self.rows[-1]
+        v: Floats = np.split(row[COLUMNS:], 2)[1]
+        times = STAGES[:, None] * span
+        if self._count < 2 or (since := row[0] - self.rows[-2][0]) <= 0.0:
+            return times * v
+        before = np.split(self.rows[-2][COLUMNS:], 2)[1]
+        return times * v + times**2 / 2 * (v - before) / since
+
+    def _jump(self, time: float) -> None:
+        """Append the state after a base has jumped, or set off, at a time: inertia stays behind."""
+        moving = [load.moves_base is not None for load in self.loads]
+        if not any(moving):
+            return
+        row = self.rows[-1].copy()
+        q, v = np.split(row[COLUMNS:], 2)
+        way, speed = np.zeros((2, len(q)))
+        for load, push, moves in zip(self.loads, self._pushes, moving, strict=True):
+            if moves:
+                value, slope = jump_of(load.function, time, self._settled)
+                way, speed = way - value * push, speed - slope * push
+        if not (way.any() or speed.any()):
+            return
+        solve = self._rule.body.unsymmetric(self._rule.mass)
+        way = solve(way)
+        parts = self._rule.at(q + way / 2)
+        v = v + solve(speed - self._rule.impulse(parts, way))
+        q = q + way
+        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        row[5] += kinetic + strain - row[2] - row[3]
+        row[1:4] = FIRST * self.max_step, kinetic, strain
+        self._append(np.concatenate([row[:COLUMNS], q, v]))
+
+
+def _farther(first: Floats, second: Floats) -> Floats:
+    """Return the longer one of each two vectors, (V, 3)."""
+    longer = np.linalg.norm(second, axis=1) > np.linalg.norm(first, axis=1)
+    return np.where(longer[:, None], second, first)
+
+
+def _of_ratios(
+    cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
+) -> tuple[float, Floats | None]:
+    """Return β, and U of what ratios of modes resist with beside it: C = β K + U Uᵀ."""
+    values = cage.eigenvalues
+    swing = values > 0
+    if not np.any(damping.ratio):
+        return damping.beta, None
+    if not swing.any():
+        raise InputError(
+            "a ratio damps modes that swing, and there are none",
+            key="damping_ratio",
+            cure="Take more modes, or give alpha and beta.",
+        )
+    # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965), of which β K has as much as leaves none of it
+    # negative. What is short-waved has no mode here, and would be damped by nothing else.
+    resisted = Damping(ratio=damping.ratio).alphas(np.maximum(values, 0.0))
+    beta = damping.beta + float((resisted[swing] / values[swing]).min())
+    fields = cage.model.pencil.coordinates(cage.shapes.T)
+    mine = np.zeros((len(values), len(values)))
+    for part in (state for state in body.at(body.start) if isinstance(state, StrainState)):
+        strained = np.stack(
+            [part.kind.changes(part.gradients, body.moved(field)) for field in fields.T]
+        )
+        stress = np.stack([part.kind.stresses(change) for change in strained])
+        mine += stress.reshape(len(values), -1) @ strained.reshape(len(values), -1).T
+    rest, turn = np.linalg.eigh(np.diag(resisted) - beta * cage.model.modulus * mine)
+    kept = rest > 1e-9 * rest[-1]
+    sizes = np.sqrt(cage.model.modulus * rest[kept])
+    return beta, mass @ (fields @ turn[:, kept]) * sizes
+
+
+def _refuse(cage: CageModes, loads: Sequence[LoadVector]) -> None:
+    if any(load.function.steady for load in loads):
+        raise InputError(
+            "what has been going on for ever has no start that steps could begin with",
+            key="steady",
+            cure="Leave steady out; with damping the motion becomes steady by itself.",
+        )
+    if cage.model.fittings.bodies is not None:
+        raise InputError(
+            "a rigid place turns by small angles only, and what is stepped may turn by any",
+            key="rigid",
+            cure="Fix the place, or leave out modal.rigid; or take [response].",
+        )

@@ -1,0 +1,1 @@
+"""Crimp interchange, tensile tests and the stiffness of cloth."""

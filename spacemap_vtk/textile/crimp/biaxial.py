@@ -1,0 +1,152 @@
+"""Tensile tests of a cloth from its yarns: strips with a free width, and equal biaxial tension."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.textile.crimp.interchange import Interchange, Resultants
+
+#: The tests, in the order of their curves.
+TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
+#: Bisection steps that find the extension of a free direction.
+_HALVINGS = 24
+#: How far the map goes beyond straight yarns: share of the crimp, and least and largest amount.
+_PAST = (0.25, 0.02, 0.05)
+#: How far the map goes below rest, as a multiple of its range above rest, unless yarns jam earlier
+#: or later.
+_BELOW = 1.5
+#: Largest number of solutions in a map.
+_SOLUTIONS = 60_000
+#: Least and largest number of points along one side of a map.
+_SIDE = (15, 61)
+
+
+class StretchMap(NamedTuple):
+    """Response of a cloth at m x m stretches; values are (2, weft, warp) or (weft, warp)."""
+
+    warp: Floats
+    weft: Floats
+    force: Floats
+    """Along warp and weft, in N/m; 0 of yarns that do not stretch."""
+    strain: Floats
+    """Of warp and weft."""
+    slack: Bools
+    """Whether yarns are longer than their room."""
+    exchange: Floats
+    """(2, n) Stretches along warp and weft at which they begin to be pulled: there they trade
+    crimp."""
+    jam: Floats
+    """(2, m) Least stretch of the warp at each one of the weft, and of the weft at each of the
+    warp."""
+
+
+class Tensile(NamedTuple):
+    """A tensile test of n steps."""
+
+    name: str
+    extension: Floats
+    """(2, n) Of the cloth along warp and weft, 0 at rest."""
+    force: Floats
+    """(2, n) Per width of cloth at rest, along warp and weft, in N/m."""
+    strain: Floats
+    """(2, n) Largest of the yarns' strains."""
+
+
+def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> list[Tensile]:
+    """Simulate tensile tests along the warp, along the weft, and along both.
+
+    Parameters
+    ----------
+    crossings : Interchange
+        Crossings of the cloth; its yarns must stretch.
+    largest : float
+        Largest extension.
+    steps : int
+        Number of extensions, from 0 to `largest`.
+
+    Returns
+    -------
+    list of Tensile
+        In the order of `TESTS`. In a strip test the other direction is as wide as it is without
+        force: the largest width at which its yarns do not pull, or the width at which they jam.
+    """
+    pulled = 1.0 + np.linspace(0.0, largest, steps)
+    threshold = 1e-9 * crossings.resultants([[1.01], [1.01]]).force.max()
+    result = []
+    for family, name in enumerate(TESTS):
+        stretch = np.stack([pulled, pulled])
+        if family < 2:
+            # Search between the stretch at which yarns jam and that at which both directions pull.
+            stretch[1 - family] = 0.1
+            low = crossings.resultants(stretch).stretch[1 - family] * (1.0 + 1e-12)
+            high = np.maximum(low, 1.0 + largest)
+            for _ in range(_HALVINGS):
+                stretch[1 - family] = 0.5 * (low + high)
+                taut = crossings.resultants(stretch).force[1 - family] > threshold
+                low = np.where(taut, low, stretch[1 - family])
+                high = np.where(taut, stretch[1 - family], high)
+            stretch[1 - family] = low
+        force, strain, _, _, held = crossings.resultants(stretch)
+        if family < 2:
+            force[1 - family] = 0.0  # if it is jammed, the jam balances the pull of the yarns
+        result.append(Tensile(name, held - 1.0, force, strain))
+    return result
+
+
+def stretch_map(crossings: Interchange) -> StretchMap:
+    """Compute the response to stretches of warp and weft, from jammed to beyond straight yarns.
+
+    Parameters
+    ----------
+    crossings : Interchange
+        Crossings of the cloth.
+
+    Returns
+    -------
+    StretchMap
+        It is coarser if the cloth has many kinds of crossings. Beyond a jam it holds the values at
+        the jam.
+    """
+    state = crossings.solve(np.ones((2, *crossings.shape)))
+    crimp = state.crimp.max(axis=(1, 2))
+    share, some, most = _PAST
+    high = 1.0 + crimp + np.clip(share * crimp, some, most)
+    side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kinds), *_SIDE))
+    low = np.empty(2)
+    for family in (0, 1):
+        jam = _jam(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some
+        low[family] = max(jam.min(), min(jam.max(), 1.0 - _BELOW * (high[family] - 1.0)))
+    axes = np.linspace(low, high, side, axis=1)
+    found = crossings.resultants(np.stack(np.meshgrid(*axes)).reshape(2, -1))
+    # On a line along which both stretches grow, slack yarns become taut exactly once.
+    span, aside = (high - low)[:, None], np.linspace(-1.0, 1.0, side)
+    start = 1.0 + span * np.array([[1.0], [-1.0]]) * aside
+    below, above = -np.ones(side), np.ones(side)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (below + above)
+        loose = _slack(crossings.resultants(np.maximum(start + span * middle, 0.1)))
+        below, above = np.where(loose, middle, below), np.where(loose, above, middle)
+    return StretchMap(
+        axes[0],
+        axes[1],
+        found.force.reshape(2, side, side),
+        found.strain.reshape(2, side, side),
+        _slack(found).reshape(side, side),
+        start + span * above,
+        np.stack([_jam(crossings, family, axes[1 - family]) for family in (0, 1)]),
+    )
+
+
+def _slack(found: Resultants) -> Bools:
+    """Return where yarns are longer than their room by more than rounding."""
+    return np.asarray((found.slack > 1e-9).any(axis=0))
+
+
+def _jam(crossings: Interchange, family: int, other: Floats) -> Floats:
+    """Compute the least stretch of a family for each stretch of the other family."""
+    stretch = np.stack([other, other])
+    stretch[family] = 0.1
+    return crossings.resultants(stretch).stretch[family]

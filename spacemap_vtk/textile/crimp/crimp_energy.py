@@ -1,0 +1,452 @@
+"""Energy of a crossing whose yarns exchange crimp, and its minimum, for many crossings at once.
+
+The unknowns are Peirce's two angles. The energy is smooth in them, also at jams, where a height is
+below its maximum by the square of the amount by which its angle is. Heights and D, twice the
+distance of the axes, follow in closed form and are linear in the rooms p. With S and C for sine and
+cosine, r = 1 - C and m = 1 - r1 r2
+
+    h1 = (p1 S1 - r1 p2 S2) / m,  D = h1 + h2,  s1 = p1 C1 - h2 S1,  l1 = D theta1 + s1
+
+and the same with 1 and 2 exchanged. With w = s / m,
+
+    dD = w1 C2 dtheta1 + w2 C1 dtheta2
+    dl1 = w1 (theta1 C2 + S1 r2) dtheta1 + w2 (theta1 C1 - S1) dtheta2
+    m dw1 = (2 S1 r2 w1 - D) dtheta1 + (r1 S2 w1 - S1 w2) dtheta2
+
+Arrays have the families first, (2, n): the gap of the warp over picks, that of the weft over ends.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.weave.peirce import bend, jam_height
+
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
+
+#: Shares of D: remaining distance at which Newton's method stops, and the movement that is assumed
+#: to precede its first step.
+_ENOUGH, _FIRST = 1e-10, 1e-3
+#: The last step turns angles by less than this, in rad: near a jam heights hardly change.
+_TURNED = 1e-6
+#: Largest turn of an angle in one step, in rad.
+_TURN = 0.5
+#: Share of the distance to a jam that heights keep: at the jam itself the derivatives of heights
+#: and D by the angle vanish.
+_INSIDE = 0.01
+#: Angle, in rad, below which a yarn that is pressed towards its other side counts as straight.
+_STRAIGHT = 1e-4
+#: Straight parts, as shares of D: one that is too short to divide by, and one of a yarn that counts
+#: as jammed because Newton's method stops just before the jam.
+_SLIVER, _JAMMED = 1e-7, 1e-5
+#: Share of D within which D is at its bound.
+_EQUAL = 1e-12
+#: Added to a divisor, or used as its least value, so that it is not 0.
+_TINY = 1e-150
+
+
+def some(arrays: Arrays, which: NDArray) -> Arrays:
+    """Select some of the crossings."""
+    return type(arrays)(*(array.take(which, axis=-1) for array in arrays))
+
+
+class CrimpEnergy(NamedTuple):
+    """Coefficients of the energy of crossings."""
+
+    # The energy is 1/2 tension (l - length)**2 for each yarn whose axis is longer than the yarn,
+    # 1/2 contact (D - full)**2, and hinge (theta - rest)**2 / D for each yarn.
+
+    tension: Floats
+    """(2, n) EA over the yarn's length, in N/m."""
+    contact: Floats
+    """(n,) In N/m."""
+    hinge: Floats
+    """(2, n) Half of D times what an angle resists with at rest, in N m2."""
+    rest: Floats
+    """(2, n) Angles at rest."""
+    full: Floats
+    """(n,) D at rest."""
+
+    def unpulled(
+        self, theta: Floats, distance: Floats
+    ) -> tuple[Floats, Floats, Floats, Floats | float]:
+        """Compute energy without the yarns' pull, two derivatives by D, and the first by theta."""
+        squash = distance - self.full
+        push = self.contact * squash
+        value = 0.5 * push * squash
+        if not self.hinge.any():
+            return value, push, self.contact, 0.0
+        bent = theta - self.rest
+        moment = 2.0 * self.hinge / distance * bent
+        work = moment * bent
+        fade = 0.5 * (work[0] + work[1]) / distance
+        contact = self.contact + 2.0 * fade / distance
+        return value + fade * distance, push - fade, contact, moment
+
+
+class Slopes(NamedTuple):
+    """Energy of crossings and its derivatives by the angles of their yarns."""
+
+    value: Floats
+    """(n,) J"""
+    theta: Floats
+    half: Floats
+    straight: Floats
+    over: Floats
+    """(2, n) What axes are longer than their yarns; less than 0 of slack ones."""
+    own: Floats
+    """(2, n) An axis' length by its own angle."""
+    other: Floats
+    """(2, n) An axis' length by the other one's angle."""
+    turn: Floats
+    """(2, n) D by the angles."""
+    slope: Floats
+    """(2, n) The energy, less press times D, by the angles."""
+    curve: Floats
+    """(3, n) The same by theta1 twice, by both, by theta2 twice."""
+
+    def pulled(self, stiff: Floats) -> Slopes:
+        """Add the pull of yarns of a given stiffness; slack yarns push."""
+        own, other = stiff * self.own, stiff * self.other
+        slope = self.slope + own * self.over + (other * self.over)[::-1]
+        square = own * self.own + (other * self.other)[::-1]
+        mixed = own * self.other
+        curve = self.curve + np.stack([square[0], mixed[0] + mixed[1], square[1]])
+        return self._replace(slope=slope, curve=curve)
+
+    def press(self) -> Floats:
+        """Compute the derivative of the least energy by D, in N; straight yarns do not count."""
+        turn = self.turn * (self.theta > _STRAIGHT)
+        return (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
+
+
+def slopes(
+    energy: CrimpEnergy,
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    press: Floats | float = 0.0,
+) -> Slopes:
+    """Compute the energy and its derivatives by the angles."""
+    # Arrays are reused in place, because allocating new ones costs as much as the arithmetic.
+    theta, s, over, sin, cos, half = bend(room, heights, distance)
+    over -= length
+    bow, cross = 1.0 - cos, cos[::-1]
+    both = 1.0 - bow[0] * bow[1]
+    weight = s / both
+    stiff = energy.tension * (over > 0.0)
+    force = stiff * over
+    value, free, steep, moment = energy.unpulled(theta, distance)
+    value += 0.5 * (force[0] * over[0] + force[1] * over[1])
+    free = free - press
+    aside = bow[::-1] * sin
+    turn, own, other = weight * cross, theta * cross, theta * cos
+    own += aside
+    other -= sin
+    slope = force * own
+    slope += (force * other)[::-1]
+    slope += free * cross
+    mixed = (bow[0] * sin[1] * weight[0] - sin[0] * weight[1]) / both * slope[0]
+    mixed -= weight[0] * sin[1] * (force[0] * (theta[0] - sin[0]) + force[1] * theta[1] + free)
+    square = aside
+    square *= 2.0 * weight
+    square -= distance
+    square *= slope / both
+    slope *= weight
+    own *= weight
+    other *= weight[::-1]
+    force *= s
+    square += force
+    by_own, by_other, by_turn = stiff * own, stiff * other, steep * turn
+    mixed += by_own[0] * other[0] + by_own[1] * other[1] + by_turn[0] * turn[1]
+    by_own *= own
+    by_own += (by_other * other)[::-1]
+    square += by_own
+    if not isinstance(moment, float):
+        slope += moment
+        fade = moment / distance
+        mixed -= fade[0] * turn[1] + fade[1] * turn[0]
+        by_turn -= 2.0 * fade
+        square += energy.hinge * (2.0 / distance)
+    by_turn *= turn
+    square += by_turn
+    curve = np.stack([square[0], mixed, square[1]])
+    return Slopes(value, theta, half, s, over, own, other, turn, slope, curve)
+
+
+def pulls(
+    energy: CrimpEnergy,
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    along: tuple[Floats, Floats],
+) -> Floats:
+    """Compute the forces, (2, n), as derivatives at given heights, without the push of jams."""
+    gap = bend(room, heights, distance)
+    force = energy.tension * np.maximum(gap.length - length, 0.0)
+    moment = energy.unpulled(gap.theta, distance)[-1]
+    lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
+    return force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
+
+
+def forces(
+    energy: CrimpEnergy,
+    room: Floats,
+    length: Floats,
+    heights: Floats,
+    distance: Floats,
+    along: tuple[Floats, Floats],
+    distances: tuple[Floats, Floats],
+) -> tuple[Floats, Floats, Floats]:
+    """Compute the least energy, (n,), and its derivatives by the stretches, (2, n), (2, 2, n)."""
+    # `along` holds d(room) and -d(length) by the stretch: spacing and floats of each yarn.
+    low, high = distances
+    little = 1e-9 * energy.tension.max(axis=0) * energy.full
+    now = slopes(energy, room, length, heights, distance)
+    # Push of a jam into which bending turns a yarn.
+    jammed = (now.straight < _JAMMED * distance) & (now.slope < -little)
+    push = np.where(jammed, -now.slope / distance, 0.0)
+    turned = (push * np.tan(now.theta))[::-1] * now.turn
+    press = now._replace(slope=np.where(jammed, 0.0, now.slope) + turned).press()
+    # Where D is pressed against a bound it does not follow the stretch. At rest nothing presses,
+    # and D follows everywhere.
+    firm = ((distance <= low) & (press > little)) | ((distance >= high) & (press < -little))
+    firm |= low >= high
+    press = np.where(firm, press, 0.0)
+    now = slopes(energy, room, length, heights, distance, press)
+    # A yarn that is neither slack nor strained counts as pulling: then the stiffness at rest is
+    # that of a cloth under tension.
+    pull = energy.tension * (now.over >= -1e-12 * length)
+    now = now.pulled(pull * (now.over <= 0.0))
+    force = pull * np.maximum(now.over, 0.0)
+    _, free, steep, moment = energy.unpulled(now.theta, distance)
+    free = free - press
+    # At given angles lengths are linear in the rooms. Arrays are (2, stretches, n), and each
+    # stretch changes the room of one yarn.
+    theta, sin, cos = (one[:, None] for one in (now.theta, np.sin(now.theta), np.cos(now.theta)))
+    bow, cross = 1.0 - cos, cos[::-1]
+    both = 1.0 - bow[0] * bow[1]
+    rooms, more = np.zeros((2, *room.shape)), np.zeros((2, *room.shape))
+    rooms[[0, 1], [0, 1]], more[[0, 1], [0, 1]] = along
+    rise = rooms * sin
+    height = (rise - bow * rise[::-1]) / both
+    straight = rooms * cos - height[::-1] * sin
+    wider, weight = height.sum(axis=0), straight / both
+    longer = wider * theta + straight + more
+    force = force[:, None]
+    slope = (force * longer - push[:, None] * straight).sum(axis=0) + free * wider
+    tangent = np.einsum("in,ikn,iln->kln", pull, longer, longer) + steep * wider * wider[:, None]
+    mixed = weight * (force * (theta * cross + bow[::-1] * sin) + free * cross)
+    mixed += weight * (force * (theta * cos - sin))[::-1]
+    mixed += (pull * now.own)[:, None] * longer + ((pull * now.other)[:, None] * longer)[::-1]
+    mixed += (steep * now.turn - moment / distance)[:, None] * wider
+    # The angles follow the stretch, except those of straight yarns that are pressed. D stays where
+    # it is held. Jams into which bending turns a yarn follow by their angles only, without the
+    # effect of the room on bending.
+    loose = (now.theta > _STRAIGHT) | (now.slope < little)
+    a, b, c = now.curve * np.stack([loose[0], loose[0] & loose[1], loose[1]])
+    scale = firm * (np.abs(a) + np.abs(c)) / np.maximum(np.abs(now.turn).max(axis=0), _TINY)
+    turn = scale * loose * now.turn
+    system = np.array([[a, b, turn[0]], [b, c, turn[1]], [turn[0], turn[1], np.zeros_like(a)]])
+    sides = np.concatenate([loose[:, None] * mixed, scale * wider[None]])
+    # The pseudo-inverse leaves directions alone that nothing resists.
+    inverse = np.linalg.pinv(system.transpose(2, 0, 1), 1e-13, True)
+    tangent -= np.einsum("ikn,nij,jln->kln", sides, inverse, sides)
+    return now.value, slope, tangent
+
+
+class _Place(NamedTuple):
+    """State of the crossings, and Newton's step from it."""
+
+    heights: Floats
+    distance: Floats
+    top: Floats
+    """(2, n) The heights of jams at that distance."""
+    value: Floats
+    half: Floats
+    turn: Floats
+    step: Floats
+    """(2, n) Of the angles."""
+    press: Floats
+    """(n,) With what D is pressed against its bound, in N; less than 0 at the upper one."""
+    first: Bools
+    """(n,) Whether the warp's angle leads, for D feels it less, and the weft's follows."""
+    part: Floats
+    """(n,) Of the step, to be tried."""
+    moves: Floats
+    """(n,) How far h1 or D went to get there."""
+
+
+def least(
+    energy: CrimpEnergy,
+    room: Floats,
+    length: Floats,
+    height: Floats,
+    distance: Floats,
+    low: Floats,
+    high: Floats,
+) -> tuple[Floats, Floats]:
+    """Find h1 and D of the least energy by Newton's method, D within its bounds."""
+    result = np.empty((2, len(low)))
+    live: Ints = np.arange(len(low))
+    noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
+    d = np.clip(distance, low, high)
+    top = jam_height(room, d)
+    # Where both yarns are jammed, only a smaller D makes room.
+    if (tight := top[0] + top[1] < 1.001 * d).any():
+        d = np.where(tight, d - 0.1 * (d - low), d)
+        top = jam_height(room, d)
+    inside = _INSIDE * (top[0] + top[1] - d)
+    h = np.clip(height, d - top[1] + inside, top[0] - inside)
+    heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST * d
+    for _ in range(100):
+        now = slopes(energy, room, length, heights, d, press)
+        step, press, first, over = _step(energy.tension, now, d, press, low, high)
+        part = np.ones_like(d) if at is None else np.minimum(3.0 * at.part, 1.0)
+        to = _Place(heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves)
+        if at is not None:
+            worse = np.flatnonzero(~(to.value <= at.value * (1.0 + 1e-12) + noise))
+            if len(worse):
+                for new, old in zip(to, at, strict=True):
+                    new[..., worse] = old[..., worse]
+                part[worse] /= 3.0
+        at = to
+        heights, d, top = _moved(room, at, low, high)
+        moves = np.maximum(np.abs(heights[0] - at.heights[0]), np.abs(d - at.distance))
+        # Steps that keep shrinking at the rate of this one would move less than the tolerance.
+        done = (moves * moves <= _ENOUGH * d * at.moves) & (part > 0.9)
+        done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _TURNED
+        # The step must not make a taut yarn slack.
+        done &= ((now.over <= 0.0) | (over > -_EQUAL * d)).all(axis=0)
+        if 8 * np.count_nonzero(done) > len(done):
+            for bound in (low, high):  # D is at a bound up to rounding
+                d = np.where(np.abs(d - bound) < _EQUAL * bound, bound, d)
+            result[:, live[done]] = heights[0, done], d[done]
+            on = np.flatnonzero(~done)
+            if not len(on):
+                return result[0], result[1]
+            energy, at = some(energy, on), some(at, on)
+            live = live[on]
+            room, length, heights, top, d, low, high, press, moves, noise = (
+                one.take(on, axis=-1)
+                for one in (room, length, heights, top, d, low, high, press, moves, noise)
+            )
+    result[:, live] = heights[0], d
+    return result[0], result[1]
+
+
+def _step(
+    tension: Floats, now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Bools, Floats]:
+    """Compute Newton's step, the press on D, whether the warp leads, and `over` after the step."""
+    taut = now.over > 0.0
+    step, press, first, over = _towards(now, d, press, low, high)
+    # A yarn that becomes taut in the step counts as taut from the start of the step.
+    new = (over > 0.0) > taut
+    for _ in range(2):
+        which = np.flatnonzero(new[0] | new[1])
+        if not len(which):
+            break
+        taut[:, which] |= new[:, which]
+        mine = (one.take(which, axis=-1) for one in (d, press, low, high))
+        pushed = some(now, which).pulled(tension[:, which] * (taut & (now.over <= 0.0))[:, which])
+        found = _towards(pushed, *mine)
+        step[:, which], press[which], first[which], over[:, which] = found
+        new = (over > 0.0) > taut
+    size = np.maximum(np.abs(step[0]), np.abs(step[1]))
+    return step * (_TURN / np.maximum(size, _TURN)), press, first, over
+
+
+def _towards(
+    now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Bools, Floats]:
+    """Compute the results of `_step` for yarns that stay as taut or slack as they are."""
+    (a, b, c), slope, turn = now.curve, now.slope, now.turn
+    # At a saddle, use the curvatures by size; otherwise the step would climb.
+    saddle = np.flatnonzero(~((a > 0.0) & (a * c * (1.0 - 1e-10) > b * b)))
+    if len(saddle):
+        a, b, c = np.stack([a, b, c])
+        a[saddle], b[saddle], c[saddle] = _size(a[saddle], b[saddle], c[saddle])
+    across = np.stack([c, a])
+    by = 1.0 / (a * c - b * b)
+    yielding = (across * turn - b * turn[::-1]) * by
+    # `slope` contains the previous press. It is removed to see whether D is still pressed.
+    step = (b * slope[::-1] - across * slope) * by - press * yielding
+    to = d + turn[0] * step[0] + turn[1] * step[1]
+    off = np.minimum(np.maximum(to, low), high) - to
+    more = off / np.maximum(turn[0] * yielding[0] + turn[1] * yielding[1], _TINY)
+    step += more * yielding
+    first = np.abs(turn[0]) <= np.abs(turn[1])
+    # The step may take a yarn past a jam, or past being straight.
+    size, (s1, s2) = np.maximum(np.abs(step[0]), np.abs(step[1])), now.straight
+    near = np.minimum(s1, s2) < size * (d + s1 + s2)
+    ends = np.flatnonzero(near | (np.minimum(now.theta[0], now.theta[1]) < size))
+    if len(ends):
+        taken = (
+            one.take(ends, axis=-1) for one in (np.stack([a, b, c]), step, d, press, low, high)
+        )
+        past, *found = _ended(some(now, ends), *taken)
+        for array, value in zip((step, more, first), found, strict=True):
+            array[..., ends[past]] = value[..., past]
+    return step, more, first, now.over + now.own * step + now.other * step[::-1]
+
+
+def _ended(
+    now: Slopes, curve: Floats, step: Floats, d: Floats, press: Floats, low: Floats, high: Floats
+) -> tuple[Bools, Floats, Floats, Bools]:
+    """Check whether a step passes a jam or a straight yarn, and end it there as `_towards` does."""
+    turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
+    weight = now.straight / (1.0 - bow[0] * bow[1])
+    # Derivatives of a straight part by the angle of its own yarn and of the other one.
+    own, other = sin * bow[::-1] * weight - d, -sin * weight[::-1]
+    jammed = -(now.straight + own * step + other * step[::-1]) / d
+    over = np.maximum(jammed, -now.theta - step)
+    warp, jams = over[0] > over[1], jammed >= over
+    mine, jam = np.stack([warp, ~warp]), np.where(warp, jams[0], jams[1])
+    left = np.where(jam, now.straight, now.theta)
+    change = mine * np.where(jam, own, 1.0) + (mine * np.where(jam, other, 0.0))[::-1]
+    way = -np.where(warp, left[0], left[1]) / (change * change).sum(axis=0) * change
+    # Direction in which the yarn stays jammed, or straight.
+    aside = np.stack([change[1], -change[0]])
+    (a, b, c), (u, v) = curve, aside
+    slope = now.slope + press * turn
+    slope += np.stack([a * way[0] + b * way[1], b * way[0] + c * way[1]])
+    pull, stiff = (aside * slope).sum(axis=0), a * u * u + 2.0 * b * u * v + c * v * v
+    lean = (aside * turn).sum(axis=0)
+    to = d + (turn * way).sum(axis=0) - pull / stiff * lean
+    off = np.clip(to, low, high) - to
+    free = (off == 0.0) | (lean == 0.0)
+    far = np.where(free, 0.0, off / np.where(free, 1.0, lean))
+    press = np.where(free, 0.0, far * stiff / np.where(free, 1.0, lean))
+    first = np.where(jam, np.abs(turn[0]) <= np.abs(turn[1]), warp)
+    return over.max(axis=0) > 0.0, way + (far - pull / stiff) * aside, press, first
+
+
+def _size(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
+    """Replace the eigenvalues of matrices [[a, b], [b, c]] by their sizes, none of them 0."""
+    root = np.maximum(np.abs(a * c - b * b), 1e-12 * (a + c) ** 2 + _TINY**2)
+    trace = np.sqrt(a * a + 2.0 * b * b + c * c + 2.0 * root)
+    return (a * a + b * b + root) / trace, b * (a + c) / trace, (c * c + b * b + root) / trace
+
+
+def _moved(room: Floats, at: _Place, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
+    """Compute heights, D and jam heights after a step; D and the leading angle decide."""
+    step = at.part * at.step
+    d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]
+    d = np.minimum(np.maximum(d, low), high)
+    top = jam_height(room, d)
+    most = top - _INSIDE * np.maximum(at.top - at.heights, 0.0)
+    p, t, half = (np.where(at.first, one[0], one[1]) for one in (room, at.half, 0.5 * step))
+    few, many = np.minimum(p, d), np.maximum(p, d)
+    last = few / (many + np.sqrt((many - few) * (many + few)))
+    t = np.minimum(np.maximum((t + half) / (1.0 - t * half), 0.0), np.minimum(last, 1.0 - 1e-9))
+    h = 2.0 * t * (p - d * t) / (1.0 - t * t)
+    h = np.where(at.first, h, d - h)
+    h = np.minimum(np.maximum(np.minimum(h, most[0]), np.maximum(d - most[1], 0.0)), d)
+    return np.stack([h, d - h]), d, top

@@ -1,0 +1,207 @@
+"""Crossings of a cloth as arrays, with all that decides how their yarns exchange crimp."""
+
+from __future__ import annotations
+
+from math import inf, isfinite, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.textile.crimp.crimp_energy import CrimpEnergy
+from spacemap_vtk.textile.drafts.drawdown import repeat
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import bend, taut_height
+
+#: Least straight share of a yarn's length at rest in formulas for bending: a jammed yarn bends too.
+_STRAIGHT = 0.05
+#: Least room in a gap, as a share of D; the formulas for angles need some.
+_LEAST_ROOM = 1e-9
+#: Least contact stiffness, as a share of the yarns' stiffness; it fixes D if nothing else does.
+_LEAST_CONTACT = 1e-12
+
+
+class Crossings(NamedTuple):
+    """Crossings of a cloth: arrays (2, n), families first, or (n,)."""
+
+    own: Floats
+    """Spacing, where the yarn changes side; 0 for one that never does."""
+    flat: Floats
+    """What of it is flat."""
+    floats: Floats
+    """Length of floats for each such gap."""
+    length: Floats
+    """Of the yarn in the gap at rest, less the flat."""
+    whole: Floats
+    """The same with flat and floats."""
+    spacing: Floats
+    loose: Floats
+    """Whether the yarn never changes side."""
+    theta: Floats
+    """At rest."""
+    tension: Floats
+    """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
+    hinge: Floats
+    """6 B D (s/l)²/l at rest, where B is known, else that of 1; a crossing's part of it."""
+    gain: Floats
+    """What h1 at rest gains with the stretch along each family, where bending alone decides."""
+    jam: Floats
+    """Stretch at which the yarn of its own length has no straight part."""
+    most: Floats
+    """Its height there: it has no greater one."""
+    full: Floats
+    """(n,) D at rest."""
+    floor: Floats
+    """(n,) Least D."""
+    rest: Floats
+    """(n,) h1 at rest."""
+    contact: Floats
+    """(n,) k_D over D at rest; 0 where contact is hard."""
+
+    def asked(self, stretch: Floats) -> tuple[Floats, Floats]:
+        """Compute the room for the arcs of each gap, and the yarn length that is left for it."""
+        return (
+            np.maximum(self.own * stretch - self.flat, _LEAST_ROOM * self.full),
+            self.length + self.floats * (1.0 - stretch),
+        )
+
+    def held(self, stretch: Floats) -> tuple[Floats, Floats]:
+        """Compute the stretch that crossings reach, and the heights that D at rest allows there."""
+        room, length = self.asked(stretch)
+        full = np.broadcast_to(self.full, room.shape)
+        height = taut_height(room, length, full)
+        # A jammed yarn leaves the other one at least this height.
+        needed = np.clip(full - height[::-1], 0.0, self.most)
+        own = np.where(self.own > 0.0, self.own, 1.0)
+        jam = (np.sqrt(needed * (2.0 * full - needed)) + self.flat) / own
+        jam = np.where(self.own > 0.0, np.minimum(jam, self.jam), -inf)
+        jammed = stretch < jam
+        return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
+
+    def energy(self, hinged: bool) -> CrimpEnergy:
+        """Build the energy of the crossings, with or without bending."""
+        hinge = self.hinge if hinged else np.zeros_like(self.hinge)
+        tension = np.where(self.loose, 0.0, self.tension)
+        contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
+        return CrimpEnergy(tension, contact, hinge, self.theta, self.full)
+
+    def bending(self) -> CrimpEnergy:
+        """Build the energy of bending alone, which decides where yarns are slack."""
+        zero = np.zeros_like(self.hinge)
+        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.full)
+
+
+def crossings(
+    cloth: Cloth, tension: Floats, contact: float, bending: tuple[float, float], flattest: float
+) -> tuple[Crossings, Floats]:
+    """Compute the crossings of a cloth, and the area of each."""
+    (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
+    full = np.add.outer(weft.diameter, warp.diameter)
+    rest = np.array(cloth.shares)[:, None, None] * full
+    along = _around(weft.spacing, cloth.families[0].crossed)
+    across = _around(warp.spacing, cloth.families[1].crossed)
+
+    def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
+        """Spread values of picks (for the warp) and ends (for the weft) over all crossings."""
+        result = np.empty(shape)
+        result[0], result[1] = np.asarray(of_picks)[:, None], of_ends
+        return result
+
+    spacing = each(along, across)
+    # Where thick yarns lie among thin ones, a crossing that is repeated may be tighter than any
+    # gap of the cloth.
+    flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
+    share, float_ = np.empty((2, *shape))
+    share[0], share[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
+    float_[0] = _float_spacing(cloth.drawdown, weft.spacing, along)
+    float_[1] = _float_spacing(cloth.drawdown.T, warp.spacing, across).T
+    loose = np.isinf(share)
+    # A yarn that never changes side bends nowhere: its gap is always wide enough, and it never
+    # reaches its length.
+    floats, own = float_ * np.where(loose, 0.0, share), np.where(loose, 0.0, spacing)
+    flat = np.where(loose, -10.0 * full, flat)
+    gap = bend(own - flat, rest, full)
+    length = np.where(loose, 1e3 * full, gap.length)
+    whole = np.where(loose, spacing, length + flat + floats)
+    stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
+    # Each crossing gets this share of a gap with its floats.
+    part = np.where(loose, 1.0, own / np.where(loose, 1.0, own + floats))
+    straight = np.maximum(gap.straight / gap.length, _STRAIGHT)
+    hinge = np.where(loose, 0.0, part * 6.0 * stiffness * full * straight**2 / gap.length)
+    # Both angles stay as close as possible to those at rest.
+    give = hinge * gap.cos / (straight * gap.length) ** 2
+    gain = own * give * gap.sin / np.maximum((give * gap.cos).sum(axis=0), 1e-300)
+    gain[1] *= -1.0
+    hard = not isfinite(contact)
+    jam, most = _jam(own, flat, floats, length, full)
+    pull = part * np.where(np.isinf(tension), 1.0, tension) / whole
+    yarns = (
+        own,
+        flat,
+        floats,
+        length,
+        whole,
+        spacing,
+        loose,
+        gap.theta,
+        pull,
+        hinge,
+        gain,
+        jam,
+        most,
+    )
+    single = (
+        full,
+        full * (1.0 if hard else flattest),
+        rest[0],
+        np.zeros_like(full) if hard else contact / full,
+    )
+    return (
+        Crossings(*(array.reshape(2, -1) for array in yarns), *(one.ravel() for one in single)),
+        np.multiply.outer(along, across),
+    )
+
+
+def _jam(
+    own: Floats, flat: Floats, floats: Floats, length: Floats, full: Floats
+) -> tuple[Floats, Floats]:
+    """Find stretch and height at which a yarn of given length has no straight part left."""
+    stretch = np.ones_like(own)
+    # Floats release length as they get shorter. The function is convex, so Newton's method
+    # converges from above.
+    for _ in range(30 if floats.any() else 2):
+        angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
+        rest = own * stretch - flat - full * np.sin(angle)
+        step = rest / np.where(own > 0.0, own + floats * np.cos(angle), inf)
+        stretch -= step
+        if np.abs(step).max() < 1e-15:
+            break
+    angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
+    return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
+
+
+def _floats(drawdown: Bools) -> Floats:
+    """Compute, for the yarn of each column, the gaps without a change of side per gap with one."""
+    period = repeat(drawdown)[1]
+    line = drawdown[:period]
+    changes = np.count_nonzero(line != np.roll(line, 1, axis=0), axis=0)
+    with np.errstate(divide="ignore"):
+        share: Floats = (period - changes) / changes
+    return share
+
+
+def _float_spacing(drawdown: Bools, spacing: Floats, around: Floats) -> Floats:
+    """Compute the mean spacing in the floats of each column's yarn; if all agree, the local one."""
+    if not len(spacing) or np.ptp(spacing) == 0.0:
+        return np.broadcast_to(around[:, None], drawdown.shape)
+    same = drawdown[1:] == drawdown[:-1]
+    same |= ~same.any(axis=0)
+    return np.broadcast_to(spacing @ same / same.sum(axis=0), drawdown.shape)
+
+
+def _around(spacing: Floats, alone: float) -> Floats:
+    """Compute the mean spacing on both sides of each yarn."""
+    if not len(spacing):
+        return np.array([alone])
+    return 0.5 * (np.append(spacing, spacing[-1]) + np.append(spacing[0], spacing))

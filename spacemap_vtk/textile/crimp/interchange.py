@@ -1,0 +1,410 @@
+"""Crimp interchange: yarns that keep their length, or their tension, when the cloth is stretched.
+
+Space is stretched by lambda_w along the warp and lambda_f along the weft. A crossing then has new
+spacings and two unknowns: h1, the crimp height of the warp, and D, twice the distance of the axes
+(h2 = D - h1). Each crossing is solved as if it were repeated all over the cloth. If neighbours were
+coupled by the rise between them, heights that alternate from crossing to crossing would cost no
+energy, and the problem would have no unique solution. `joined` corrects crossings that differ.
+
+- In a gap where a yarn changes side, its length follows Peirce. Flats of the crossed yarn, and
+  floats, are straight. Floats are distributed evenly over the gaps with a change of side in the
+  repeat of the drawdown, so that a repeat of each yarn has the right length.
+- Yarns pull and do not push: a yarn that is longer than its room is slack. Touching yarns can only
+  be pressed together, down to the least D, where fibres are packed as closely as possible.
+- Yarns that do not stretch are the limit of stiff ones: lengths come first, then contact, then
+  bending. Where both yarns are slack, bending decides. Where both are pulled, the crossing flattens
+  as little as the lengths allow. At the least D they strain, by least squares.
+- The angle of a gap resists with 12 B (s/l)²/l, with the straight and the whole length at rest. So
+  a strip begins to stretch with Leaf and Kandil's modulus, for yarns that bend over their whole
+  length. If only the arcs bent, an open cloth would be too stiff without limit.
+- At a jam a yarn has no straight part left while it is still slack. The crossing cannot be pressed
+  any further: it keeps the stretch at which the jam occurs.
+
+Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; S.
+Kawabata, M. Niwa, H. Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile
+Inst. 64 (1973) 21, for the balance of tensions and the pressed crossing; G. A. V. Leaf, K. H.
+Kandil, "The Initial Load-extension Behaviour of Plain-woven Fabrics", J. Textile Inst. 71 (1980) 1.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import inf, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk import cancel
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.crimp.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
+from spacemap_vtk.textile.crimp.crossings import Crossings, crossings
+from spacemap_vtk.textile.crimp.joined import Joined, Said
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import bend, both_taut
+
+#: Share of a section that fibres fill in the closest (hexagonal) packing.
+CLOSEST = pi / (2.0 * sqrt(3.0))
+#: A yarn is slack if its axis is shorter than its length by more than this share.
+_SLACK = 1e-9
+#: Number of crossings that are solved in one block, which takes some ten megabytes.
+_BLOCK = 50_000
+
+
+class YarnMechanics(NamedTuple):
+    """Stiffnesses of yarns."""
+
+    tension: ArrayLike = (inf, inf)
+    """EA of warp and weft in N, or of each at each crossing, (2, picks, ends); inf for both: they
+    do not stretch."""
+    contact: float = 0.0
+    """Stiffness k_D of crossings in N: inf is hard."""
+    bending: tuple[float, float] = (0.0, 0.0)
+    """B of warp and weft, in N m2."""
+    flattest: float = 0.6 / CLOSEST
+    """Least D over D at rest: packing over `CLOSEST`; 1 for hard contact."""
+
+
+class CrimpState(NamedTuple):
+    """State of crossings; arrays are (picks, ends), or (2, picks, ends) for warp and weft."""
+
+    height: Floats
+    """(2, ...) Distances of the axes from the mid-surface, h1 / 2 and h2 / 2, in metres."""
+    distance: Floats
+    """D = h1 + h2, in metres."""
+    theta: Floats
+    """(2, ...) Peirce's angle, in radians."""
+    crimp: Floats
+    """(2, ...) Of the axes, over the stretched space, floats included."""
+    strain: Floats
+    """(2, ...) Of the yarns, at least 0."""
+    contact: Floats
+    """Force that presses the yarns together, in N; 0 where neither EA nor k_D is known."""
+    slack: Bools
+    """(2, ...) Whether the yarn is longer than its room."""
+    jammed: Bools
+    """(2, ...) Whether the crossing holds against the stretch along warp or weft."""
+    stretch: Floats
+    """(2, ...) The stretches at which it stands: those asked for, or those at which it jams."""
+
+
+class Forces(NamedTuple):
+    """Energy of crossings, and its derivatives by the stretches along warp and weft."""
+
+    energy: Floats
+    """(picks, ends) J"""
+    force: Floats
+    """(2, picks, ends) J; over `Interchange.cell` these are forces per width of cloth at rest."""
+    tangent: Floats
+    """(2, 2, picks, ends) J; h1 and D follow the stretch."""
+
+
+class Resultants(NamedTuple):
+    """Response of a cloth to n uniform stretches."""
+
+    force: Floats
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without what jams push;
+    0 of yarns that do not stretch, for they take any."""
+    strain: Floats
+    """(2, n) Largest of the yarns' strains."""
+    slack: Floats
+    """(2, n) Least share of its length by which a yarn is longer than its room."""
+    distance: Floats
+    """(n,) Least D over D at rest."""
+    stretch: Floats
+    """(2, n) Those asked for, or those at which the first crossing jams."""
+
+
+class Interchange:
+    """The crossings of a cloth, prepared for stretching.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        At rest: any weave, diameters, spacings and sections.
+    yarns : YarnMechanics
+        Stiffnesses of its yarns; by default they do not stretch.
+
+    Raises
+    ------
+    GeometryError
+        There is no room for the yarns at rest.
+    InputError
+        A stiffness is not possible.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> crossings = Interchange(cloth)
+    >>> state = crossings.solve(np.broadcast_to([[[1.02]], [[0.97]]], (2, 2, 2)))
+    >>> bool(state.strain.max() < 1e-9), round(float(state.height[0, 0, 0] / 0.25e-3), 4)
+    (True, 0.4714)
+    """
+
+    def __init__(self, cloth: Cloth, yarns: YarnMechanics | None = None) -> None:
+        cloth.check()
+        if cloth.layers is not None:
+            raise InputError(
+                "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
+                "crossings of its own",
+            )
+        yarns = YarnMechanics() if yarns is None else yarns
+        self.shape = cloth.drawdown.shape
+        tension = _tension(yarns, self.shape)
+        self._stretches = bool(np.isfinite(tension).all())
+        self._hinged = any(yarns.bending)
+        self._contact = yarns.contact
+        #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
+        self.cell: Floats
+        self._cells, self.cell = crossings(cloth, tension, *yarns[1:])
+        same = all((field == field[..., :1]).all() for field in self._cells)
+        loose = self._cells.loose.reshape(2, *self.shape)
+        self._joined = None if same else Joined(cloth, loose)
+
+    def solve(self, stretch: ArrayLike) -> CrimpState:
+        """Compute the state of the crossings.
+
+        Parameters
+        ----------
+        stretch : (2, picks, ends) array_like
+            Stretches of space along warp and weft at each crossing; 1 at rest.
+
+        Returns
+        -------
+        CrimpState
+            Continuous in the stretch, and finite for every finite stretch.
+        """
+        cells, asked, back = self._alike(stretch)
+        found = []
+        for begin in range(0, asked.shape[1], _BLOCK):
+            cancel.check()
+            here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
+            found.append(self._solved(some(cells, here), asked[:, here]))
+        *fields, grown, slack = (
+            self._laid(np.concatenate(parts, axis=-1), back) for parts in zip(*found, strict=True)
+        )
+        state = CrimpState(*fields)
+        if self._joined is None:
+            return state
+        floor = 0.5 * self._laid(cells.floor, back)
+        height = self._joined.heights(state.height, floor, Said(grown, state.stretch, slack))
+        return state._replace(height=height, distance=2.0 * height.sum(axis=0))
+
+    def forces(self, stretch: ArrayLike) -> Forces:
+        """Compute the crossings' energy and its derivatives by the stretch.
+
+        Parameters
+        ----------
+        stretch : (2, picks, ends) array_like
+            As for `solve`.
+
+        Returns
+        -------
+        Forces
+            The second derivatives are exact, with h1 and D eliminated, except where bending turns a
+            yarn to its jam: the jam pushes as if the room had no effect on bending. A jammed
+            crossing has the derivatives at the stretch that it keeps.
+
+        Raises
+        ------
+        InputError
+            The yarns do not stretch, so there is no energy.
+        """
+        cells, asked, back = self._alike(stretch)
+        found = self._pulls(cells, asked)
+        return Forces(*(self._laid(array, back) for array in found))
+
+    def resultants(self, stretch: ArrayLike) -> Resultants:
+        """Compute the forces of the whole cloth for many uniform stretches.
+
+        Parameters
+        ----------
+        stretch : (2, n) array_like
+            Stretches along warp and weft.
+
+        Returns
+        -------
+        Resultants
+            One entry for each stretch.
+        """
+        asked = np.asarray(stretch, np.float64)
+        first, back = self._kinds
+        shape = 2, len(first), asked.shape[1]
+        cells = some(self._cells, np.repeat(first, asked.shape[1]))
+        held, h, d = self._find(cells, np.tile(asked, len(first)))
+        room, length = cells.asked(held)
+        over = (bend(room, np.stack([h, d - h]), d).length - length) / cells.whole
+        over = np.where(cells.loose, held - 1.0, over)
+        strain = np.maximum(over, 0.0)
+        force = np.zeros_like(held)
+        if self._stretches:
+            along = cells.own, cells.floats
+            energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
+            force = pulls(energy, room, length, heights, d, along)
+            force += np.where(cells.loose, cells.tension * strain * cells.spacing**2, 0.0)
+        weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
+        return Resultants(
+            np.einsum("fkn,k->fn", force.reshape(shape), weights),
+            strain.reshape(shape).max(axis=1),
+            np.maximum(-over, 0.0).reshape(shape).min(axis=1),
+            (d / cells.full).reshape(shape[1:]).min(axis=0),
+            held.reshape(shape).max(axis=1),
+        )
+
+    @property
+    def kinds(self) -> int:
+        """Number of different crossings."""
+        return len(self._kinds[0])
+
+    def _solved(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
+        """Compute the fields of `CrimpState`, and lengths and slack for `Said`."""
+        held, h, d = self._find(cells, asked)
+        heights = np.stack([h, d - h])
+        room, length = cells.asked(held)
+        gap = bend(room, heights, d)
+        over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
+        axis = cells.spacing + cells.floats
+        crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
+        contact = 2.0 * cells.contact * (cells.full - d)
+        # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
+        at = np.flatnonzero(d <= cells.floor)
+        if self._stretches and len(at):
+            free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
+            taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
+            contact[at] = 2.0 * np.maximum(slopes(free, *taken).press(), 0.0)
+        return (
+            0.5 * heights,
+            d,
+            gap.theta,
+            np.where(cells.loose, 0.0, crimp),
+            np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
+            contact,
+            over < -_SLACK * cells.whole,
+            held > asked,
+            held,
+            gap.length - cells.length,
+            np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0),
+        )
+
+    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
+        """Return distinct crossings, their stretches, and which of them each crossing is."""
+        asked = np.asarray(stretch, np.float64)
+        if asked.shape != (2, *self.shape):
+            raise InputError(
+                f"stretches of shape {asked.shape}",
+                key="stretch",
+                allowed=f"(2, {self.shape[0]}, {self.shape[1]})",
+            )
+        asked = asked.reshape(2, -1)
+        if np.ptp(asked, axis=1).max() <= 1e-14:
+            first, back = self._kinds
+            return some(self._cells, first), asked[:, first], back
+        return self._cells, asked, slice(None)
+
+    def _laid(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
+        """Arrange values of crossings as in the cloth."""
+        if not isinstance(back, slice):
+            array = array.take(back, axis=-1)
+        return array.reshape(*array.shape[:-1], *self.shape)
+
+    @cached_property
+    def _kinds(self) -> tuple[Ints, Ints]:
+        """First crossing of each kind, and the kind of each crossing."""
+        c = self._cells
+        rows = np.concatenate([c.own, c.flat, c.floats, c.tension, c.full[None]])
+        _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
+        return first, back.ravel()
+
+    def _pulls(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
+        """Compute the energy and its derivatives by the stretches that the crossings reach."""
+        if not self._stretches:
+            raise InputError(
+                "yarns that do not stretch take any force",
+                key="tension",
+                allowed="a finite EA of warp and weft",
+                cure="Give the yarns a tension, such as their modulus times their section",
+            )
+        held, h, d = self._find(cells, stretch)
+        energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
+        along, bounds = (cells.own, cells.floats), (cells.floor, cells.full)
+        value, force, tangent = forces(energy, room, length, np.stack([h, d - h]), d, along, bounds)
+        # Yarns that never change side are straight.
+        pull = np.where(cells.loose, cells.tension, 0.0)
+        over = np.maximum(held - 1.0, 0.0) * cells.spacing
+        force += pull * over * cells.spacing
+        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
+        value += (0.5 * pull * over**2).sum(axis=0)
+        return value, force, tangent
+
+    def _find(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
+        """Compute the stretch that the crossings reach, h1 and D."""
+        held, most = cells.held(stretch)
+        room, length = cells.asked(held)
+        full, floor = cells.full, cells.floor
+        # `most` holds the heights that yarns reach while D is as at rest.
+        slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
+        bent = cells.rest + (cells.gain * (held - 1.0)).sum(axis=0)
+        # Where bending alone would strain a yarn, the yarn keeps its length.
+        between = full - most[1], np.maximum(most[0], full - most[1])
+        h = np.clip(bent, *between)
+        d = full.copy()
+        if self._stretches:
+            # Yarns and contact share the missing height like springs in series.
+            slope = (cells.tension * np.sin(cells.theta) ** 2).clip(1e-300)
+            share = cells.contact / slope
+            give = np.maximum(full - most.sum(axis=0), 0.0) / (1.0 + share.sum(axis=0))
+            d = np.clip(full - give, floor, full)
+            h = np.where(slack, h, most[0] + share[0] * give)
+        if self._stretches and self._hinged:
+            return held, *least(cells.energy(True), room, length, h, d, floor, full)
+
+        def settle(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
+            chosen = np.flatnonzero(which)
+            if len(chosen):
+                mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
+                h[chosen], d[chosen] = least(some(energy, chosen), *mine)
+
+        h = np.where(slack, bent, h)
+        settle(slack, cells.bending(), full, full)
+        h = np.where(slack, np.clip(h, *between), h)
+        pulled = ~slack
+        if not self._stretches or self._contact == 0.0:
+            flat = np.flatnonzero(pulled & (floor < full))
+            heights = both_taut(*(one.take(flat, axis=-1) for one in (room, length, most, floor)))
+            both = heights[0] + heights[1]
+            d[flat] = np.clip(both, floor[flat], full[flat])
+            h[flat] = heights[0] * d[flat] / both
+            settle(pulled & (d <= floor), cells.energy(False), floor, floor)
+        else:
+            settle(pulled, cells.energy(False), floor, full)
+        return held, h, d
+
+
+def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
+    """Compute EA at each crossing, and refuse impossible yarns."""
+    tension = np.asarray(yarns.tension, np.float64)
+    tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]
+    for key, values, right, allowed in (
+        ("tension", tension, tension > 0.0, "more than 0 N"),
+        ("contact", yarns.contact, yarns.contact >= 0.0, "from 0 N on"),
+        (
+            "bending",
+            yarns.bending,
+            np.isfinite(yarns.bending) & (np.array(yarns.bending) >= 0.0),
+            "from 0 N m2 on",
+        ),
+        ("flattest", yarns.flattest, 0.0 < yarns.flattest <= 1.0, "more than 0, up to 1"),
+    ):
+        if not np.all(right):
+            raise InputError("no yarn is so", key=key, value=values, allowed=allowed)
+    if np.isinf(tension).any() and not np.isinf(tension).all():
+        raise InputError(
+            "some yarns stretch and some do not",
+            key="tension",
+            allowed="a finite EA of all, or inf for all",
+            cure="Give the stiff ones a large EA",
+        )
+    return np.broadcast_to(tension, (2, *shape))

@@ -1,0 +1,1 @@
+"""Drafts: drawdowns, classical patterns and their names, the loom."""

@@ -1,0 +1,1 @@
+"""Yarns as surfaces: axes, sections, patches, and the clearance between them."""

@@ -1,0 +1,80 @@
+"""Compute the axes of all yarns of a cloth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.geometry.arcs import Gaps, gaps_of, lay_gaps
+from spacemap_vtk.textile.geometry.axis import Axes, sampled
+from spacemap_vtk.textile.geometry.spline import spline_axes
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Some
+
+
+class Share(NamedTuple):
+    """A selection of the yarns of a cloth."""
+
+    ends: Some
+    """Numbers of the ends, ascending."""
+    picks: Some
+    """Numbers of the picks, ascending."""
+
+
+#: Every yarn of a cloth.
+ALL = Share(slice(None), slice(None))
+
+
+def axes(cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
+    """Compute the axes of warp and weft."""
+    warp, weft = (axes_of(cloth, number, some) for number, some in enumerate(share))
+    return warp, weft
+
+
+def axes_of(cloth: Cloth, number: int, some: Some) -> Axes:
+    """Compute the axes of some ends (0) or picks (1)."""
+    own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
+    if cloth.axis == "spline":
+        height = cloth.passing(number, some).height
+        return spline_axes(own, crossed, height, cloth.families[number].overhang)
+    return lay_gaps(0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact)
+
+
+def woven_gaps(cloth: Cloth, number: int, some: Some = slice(None)) -> Gaps:
+    """Compute the gaps of ends (0) or picks (1) as woven, for axes by arcs."""
+    arc, height, kept = cloth.passing(number, some)
+    past = cloth.families[number].overhang
+    return gaps_of(cloth.yarns[1 - number], arc, height, past, kept=kept)
+
+
+def axis_points(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:
+    """Sample the exact axes of the yarns; the patches approximate these axes.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        At rest.
+    samples : int
+        Number of points on each part of an axis.
+
+    Returns
+    -------
+    points : (N, 3) float64
+        In m, yarn by yarn, ends first.
+    yarn : (N,) int32
+        Yarn of each point.
+    """
+    result, owners, first_yarn = [], [], 0
+    for number, family in enumerate(axes(cloth)):
+        part, station, fraction = sampled(family, samples)
+        points = np.empty((len(part), 3))
+        points[:, 1 - number], points[:, 2], _ = family.at(part, station, fraction)
+        yarn = station - part
+        points[:, number] = family.lateral[yarn]
+        result.append(points)
+        owners.append((first_yarn + yarn).astype(np.int32))
+        first_yarn += len(family.parts)
+    return np.concatenate(result), np.concatenate(owners)

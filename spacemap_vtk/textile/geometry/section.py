@@ -1,0 +1,116 @@
+"""Sections of a yarn as closed cubic Bézier curves, and the patches that close its cut ends.
+
+A section is given for a half height of 1: lateral points across the yarn, normal points along z.
+It starts on top and runs towards positive lateral. A ring of a tube is the section's control
+points, three for each cubic; segments share their ends.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.textile.patches.bezier import arc_handle, quadrilateral_order, rational_handles
+
+
+class Section(NamedTuple):
+    """The control points of a section of half height 1."""
+
+    lateral: Floats
+    """(m,) Across the yarn, along the cloth."""
+    normal: Floats
+    """(m,) Along the normal of the yarn's axis, upwards."""
+    weight: Floats
+    """(m,) Rational weights; 1 where segments meet, and everywhere for polynomial sections."""
+    error: float
+    """Largest distance from the true section."""
+    aspect: float
+    """Width over height."""
+
+    @property
+    def size(self) -> int:
+        """Number m of control points: three for each patch round the yarn."""
+        return len(self.lateral)
+
+
+def section(kind: str, aspect: float, exact: bool) -> Section:
+    """Return a section."""
+    if exact:
+        handle, weight = map(float, rational_handles(0.5 * pi))
+    else:
+        handle, weight = arc_handle(0.5 * pi), 1.0
+    up = np.array([1, 1, handle, 0, -handle, -1, -1, -1, -handle, 0, handle, 1], dtype=np.float64)
+    across = np.roll(up, 3)
+    weights = np.tile([1.0, weight, weight], 4)
+    error = 0.0 if exact else cubic_error(0.5 * pi)
+    if kind != "racetrack":
+        return Section(aspect * across, up, weights, aspect * error, aspect)
+    half, third = aspect - 1.0, (aspect - 1.0) / 3.0
+    closed = np.append(across, across[0]), np.append(up, up[0]), np.append(weights, 1.0)
+    ones = np.ones(2)
+    return Section(
+        np.concatenate(
+            [closed[0][:7] + half, [third, -third], closed[0][6:] - half, [-third, third]]
+        ),
+        np.concatenate([closed[1][:7], -ones, closed[1][6:], ones]),
+        np.concatenate([closed[2][:7], ones, closed[2][6:], ones]),
+        error,
+        aspect,
+    )
+
+
+def cubic_error(angle: float) -> float:
+    """Return the largest radial error of one cubic for an arc, over its radius."""
+    s, c = np.sin(0.25 * angle), cos(0.25 * angle)
+    return float(np.sqrt(1.0 + 4.0 / 27.0 * s**6 / c**2) - 1.0)
+
+
+def tube_table(size: int) -> Ints:
+    """Return the control points of the patches round a part of a tube."""
+    segment, j, i = np.ogrid[: size // 3, :4, :4]
+    return _in_vtk_order(size * i + (3 * segment + j) % size)
+
+
+class Cap(NamedTuple):
+    """How a cut end is closed: cubics across it, between facing points of its ring."""
+
+    # Both poles of the section are edges of no length; the surface is smooth there all the same,
+    # and so it is exact for rational sections.
+
+    lower: Ints
+    """(c,) Ring points below, from pole to pole, without the poles."""
+    upper: Ints
+    """(c,) Ring points above."""
+    table: Ints
+    """(size / 6, 16) Patches in VTK's order, the normal along the yarn: below `size` a point of
+    the ring, from there on a new one."""
+
+    @property
+    def new_points(self) -> int:
+        """Number of points that are not the ring's own."""
+        return 2 * len(self.lower)
+
+
+def cap(size: int) -> Cap:
+    """Return how a ring is closed."""
+    step = np.arange(size // 2 + 1)
+    # the section is symmetric: quarters start at the top, so a pole is at point 3, and opposite it
+    lower, upper = (size // 2 + 3 - step) % size, (size // 2 + 3 + step) % size
+    inner = np.arange(len(step) - 2)
+    grid = np.empty((4, len(step)), dtype=np.int64)
+    grid[0], grid[3] = lower, upper
+    grid[1:3, [0, -1]] = lower[[0, -1]]
+    grid[1, 1:-1] = size + inner
+    grid[2, 1:-1] = size + len(inner) + inner
+    segment, j, i = np.ogrid[: size // 6, :4, :4]
+    return Cap(lower[1:-1], upper[1:-1], _in_vtk_order(grid[j, 3 * segment + i]))
+
+
+def _in_vtk_order(tensor: Ints) -> Ints:
+    flat = tensor.reshape(len(tensor), 16)
+    table = np.empty_like(flat)
+    table[:, quadrilateral_order(3, 3)] = flat
+    return table

@@ -1,0 +1,304 @@
+"""Tubes: sections swept along centre lines with frames, as bicubic Bézier patches.
+
+Nothing here knows what the lines are: yarns of a weave, loops of a knit, or wires.
+
+Invariants that everything below relies on:
+
+- Every part of a line has as many patches round the tube as the section has cubics, and three
+  rings of control points; its fourth ring is the first of the next part, or the line's final ring.
+  So part q of a bundle, on line y, starts at ring 3 q + y and at station q + y.
+- Where a line is an arc the tube is a surface of revolution: each control point turns about the
+  arc's axis at its own distance rho, with a handle of 4/3 tan(angle/4) rho. A handle of the same
+  length for all of them would break the tangent plane where an arc meets a straight.
+- rho is affine in the point's place on the section, so a whole ring is ``place + normal E +
+  lateral F`` with two vectors per ring: that is why no loop is needed.
+- Rational weights are products of one along the line and one round it, and 1 at every corner of
+  every patch: so neighbours agree on the points they share.
+- The tubes of all bundles come first, the caps of all their cut ends after them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
+from spacemap_vtk.textile.geometry.section import Cap, Section, cap, tube_table
+
+#: x, y and z of a vector at each station, (stations,); or of all of them, where they are equal.
+Vectors = tuple[Floats | float, Floats | float, Floats | float]
+
+
+class CentreLines(NamedTuple):
+    """Centre lines of a bundle of tubes, cut into parts; stations are the parts' ends."""
+
+    # Part q of the bundle, on its line y, runs from station q + y to station q + y + 1.
+
+    numbers: Ints
+    """(lines,) What each line is called."""
+    radius: Floats
+    """(lines,) Half the height of each section."""
+    parts: Ints
+    """(lines,) Number of parts."""
+    place: Vectors
+    """Of the stations, in metres."""
+    tangent: Vectors
+    """Unit vectors of frames that do not twist about the line."""
+    normal: Vectors
+    """Where the section's top is: tangent x lateral."""
+    lateral: Vectors
+    curvature: Floats
+    """(2, parts) At start and end of each part, above 0 where the line turns to the normal."""
+    reach: Floats
+    """(2, parts) Handles of the cubic that stands for each part, at its start and end."""
+    weight: Floats
+    """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
+    sideways: Floats | None = None
+    """(2, parts) Curvature to the lateral; None where there is none."""
+
+    @property
+    def owner(self) -> Ints:
+        """(parts,) Line of each part."""
+        return np.repeat(np.arange(len(self.parts)), self.parts)
+
+    @property
+    def rings(self) -> int:
+        """Number of rings of control points."""
+        return 3 * int(self.parts.sum()) + len(self.parts)
+
+
+class Tubes(NamedTuple):
+    """Where the tubes of a bundle stand among the control points, to find their axes again."""
+
+    first: int
+    """First control point."""
+    ring: int
+    """Control points in a ring."""
+    parts: Ints
+    """(lines,) Parts of each line; line y has 3 parts + 1 rings."""
+    aspect: float
+    """Width of the section over its height."""
+
+    @property
+    def ends(self) -> Ints:
+        """(2 lines,) First and last ring of each line."""
+        last = 3 * np.cumsum(self.parts) + np.arange(len(self.parts))
+        return np.stack([last - 3 * self.parts, last], axis=1).ravel()
+
+    def middles(self, points: NDArray[Any]) -> NDArray[Any]:
+        """Return the middles of all rings, (rings, 3): points of cubic Bézier curves."""
+        rings = 3 * int(self.parts.sum()) + len(self.parts)
+        there = points[self.first : self.first + rings * self.ring]
+        return there.reshape(rings, self.ring, 3).mean(axis=1)
+
+
+class Swept(NamedTuple):
+    """Tubes as patches."""
+
+    points: AnyFloats
+    """(N, 3) Control points in metres; shared inside a line, not between lines."""
+    patches: AnyInts
+    """(P, 16) Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3
+    x 3. On tubes u runs along the line and v round it, du x dv points outwards, everywhere. Tubes
+    line by line, part by part, round the line; then caps, line by line. int32 where that will do:
+    they are read at every step, and VTK takes either over without a copy."""
+    weights: Floats | None
+    """(N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1."""
+    line: NDArray[np.int32]
+    """(P,) What the line of each patch is called."""
+    bundle: NDArray[np.uint8]
+    """(P,) Number of its bundle."""
+    tube_patches: int
+    """Number of patches that are no caps."""
+    tubes: tuple[Tubes, ...]
+    """Where the rings of each bundle stand in `points`."""
+
+
+def sweep(
+    bundles: Sequence[tuple[CentreLines, Section]],
+    caps: bool,
+    exact: bool,
+    kind: DTypeLike = np.float64,
+) -> Swept:
+    """Return the tubes of sections along centre lines; the lines of a bundle share a section."""
+    plans, first_point, first_patch = [], 0, 0
+    for lines, shape in bundles:
+        tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect)
+        plans.append(_Plan(lines, shape, tubes, first_patch))
+        first_point, first_patch = plans[-1].points.stop, plans[-1].patches.stop
+    closings = [cap(shape.size) if caps and len(lines.parts) else None for lines, shape in bundles]
+    next_point, next_patch = first_point, first_patch
+    for plan, closing in zip(plans, closings, strict=True):
+        if closing is not None:
+            first_point += 2 * len(plan.lines.parts) * closing.new_points
+            first_patch += 2 * len(plan.lines.parts) * len(closing.table)
+
+    points = np.empty((first_point, 3), kind)
+    weights = np.ones(first_point) if exact else None
+    patches = np.empty((first_patch, 16), np.int32 if first_point < 2**31 else np.int64)
+    line = np.empty(first_patch, dtype=np.int32)
+    bundle = np.empty(first_patch, dtype=np.uint8)
+    tube_patches = next_patch
+    for number, (plan, closing) in enumerate(zip(plans, closings, strict=True)):
+        _fill_points(plan, points[plan.points])
+        if weights is not None:
+            _fill_weights(plan, weights[plan.points])
+        here, owner, names = plan.patches, plan.lines.owner, plan.lines.numbers
+        first_ring = plan.tubes.first + plan.shape.size * (3 * np.arange(len(owner)) + owner)
+        table = tube_table(plan.shape.size)
+        np.add(first_ring[:, None, None], table, out=patches[here].reshape(-1, *table.shape))
+        line[here].reshape(-1, len(table))[:] = names[owner][:, None]
+        bundle[here] = number
+        if closing is not None:
+            count = 2 * len(plan.lines.parts)
+            new = slice(next_point, next_point + count * closing.new_points)
+            here = slice(next_patch, next_patch + count * len(closing.table))
+            _fill_caps(plan, closing, points, weights, new, patches[here])
+            line[here] = np.repeat(names, 2 * len(closing.table))
+            bundle[here] = number
+            next_point, next_patch = new.stop, here.stop
+    tubes_of_all = tuple(plan.tubes for plan in plans)
+    return Swept(points, patches, weights, line, bundle, tube_patches, tubes_of_all)
+
+
+class _Plan(NamedTuple):
+    """A bundle on its way to patches."""
+
+    lines: CentreLines
+    shape: Section
+    tubes: Tubes
+    first_patch: int
+
+    @property
+    def points(self) -> slice:
+        return slice(self.tubes.first, self.tubes.first + self.lines.rings * self.shape.size)
+
+    @property
+    def patches(self) -> slice:
+        count = int(self.lines.parts.sum()) * (self.shape.size // 3)
+        return slice(self.first_patch, self.first_patch + count)
+
+
+def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
+    """Write the control points of a bundle's tubes."""
+    # Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
+    # curvature n)`` for points n above the line: so a point of an arc turns about the arc's axis.
+    lines, shape = plan.lines, plan.shape
+    points = flat_points.reshape(-1, shape.size, 3)
+    owner = lines.owner
+    start = np.arange(len(owner)) + owner
+    rings = 3 * np.arange(len(owner)) + owner
+    last = np.cumsum(lines.parts) + np.arange(len(lines.parts))
+    final = 3 * np.cumsum(lines.parts) + np.arange(len(lines.parts))
+    r = lines.radius[owner]
+    inner = (
+        (rings + 1, start, lines.reach[0], 0),
+        (rings + 2, start + 1, -lines.reach[1], 1),
+    )
+
+    def spread(direction: Floats | float, along: Floats | float, bend: Floats | None) -> Floats:
+        """Return what the rings reach in a direction of their frames."""
+        if isinstance(direction, float) and (bend is None or isinstance(along, float)):
+            return np.repeat(direction * lines.radius, 3 * lines.parts + 1)
+        values = np.empty(len(points))
+        values[rings] = r * _at(direction, start)
+        values[final] = lines.radius * _at(direction, last)
+        for ring, station, handle, end in inner:
+            here = _at(direction, station)
+            if bend is not None:
+                here = here - bend[end] * (handle * _at(along, station))
+            values[ring] = r * here
+        return values
+
+    for component, (place, along, up, aside) in enumerate(
+        zip(lines.place, lines.tangent, lines.normal, lines.lateral, strict=True)
+    ):
+        out, begun = points[:, :, component], False
+        if out.dtype != np.float64:
+            out = np.empty(out.shape)  # rounded once, at the end
+        for direction, bend, reaches in (
+            (up, lines.curvature, shape.normal),
+            (aside, lines.sideways, shape.lateral),
+        ):
+            # what all frames have none of is left out: this is most of the time
+            if _is_zero(direction) and (bend is None or _is_zero(along)):
+                continue
+            if begun:
+                out += spread(direction, along, bend)[:, None] * reaches
+            else:
+                np.multiply(spread(direction, along, bend)[:, None], reaches, out=out)
+            begun = True
+        axis = np.empty(len(points))
+        axis[rings], axis[final] = _at(place, start), _at(place, last)
+        for ring, station, handle, _ in inner:
+            axis[ring] = _at(place, station)
+            if not _is_zero(along):
+                axis[ring] += handle * _at(along, station)
+        if begun:
+            out += axis[:, None]
+        else:
+            out[:] = axis[:, None]
+        if out.dtype != points.dtype:
+            points[:, :, component] = out
+
+
+def _at(values: Floats | float, index: Ints) -> Floats | float:
+    return values if isinstance(values, float) else values[index]
+
+
+def _is_zero(values: Floats | float) -> bool:
+    return isinstance(values, float) and values == 0.0
+
+
+def _fill_weights(plan: _Plan, weights: Floats) -> None:
+    lines = plan.lines
+    along, owner = np.ones(lines.rings), lines.owner
+    rings = 3 * np.arange(len(owner)) + owner
+    along[rings + 1] = along[rings + 2] = lines.weight
+    np.multiply(along[:, None], plan.shape.weight, out=weights.reshape(-1, plan.shape.size))
+
+
+def span_caps(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> Ints:
+    """Write the inner points of a bundle's caps; return the points that they start at."""
+    rings = tubes.first + tubes.ring * tubes.ends
+    # the first end looks back: there the cap is turned over, lower for upper
+    turned = np.arange(len(rings))[:, None] % 2 == 0
+    lower = rings[:, None] + np.where(turned, closing.upper, closing.lower)
+    upper = rings[:, None] + np.where(turned, closing.lower, closing.upper)
+    own = new.reshape(len(rings), 2, -1, 3)
+    own[:, 0] = (2.0 * points[lower] + points[upper]) / 3.0
+    own[:, 1] = (points[lower] + 2.0 * points[upper]) / 3.0
+    return lower
+
+
+def _fill_caps(
+    plan: _Plan,
+    closing: Cap,
+    points: AnyFloats,
+    weights: Floats | None,
+    new: slice,
+    patches: AnyInts,
+) -> None:
+    """Close both ends of every line of a bundle, first end and last in turn."""
+    size = plan.shape.size
+    rings = plan.tubes.first + size * plan.tubes.ends
+    lower = span_caps(plan.tubes, closing, points, points[new])
+    if weights is not None:
+        weights[new].reshape(len(rings), 2, -1)[:] = weights[lower][:, None]
+    # the table of a turned cap is that of the ring upside down
+    mirrored = np.arange(size)
+    mirrored[closing.lower], mirrored[closing.upper] = closing.upper, closing.lower
+    made = np.arange(closing.new_points)
+    lookup = np.empty((2, size + len(made)), dtype=np.int64)
+    lookup[:, size:] = made
+    lookup[0, :size], lookup[1, :size] = mirrored, np.arange(size)
+    index = lookup[np.arange(len(rings)) % 2][:, closing.table]
+    base = np.where(
+        closing.table < size,
+        rings[:, None, None],
+        new.start + closing.new_points * np.arange(len(rings))[:, None, None],
+    )
+    np.add(index, base, out=patches.reshape(index.shape))

@@ -1,0 +1,329 @@
+"""Geometry of a woven cloth: yarns of any section along their axes, as bicubic Bézier patches.
+
+Ends (warp yarns) run along y and are spread along x, picks (weft yarns) run along x and are
+spread along y, z is the cloth normal, and the cloth is centred on the origin. The axes are those of
+`spacemap_vtk.textile.geometry.axes`, and `spacemap_vtk.textile.geometry.sweep` makes tubes of them.
+
+Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from spacemap_vtk import cancel
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
+from spacemap_vtk.textile.geometry.arcs import FLAT, LONGEST_ARC
+from spacemap_vtk.textile.geometry.axes import ALL, Share, axes, axes_of
+from spacemap_vtk.textile.geometry.axis import Axes
+from spacemap_vtk.textile.geometry.section import Section, cap, cubic_error, section
+from spacemap_vtk.textile.geometry.spline import offset_error
+from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.peirce import Crimp
+
+#: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
+_PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
+
+
+@dataclass(frozen=True, eq=False)
+class Weave:
+    """A cloth as bicubic Bézier patches."""
+
+    #: (N, 3) Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not
+    #: between yarns.
+    points: AnyFloats
+    #: (P, 16) Control points of each patch; see `spacemap_vtk.textile.geometry.sweep.Swept`. The
+    #: tubes of warp and weft come first, the caps of all their cut ends after them.
+    patches: AnyInts
+    #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
+    weights: Floats | None
+    #: (P,) Yarn of each patch: the ends first, then the picks.
+    yarn: NDArray[np.int32]
+    #: (P,) 0 warp, 1 weft.
+    family: NDArray[np.uint8]
+    #: Number of patches that are no caps.
+    tube_patches: int
+    #: Where the rings of warp and weft stand in `points`.
+    tubes: tuple[Tubes, ...]
+    #: Peirce's figures of each family, where a yarn changes side, for mean measures.
+    warp: Crimp
+    weft: Crimp
+    #: Bound of the surface's distance from the true tube, over the yarn's half height: the cubics'
+    #: error round the yarn and along its arcs together; 0 for exact cloth. For splines the largest
+    #: deviation found along the yarn takes the place of the bound. Of the yarns that were built.
+    radial_error: float
+    #: (parts, 4) Of each part of a yarn, in the tubes' order, where along the cloth it starts and
+    #: ends [m], its yarn, and that again as the whole counts whose part this may be. Twist
+    #: goes by these: by the yarn's own length it would not be known of a part of it.
+    places: Floats
+
+
+def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
+    """Return the patches of a cloth.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        Its weave, yarns and all that shapes them.
+    share : Share
+        The yarns to be built, where they lie in the whole cloth; see
+        `spacemap_vtk.textile.geometry.partition.share_of`.
+    kind : dtype_like
+        Type of the control points, float32 or float64.
+
+    Returns
+    -------
+    Weave
+        Control points and patches.
+
+    Raises
+    ------
+    GeometryError
+        There is no room for the yarns.
+    InputError
+        A yarn has no length (one crossing and no overhang), or the cloth has measures for another
+        number of yarns.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> weave = build(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
+    >>> weave.points.shape, weave.patches.shape
+    ((848, 3), (96, 16))
+    """
+    cloth.check()
+    paths, sections, (ends, picks) = axes(cloth, share), _sections(cloth), cloth.size
+    numbers = np.arange(ends)[share.ends], ends + np.arange(picks)[share.picks]
+    lines = [_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
+    warp, weft = cloth.families
+    cancel.check()
+    return Weave(
+        *sweep(list(zip(lines, sections, strict=True)), cloth.caps, cloth.exact, kind),
+        warp=warp.crimp,
+        weft=weft.crimp,
+        radial_error=max(
+            _radial_error(path, shape.error, cloth.exact)
+            for path, shape in zip(paths, sections, strict=True)
+        ),
+        places=np.concatenate([_places(*each) for each in zip(paths, numbers, strict=True)]),
+    )
+
+
+def _places(path: Axes, numbers: Ints) -> Floats:
+    """Return the rows of `Weave.places` of one family."""
+    start = np.arange(len(path.length)) + path.owner
+    own = numbers[path.owner]
+    return np.stack([path.along[start], path.along[start + 1], own, own], axis=1)
+
+
+def _sections(cloth: Cloth) -> tuple[Section, Section]:
+    warp, weft = (section(t.shape, t.aspect, cloth.exact) for t in cloth.threads)
+    return warp, weft
+
+
+def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
+    """Return axes in space: each yarn in its own vertical plane."""
+    cos, sin = np.cos(path.angle), np.sin(path.angle)
+    aside = np.repeat(path.lateral, path.parts + 1)
+    warp = number == 0
+    return CentreLines(
+        numbers,
+        path.radius,
+        path.parts,
+        place=(aside, path.along, path.height) if warp else (path.along, aside, path.height),
+        tangent=(0.0, cos, sin) if warp else (cos, 0.0, sin),
+        normal=(0.0, -sin, cos) if warp else (-sin, 0.0, cos),
+        lateral=(-1.0, 0.0, 0.0) if warp else (0.0, 1.0, 0.0),
+        curvature=path.curvature,
+        reach=path.reach,
+        weight=path.weight,
+    )
+
+
+class Counts(NamedTuple):
+    """How large the patches of a cloth are."""
+
+    points: int
+    """Control points."""
+    patches: int
+    parts: int
+    """Of the axes of all yarns."""
+
+    def bytes(self, exact: bool = False, single: bool = False) -> int:
+        """Return what the patches take once they are built, as `filters.WeaveSource` holds them.
+
+        Parameters
+        ----------
+        exact : bool
+            Whether there are rational weights.
+        single : bool
+            Whether places are in single precision.
+
+        Returns
+        -------
+        int
+            Of points, connectivity with offsets, yarn, family and colour, and where parts are.
+        """
+        number = 8 if self.points >= 2**31 else 4
+        size = self.points * (3 * (4 if single else 8) + 8 * exact)
+        return size + self.patches * (17 * number + 4 + 4 + 3) + 32 * self.parts
+
+
+def estimate_counts(cloth: Cloth) -> Counts:
+    """Return upper bounds of the numbers of control points, patches and parts of a cloth.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As for `build`.
+
+    Returns
+    -------
+    Counts
+        What `build` makes, where all yarns of a family are alike, and but for parts of no length,
+        which it leaves out.
+
+    Raises
+    ------
+    GeometryError
+        There is no room for the yarns.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> estimate_counts(cloth)[:2]
+    (848, 96)
+    """
+    cloth.check()
+    parts = []
+    for number, yarns in enumerate(cloth.size):
+        crossings, crossed = cloth.size[1 - number], cloth.threads[1 - number]
+        if cloth.axis == "spline":
+            parts.append(yarns * cloth.parts_per_gap * (crossings + 1))
+            continue
+        passed = yarns * crossings
+        if cloth.layers is not None:
+            passed = int(np.count_nonzero(cloth.layers.kept(number)))
+        changes = passed - yarns
+        # Over yarns of unequal diameters a float bends, too, and where cloths change places.
+        if not np.ndim(crossed.diameter) and cloth.layers is None:
+            changes = int(np.count_nonzero(np.diff(cloth.drawdown, axis=number)))
+        straight = yarns + passed * (1 + (crossed.aspect > 1.0))
+        parts.append(straight + 2 * _arcs(cloth, number) * changes)
+    return _counts(cloth, parts)
+
+
+def count(cloth: Cloth) -> tuple[Counts, float]:
+    """Return what `build` makes of a cloth, from one yarn of each course and without patches.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As for `build`.
+
+    Returns
+    -------
+    counts : Counts
+        Of all yarns.
+    radial_error : float
+        As in `Weave`: the largest of the yarns'.
+
+    Raises
+    ------
+    GeometryError, InputError
+        As for `build`.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> count(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))[0]
+    Counts(points=848, patches=96, parts=20)
+    """
+    parts, worst = [0, 0], 0.0
+    for number, shape in enumerate(_sections(cloth)):
+        chosen, which = cloth.courses[number]
+        yarns = np.bincount(which)
+        for some in cloth.in_blocks(number, len(chosen)):
+            path = axes_of(cloth, number, chosen[some])
+            parts[number] += int(path.parts @ yarns[some])
+            worst = max(worst, _radial_error(path, shape.error, cloth.exact))
+    return _counts(cloth, parts), worst
+
+
+def _counts(cloth: Cloth, parts: Sequence[int]) -> Counts:
+    """Return the numbers for so many parts of both families."""
+    points = patches = 0
+    for yarns, own, shape in zip(cloth.size, parts, _sections(cloth), strict=True):
+        points += (3 * own + yarns) * shape.size
+        patches += own * (shape.size // 3)
+        if cloth.caps:
+            closing = cap(shape.size)
+            points += 2 * yarns * closing.new_points
+            patches += 2 * yarns * len(closing.table)
+    return Counts(points, patches, sum(parts))
+
+
+def _arcs(cloth: Cloth, number: int) -> int:
+    """Return into how many cubics an arc of a family is cut."""
+    crossed = cloth.threads[1 - number]
+    varied = any(np.ndim(v) for v in (cloth.warp.diameter, cloth.weft.diameter, crossed.spacing))
+    if varied or cloth.layers is not None:
+        steep = cloth.layers is not None or max(cloth.shares) > 0.5 + 1e-9
+        return 2 if steep and not cloth.exact else 1
+    theta = float(cloth.families[number].crimp.theta)
+    if theta < FLAT:
+        return 0
+    return ceil(theta / (2.0 * LONGEST_ARC if cloth.exact else LONGEST_ARC) - 1e-9)
+
+
+def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
+    """Return an upper bound of the memory that `build` needs, before any is taken.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As for `build`.
+    single : bool
+        Whether places are in single precision.
+
+    Returns
+    -------
+    int
+        Bytes at the peak: the result, and the temporary arrays of one family.
+
+    Raises
+    ------
+    GeometryError
+        There is no room for the yarns.
+    """
+    counts, (ends, picks) = estimate_counts(cloth), cloth.size
+    return (
+        counts.bytes(cloth.exact, single)
+        + (_SPLINE_PART_BYTES if cloth.axis == "spline" else _PART_BYTES) * counts.parts
+        + _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
+    )
+
+
+def _radial_error(path: Axes, error: float, exact: bool) -> float:
+    """Return the largest error of tubes along these axes, whose sections have that error."""
+    if not len(path.parts):
+        return 0.0
+    if path.cubic:
+        return error + offset_error(path)
+    turn = np.abs(path.curvature[0])
+    if not exact and turn.any():
+        # along an arc the distance to the arc's axis is off, which is at most its radius + r
+        reach = 1.0 / turn[turn > 0.0].min() + path.radius.max()
+        error += cubic_error(float((turn * path.length).max())) * reach / path.radius.min()
+    return float(error)

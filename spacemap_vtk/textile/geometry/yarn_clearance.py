@@ -1,0 +1,480 @@
+"""The least clearance between yarns.
+
+Yarns along arcs touch where they cross, and overlap nowhere (see
+`spacemap_vtk.textile.geometry.arcs`): for them `touching` says where. Yarns along splines, and
+deformed ones, are measured; this knows nothing of how the axes were laid, so that tests measure
+cloth of arcs, too.
+
+A yarn is taken for all round tubes whose axes lie on its flat, between the two that hold its round
+sides; a circle is one such tube, and an ellipse is taken for the racetrack of its size, which holds
+it. Nearest places are found among samples of these axes with trees, then refined on the axes
+themselves. Pairs of yarns are not gone through: two different numbers differ in some binary digit,
+so for each digit the samples of yarns with a 1 are looked up among those with a 0. The cost is
+n log(n) log(yarns) for n samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk import cancel
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.parallel import blocks
+from spacemap_vtk.textile.geometry.axes import axes
+from spacemap_vtk.textile.geometry.weave import Weave
+from spacemap_vtk.textile.patches.bezier import bernstein
+from spacemap_vtk.textile.weave.cloth import Cloth
+
+_Found = TypeVar("_Found")
+
+#: Places on each part of an axis from which the search starts.
+_SAMPLES = 4
+#: Most places to refine: the worst of the local minima among the samples.
+_MOST = 20_000
+#: Samples and pairs that are looked at together.
+_BLOCK = 2**17
+#: Cuts of the step between samples: what is left of it, squared, is below a rounding.
+_CUTS = 26
+#: Share of the places that is refined further after each cut, and the number below which all are.
+#: A cut leaves about a third of what a clearance can still lose, so that the order of the places
+#: settles before many of them are left out.
+_KEPT, _FEW = 0.75, 200
+#: Steps by which the direction between deformed sections is first looked for.
+_TURNS = 16
+_MOVES = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+class Clearance(NamedTuple):
+    """Where two yarns come nearest to each other."""
+
+    distance: float
+    """Between their surfaces, in m; below 0 by how far they overlap."""
+    yarns: tuple[int, int]
+    """Which: the ends are numbered first, then the picks."""
+    place: Floats
+    """(3,) Between their surfaces, in m."""
+
+
+class _Tubes(NamedTuple):
+    """Yarns as tubes; parts are numbered through all yarns."""
+
+    parts: Ints
+    """(yarns,) Number of parts."""
+    radius: Floats
+    """(yarns,) About the radius."""
+    flat: Bools
+    """(yarns,) Whether the section is flattened."""
+    perpendicular: bool
+    """Whether sections are round, but for their flat, and perpendicular to the axis."""
+    at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
+    """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
+
+
+def touching(cloth: Cloth) -> Clearance:
+    """Return a place where yarns of a cloth of arcs touch: where the first two cross.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        Of arcs; of a double weave the place is in one of its cloths.
+
+    Returns
+    -------
+    Clearance
+        0, as nowhere yarns are nearer. Ellipses touch there, too.
+
+    Raises
+    ------
+    InputError
+        There is no room for the yarns, or a measure does not fit another.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> touching(cloth).yarns, touching(cloth).place.round(9).tolist()
+    ((0, 2), [-0.1, -0.1, 0.0])
+    """
+    cloth.check()
+    pick, end = 0, 0
+    if cloth.layers is not None:
+        pick, end = np.argwhere(cloth.layers.own)[0].tolist()
+    one = slice(end, end + 1)
+    height = float(cloth.passing(0, one).height[0, pick])
+    radius = 0.5 * float(cloth.yarns[0].diameter[end])
+    place = [
+        cloth.yarns[0].position[end],
+        cloth.yarns[1].position[pick],
+        height - radius if cloth.drawdown[pick, end] else height + radius,
+    ]
+    return Clearance(0.0, (end, cloth.size[0] + pick), np.array(place))
+
+
+def least_clearance(cloth: Cloth) -> Clearance:
+    """Return what `clearance_in_steps` finds, without a stop."""
+    return _finished(clearance_in_steps(cloth))
+
+
+def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
+    """Measure the least clearance between the yarns of a cloth as woven, by its exact axes.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As woven.
+
+    Returns
+    -------
+    Clearance
+        0 but for rounding for cloth of arcs with any section: yarns touch at their crossings. A
+        lower bound for ellipses, and reached by them at the crossings.
+
+    Yields
+    ------
+    None
+        Now and then, so that whoever waits can do something else or give up.
+
+    Raises
+    ------
+    InputError
+        A measure of the cloth does not fit another.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> found = least_clearance(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
+    >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
+    (True, True)
+    """
+    return _least(_tubes_of(cloth))
+
+
+def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
+    """Return the least clearance between yarns by their control points, moved or not.
+
+    Parameters
+    ----------
+    weave : Weave
+        As built.
+    points : (N, 3) array_like, optional
+        Its control points after a deformation, in m; by default before. More rows are ignored.
+
+    Returns
+    -------
+    Clearance
+        Exact for rational cloth as built; for other cloth off by up to ``weave.radial_error`` of
+        the radii. After a deformation sections are the ellipses (and racetracks) into which the
+        half diameters of their rings make them; where a section is no longer convex, the clearance
+        is that of its hull.
+
+    Raises
+    ------
+    GeometryError
+        Points that are not finite, or too few.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.geometry.weave import build
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> found = clearance_of(build(cloth))
+    >>> abs(found.distance) < 0.1 * 1e-4
+    True
+    """
+    table = np.asarray(weave.points if points is None else points, dtype=np.float64)
+    count = len(weave.points)
+    if table.ndim != 2 or table.shape[1] != 3 or len(table) < count:
+        raise GeometryError(f"control points of shape {table.shape}", allowed=f"({count}, 3)")
+    nets = [_net_of(table, weave, number) for number in (0, 1)]
+    if not all(np.isfinite(net).all() for net in nets):
+        raise GeometryError(
+            "there are control points that are not finite numbers",
+            cure="Look for the stage that makes them: a cage turned inside out, or a solver",
+        )
+    rows = [
+        3 * np.arange(tubes.parts.sum()) + np.repeat(np.arange(len(tubes.parts)), tubes.parts)
+        for tubes in weave.tubes
+    ]
+    first_ring = np.concatenate([rows[0], len(nets[0]) + rows[1]])
+    net = np.concatenate(nets)
+
+    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        basis = bernstein(3, fraction)
+        local = net[first_ring[part][:, None] + np.arange(4)]
+        value = np.einsum("ni,nik->nk", basis, local)
+        value /= value[:, -1:]
+        return value[:, 0:3], value[:, 3:6], value[:, 6:9], value[:, 9:12]
+
+    radius = [
+        np.linalg.norm(n[:, 3:6], axis=1)[np.cumsum(3 * t.parts + 1) - 1] / n[0, -1]
+        for n, t in zip(nets, weave.tubes, strict=True)
+    ]
+    return _finished(
+        _least(
+            _Tubes(
+                np.concatenate([tubes.parts for tubes in weave.tubes]),
+                np.concatenate(radius),
+                np.repeat(
+                    [t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]
+                ),
+                points is None,
+                at,
+            )
+        )
+    )
+
+
+def _finished(steps: Generator[None, None, _Found]) -> _Found:
+    while True:
+        cancel.check()
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def _tubes_of(cloth: Cloth) -> _Tubes:
+    families = axes(cloth)
+    aspects = cloth.warp.aspect, cloth.weft.aspect
+    first = len(families[0].length)
+    owners = [family.owner for family in families]
+
+    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        point, normal, lateral, half = np.zeros((4, len(part), 3))
+        for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
+            mine = (part >= first) == bool(number)
+            own = part[mine] - first * number
+            yarn = owners[number][own]
+            along, height, angle = family.at(own, own + yarn, fraction[mine])
+            radius = family.radius[yarn]
+            point[mine, 1 - number], point[mine, 2] = along, height
+            point[mine, number] = family.lateral[yarn]
+            normal[mine, 1 - number] = -radius * np.sin(angle)
+            normal[mine, 2] = radius * np.cos(angle)
+            lateral[mine, number] = radius
+            half[mine, number] = (aspect - 1.0) * radius
+        return point, normal, lateral, half
+
+    return _Tubes(
+        np.concatenate([family.parts for family in families]),
+        np.concatenate([family.radius for family in families]),
+        np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
+        True,
+        at,
+    )
+
+
+def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
+    """Return centre, normal and lateral radius, half flat and 1, times the weight, of each ring."""
+    tubes = weave.tubes[number]
+    size = tubes.ring
+    count = 3 * int(tubes.parts.sum()) + len(tubes.parts)
+    here = slice(tubes.first, tubes.first + count * size)
+    ring = points[here].reshape(count, size, 3)
+    left, right = ring[:, size // 2 + 3], ring[:, 3]
+    # a racetrack has two points on top, at both ends of its flat; a circle one
+    top, bottom = (
+        0.5 * (ring[:, 0] + ring[:, size - 3 if size > 12 else 0]),
+        0.5 * (ring[:, 6] + ring[:, size // 2 if size > 12 else 6]),
+    )
+    half = 0.5 * (right - left)
+    net = np.empty((count, 13))
+    net[:, 0:3] = 0.25 * (left + right + top + bottom)
+    net[:, 3:6] = 0.5 * (top - bottom)
+    net[:, 6:9] = half / tubes.aspect
+    net[:, 9:12] = half * (1.0 - 1.0 / tubes.aspect)
+    net[:, 12] = 1.0
+    if weave.weights is not None:
+        net *= weave.weights[here].reshape(count, size)[:, :1]
+    return net
+
+
+def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
+    total = int(tubes.parts.sum())
+    owner = np.repeat(np.arange(len(tubes.parts)), tubes.parts)
+    ends = np.stack([np.cumsum(tubes.parts) - tubes.parts, np.cumsum(tubes.parts)])
+    # places are numbers: the part, and the fraction behind the point
+    count = np.full(total, _SAMPLES)
+    count[ends[1] - 1] += 1
+    part = np.repeat(np.arange(total), count)
+    step = np.arange(len(part)) - (np.cumsum(count) - count)[part]
+    lines = (-1.0, 0.0, 1.0) if tubes.flat.any() else (0.0,)
+    place = np.tile(part + step / _SAMPLES, len(lines))
+    side = np.repeat(lines, len(part))
+    yarn = np.tile(owner[part], len(lines))
+    keep = tubes.flat[yarn] | (side == 0.0)
+    place, side, yarn = place[keep], side[keep], yarn[keep]
+
+    def at(place: Floats, yarn: Ints) -> tuple[Floats, ...]:
+        within = np.minimum(place.astype(np.int64), ends[1, yarn] - 1)
+        return tubes.at(within, place - within)
+
+    def beside(found: tuple[Floats, ...], side: Floats) -> tuple[Floats, ...]:
+        point, normal, lateral, half = found
+        return point + side[:, None] * half, normal, lateral
+
+    located = np.empty((3, len(place), 3))
+    for block in blocks(len(place), _BLOCK):
+        yield
+        located[:, block] = beside(at(place[block], yarn[block]), side[block])
+    turns = 0 if tubes.perpendicular else _TURNS
+    most = _MOST if tubes.perpendicular else _MOST // 4
+    # block by block, and only the worst kept: all pairs at once would take most of the memory
+    kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
+    for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
+        yield
+        one, other = (tuple(x[mine] for x in located) for mine in pairs)
+        gap, _, facing = _section_gap(one, other, None, turns)
+        found = _local_minima(pairs, gap, facing, yarn)
+        worst = np.argsort(np.concatenate([kept[1], found[1]]), kind="stable")[:most]
+        kept = (
+            np.concatenate([kept[0], found[0]], axis=1)[:, worst],
+            np.concatenate([kept[1], found[1]])[worst],
+            np.concatenate([kept[2], found[2]])[worst],
+        )
+    (a, b), _, facing = kept
+    # refined: both places and both sides, by the best of nine moves, at ever smaller steps
+    own = np.stack([yarn[a], yarn[b]])
+    moved = np.stack([place[a], place[b]])
+    sides = np.stack([side[a], side[b]])
+    low, high = ends[0, own], ends[1, own]
+
+    def both(moved: Floats) -> list[tuple[Floats, ...]]:
+        return [at(place, yarn) for place, yarn in zip(moved, own, strict=True)]
+
+    def evaluate(
+        found: list[tuple[Floats, ...]], sides: Floats, few: int
+    ) -> tuple[Floats, Floats, Floats]:
+        first, second = map(beside, found, sides)
+        return _section_gap(first, second, facing if few else None, few)
+
+    best, middle, _ = evaluate(both(moved), sides, turns)
+    flattened = bool(tubes.flat[own].any())
+    width = 1.0 / _SAMPLES
+    for _ in range(_CUTS):
+        for along in (True, False) if flattened else (True,):
+            # each place moves forth, back or not at all: three of a yarn to locate, not nine
+            reached = [np.clip(moved + width * way, low, high) for way in (0, 1, -1)]
+            stood = [both(places) for places in reached] if along else [both(moved)]
+            origin = sides
+            for move in _MOVES[1:]:
+                yield
+                if along:
+                    trial = np.stack([reached[way][k] for k, way in enumerate(move)])
+                    here = [stood[way][k] for k, way in enumerate(move)]
+                    gap, spot, turned = evaluate(here, sides, turns // 4)
+                else:
+                    trial = np.clip(origin + width * move[:, None], -1.0, 1.0)
+                    trial = np.where(tubes.flat[own], trial, 0.0)
+                    gap, spot, turned = evaluate(stood[0], trial, turns // 4)
+                better = gap < best
+                best, middle = np.where(better, gap, best), np.where(better[:, None], spot, middle)
+                facing = np.where(better[:, None], turned, facing)
+                if along:
+                    moved = np.where(better, trial, moved)
+                else:
+                    sides = np.where(better, trial, sides)
+        width *= 0.6
+        if tubes.perpendicular and len(best) > _FEW:
+            kept_rows = np.argsort(best, kind="stable")[: max(_FEW, int(_KEPT * len(best)))]
+            best, middle, facing = best[kept_rows], middle[kept_rows], facing[kept_rows]
+            own, moved, sides = own[:, kept_rows], moved[:, kept_rows], sides[:, kept_rows]
+            low, high = low[:, kept_rows], high[:, kept_rows]
+    if turns:
+        # the direction may not have followed every move: what it missed was not clearance
+        best, middle, _ = evaluate(both(moved), sides, 4 * turns)
+    least = int(np.argmin(best))
+    first, second = sorted((int(own[0, least]), int(own[1, least])))
+    return Clearance(float(best[least]), (first, second), middle[least])
+
+
+def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
+    """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them."""
+    # Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
+    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+
+    # with |p - q|**2 - (r + r_q)**2, r the mean radius, a thick yarn is nearer by what it is thick
+    reach = (radius.mean() + radius) ** 2
+    lifted = np.column_stack([points, np.sqrt(reach.max() - reach)])
+    level = np.column_stack([points, np.zeros(len(points))])
+    for digit in range(int(yarn.max()).bit_length()):
+        one = (yarn >> digit) & 1 == 1
+        ones, zeros = np.flatnonzero(one), np.flatnonzero(~one)
+        tree = cKDTree(lifted[zeros])
+        for block in blocks(len(ones), _BLOCK):
+            few = ones[block]
+            yield np.stack([few, zeros[tree.query(level[few])[1]]])
+
+
+def _local_minima(
+    pairs: Ints, gap: Floats, facing: Floats, yarn: Ints
+) -> tuple[Ints, Floats, Floats]:
+    """Keep the pairs that are no further apart than those beside them along the first yarn."""
+    infinite = np.array([np.inf])
+    before, after = np.concatenate([infinite, gap[:-1]]), np.concatenate([gap[1:], infinite])
+    one = yarn[pairs[0]]
+    other = yarn[pairs[1]]
+    same = (one[1:] == one[:-1]) & (other[1:] == other[:-1]) & (np.diff(pairs[0]) == 1)
+    before[1:][~same] = np.inf
+    after[:-1][~same] = np.inf
+    keep = (gap <= before) & (gap <= after)
+    return pairs[:, keep], gap[keep], facing[keep]
+
+
+def _section_gap(
+    first: tuple[Floats, ...],
+    second: tuple[Floats, ...],
+    start: Floats | None = None,
+    turns: int = 0,
+) -> tuple[Floats, Floats, Floats]:
+    """Return the clearance of sections in the direction in which it is largest."""
+    # Two convex sections are as far apart as planes between them can be, so what is looked for is
+    # the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
+    # Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
+    # it, by steps along the gradient, which is the vector between the points that face each other.
+    (a, *radii_a), (b, *radii_b) = first, second
+    across = b - a
+    distance = np.maximum(_norm(across), 1e-300)
+    direction = across / distance if start is None else start
+    gap, reach, pull = _separation(across, radii_a, radii_b, direction)
+    step = np.ones_like(distance)
+    for _ in range(turns):
+        pull -= direction * np.sum(direction * pull, axis=1, keepdims=True)
+        trial = direction + step * pull / distance
+        trial /= np.maximum(_norm(trial), 1e-300)
+        found = _separation(across, radii_a, radii_b, trial)
+        better = (found[0] > gap)[:, None]
+        direction = np.where(better, trial, direction)
+        gap, reach = np.maximum(gap, found[0]), np.where(better[:, 0], found[1], reach)
+        pull = np.where(better, found[2], pull)
+        step = np.where(better, 1.5 * step, 0.3 * step)
+    return gap, a + direction * (reach + 0.5 * gap)[:, None], direction
+
+
+def _separation(
+    across: Floats, radii_a: list[Floats], radii_b: list[Floats], direction: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return gap, reach of the first section along the direction, and the gap's gradient."""
+    gap = np.einsum("nk,nk->n", direction, across)
+    pull = across.copy()
+    reaches = []
+    for normal, lateral in (radii_a, radii_b):
+        n = np.einsum("nk,nk->n", direction, normal)
+        m = np.einsum("nk,nk->n", direction, lateral)
+        reach = np.hypot(n, m)
+        share = 1.0 / np.maximum(reach, 1e-300)
+        pull -= (share * n)[:, None] * normal + (share * m)[:, None] * lateral
+        reaches.append(reach)
+    return gap - reaches[0] - reaches[1], reaches[0], pull
+
+
+def _norm(vectors: Floats) -> Floats:
+    return np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -1,0 +1,1 @@
+"""Bézier patches: bases, tessellation and normals."""

@@ -1,0 +1,1 @@
+"""A woven cloth in numbers: yarns, spacings, crimp and figures."""

@@ -1,0 +1,451 @@
+"""A cloth: yarns, spacings, sections and crimp, checked before anything is built.
+
+Every yarn may have a different diameter, and every pair of neighbours a different spacing. The
+section of a yarn is a circle, a racetrack (Kemp) or an ellipse. Its height along z is the diameter,
+and its width along the cloth is the aspect times the diameter. For all sections:
+
+- At the crossing of end j and pick i the axes are (d_j + d_i) / 2 apart. Warp and weft share this
+  distance in one ratio h1 : h2 in the whole cloth, so crimp heights are proportional to diameters.
+- A flattened yarn is crossed on its flat, whose length is the width less the diameter. Between two
+  crossings Peirce's formulas hold over p' = p less half the flats of both yarns (Kemp).
+- In a gap whose two arcs have radii with the sum D, there is room for the warp if
+  ``h1 / (h1 + h2) <= 1 - sqrt(1 - (p'/D)**2)``; the same holds for the weft. So the tightest gap
+  of each family alone decides what is feasible.
+
+Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; A. Kemp,
+"An Extension of Peirce's Cloth Geometry to the Treatment of Non-circular Threads", J. Textile Inst.
+49 (1958) T44.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.parallel import blocks
+from spacemap_vtk.textile.drafts.drawdown import as_drawdown
+from spacemap_vtk.textile.weave.double_weave import APART, Layers
+from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
+from spacemap_vtk.textile.weave.peirce import (
+    JAM,
+    Crimp,
+    balanced_height,
+    check_height,
+    feasible_height,
+    solve,
+)
+from spacemap_vtk.textile.weave.threads import Some, Threads, Yarns
+
+#: Shapes of a yarn's axis, the default first.
+AXES = ("arcs", "spline")
+#: Rounding tolerance: a crimp may exceed its interval by this share of the largest crimp.
+_GRACE = 1e-9
+#: Number of crossings that are processed in one block, which takes some ten megabytes.
+_CROSSINGS = 20_000
+#: Default gap between the two cloths of a double weave, as a share of D.
+_LAYER_GAP = 0.1
+#: First yarn of each course, ascending, and the course of each yarn; see `Cloth.courses`.
+Courses = tuple[Ints, Ints]
+
+
+class Passing(NamedTuple):
+    """Radii and heights of yarns at the yarns that they cross: arrays (yarns, crossings)."""
+
+    arc: Floats
+    """Radii of the arcs on which they do: where yarns touch, how far apart the axes are, R."""
+    height: Floats
+    """Of the axes, in z."""
+    kept: Bools | None
+    """Where they take notice of what they cross; None: everywhere."""
+
+
+class Family(NamedTuple):
+    """Mean measures of warp or weft, seen from that family; lengths in metres."""
+
+    diameter: float
+    """Height of the section, along z."""
+    spacing: float
+    """Distance between the yarns of the family itself."""
+    crossed: float
+    """Distance between the yarns that it crosses."""
+    height: float
+    """Crimp height."""
+    overhang: float
+    """Length of each yarn past its last crossing."""
+    crimp: Crimp
+    """Peirce's figures where a yarn changes side; with flats, their length is counted in."""
+    width: float
+    """Width of the section, along the cloth."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cloth:
+    """A cloth: its drawdown, the measures of its yarns, and how the yarns are shaped.
+
+    A cloth may have no room for its yarns; then `check` raises an error, and so does everything
+    that computes geometry, so nothing can be built from it.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        First pick and first end come first; True: the end lies over the pick.
+    warp, weft : Threads
+        The ends (p1, d1) and the picks (p2, d2).
+    crimp_height : float, optional
+        Crimp height h1 of the warp, in metres, for yarns of mean diameters. Crimp heights of single
+        crossings are proportional to their diameters. By default it follows from the crimp of warp
+        or weft, or else it is the middle of the feasible interval.
+    overhang : float, optional
+        Length of each yarn past its last crossing, in metres; by default half the mean spacing of
+        the yarns that it crosses.
+    caps : bool
+        Whether cut ends are closed.
+    exact : bool
+        Whether surfaces are rational. Then round yarns and arcs are exact up to rounding.
+    axis : {"arcs", "spline"}
+        Shape of a yarn's axis: Peirce's arc - straight - arc, or the cubic spline through the
+        crossings. A spline has no jumps in curvature, but does not keep yarns at a distance.
+    density : float, optional
+        Mass per volume of yarn, including the air between its fibres, in kg/m3.
+    middle : tuple of 2 float
+        Position of the middle between first and last end, and between first and last pick, in
+        metres. Used to place a part of a cloth in the whole cloth.
+    warnings : tuple of str
+        What was assumed or changed on the way to this cloth.
+    layers : Layers, optional
+        Only for a double weave: two cloths, each with the crossings of its own yarns.
+    layer_gap : float, optional
+        Gap between these two cloths, in metres; by default a tenth of D.
+    cure : str
+        Advice for error messages about missing room, added to "thinner yarns or wider spacings".
+    names : callable
+        Names of the quantities of warp and weft in messages.
+
+    Raises
+    ------
+    InputError
+        The drawdown is not a matrix.
+
+    Examples
+    --------
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> cloth.height, round(float(cloth.families[0].crimp.crimp), 4)
+    (0.1, 0.1435)
+    """
+
+    drawdown: Bools
+    warp: Threads
+    weft: Threads
+    crimp_height: float | None = None
+    overhang: float | None = None
+    caps: bool = True
+    exact: bool = False
+    axis: str = AXES[0]
+    density: float | None = None
+    middle: tuple[float, float] = (0.0, 0.0)
+    warnings: tuple[str, ...] = ()
+    layers: Layers | None = None
+    layer_gap: float | None = None
+    cure: str = ""
+    names: Naming = in_words
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))
+
+    def check(self) -> None:
+        """Refuse a cloth that is jammed or impossible.
+
+        Raises
+        ------
+        GeometryError
+            There is no room for the yarns.
+        InputError
+            One measure contradicts another.
+        """
+        _ = self.height
+
+    @cached_property
+    def diameter_sum(self) -> float:
+        """Sum D of the mean diameters of warp and weft, in metres."""
+        return self.warp.mean_diameter + self.weft.mean_diameter
+
+    @cached_property
+    def height(self) -> float:
+        """Crimp height h1 of the warp, in metres; the weft has D - h1."""
+        try:
+            self._check_measures()
+            height = self._chosen_height()
+            check_height(*self._tightest, self.diameter_sum, height, self.names)
+        except GeometryError as error:
+            if self.cure:
+                error.cure = f"{self.cure} {error.cure}"
+            raise
+        return height
+
+    @property
+    def feasible_heights(self) -> tuple[float, float]:
+        """Interval of the warp's crimp height h1, in metres, that leaves room for all yarns."""
+        self._check_measures()
+        tightest, sum_ = self._tightest, self.diameter_sum
+        check_height(*tightest, sum_, balanced_height(*tightest, sum_), self.names)
+        return feasible_height(*tightest, sum_)
+
+    def feasible_crimps(self, number: int) -> tuple[float, float]:
+        # The low and the high end, for warp (0) or weft (1).
+        low, high = (self._crimp_at(number, height) for height in self.feasible_heights)
+        return min(low, high), max(low, high)
+
+    @property
+    def share(self) -> float:
+        """Share h1 / (h1 + h2) of the warp in the distance of the axes at a crossing."""
+        return self._share(self.height)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Shares of warp and weft."""
+        return self.share, 1.0 - self.share
+
+    @property
+    def parts_per_gap(self) -> int:
+        """Largest number of parts of an axis between neighbouring crossings, to estimate memory."""
+        if self.axis == "spline":
+            return 4
+        # An arc of more than 60 degrees needs a height of more than half the sum of its radii.
+        steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.joined))
+        arcs = 2 if steep and not self.exact else 1
+        return 2 * arcs + 1 + (max(self.warp.aspect, self.weft.aspect) > 1.0)
+
+    @property
+    def threads(self) -> tuple[Threads, Threads]:
+        """Warp and weft."""
+        return self.warp, self.weft
+
+    @cached_property
+    def sheets(self) -> tuple[tuple[Threads, Threads], ...]:
+        """Warp and weft of the cloth, or of each of the two cloths of a double weave."""
+        if self.layers is None:
+            return (self.threads,)
+        # Threads that change from one cloth to the other count as every other one in each cloth.
+        ends, picks = (
+            np.arange(count) % 2 == 1 if second is None else second
+            for second, count in zip((self.layers.ends, self.layers.picks), self.size, strict=True)
+        )
+        return tuple(
+            (self.warp.chosen(ends == second), self.weft.chosen(picks == second))
+            for second in (False, True)
+        )
+
+    @property
+    def sheet_thickness(self) -> float:
+        """Thickness of the cloth, or of each cloth of a double weave, in metres."""
+        tallest = [float(np.max(threads.diameter)) for threads in self.threads]
+        return max(
+            share * sum(tallest) + own for share, own in zip(self.shares, tallest, strict=True)
+        )
+
+    @property
+    def level(self) -> float:
+        """Height of the upper cloth of a double weave over the middle, in metres; otherwise 0."""
+        if self.layers is None:
+            return 0.0
+        gap = _LAYER_GAP * self.diameter_sum if self.layer_gap is None else self.layer_gap
+        return 0.5 * (self.sheet_thickness + gap)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Numbers of ends and picks."""
+        return self.drawdown.shape[1], self.drawdown.shape[0]
+
+    def in_blocks(self, number: int, count: int) -> list[slice]:
+        # Blocks of `count` ends (0) or picks (1) whose crossings are processed together.
+        return blocks(count, max(1, _CROSSINGS // self.size[1 - number]))
+
+    @cached_property
+    def strands(self) -> tuple[Floats, Floats, Floats]:
+        """Turns per metre, plies and round diameters of all yarns, see `Threads.strands`."""
+        own = [threads.strands(n) for threads, n in zip(self.threads, self.size, strict=True)]
+        turns, plies, diameter = (np.concatenate(values) for values in zip(*own, strict=True))
+        return turns, plies, diameter
+
+    @cached_property
+    def yarns(self) -> tuple[Yarns, Yarns]:
+        """Ends and picks, each yarn by itself."""
+        warp, weft = (
+            threads.yarns(count, middle)
+            for threads, count, middle in zip(self.threads, self.size, self.middle, strict=True)
+        )
+        return warp, weft
+
+    def upper(self, number: int, which: Some = slice(None)) -> Bools:
+        # (yarns, crossings) Whether ends (0) or picks (1) lie over the yarns that they cross.
+        return ~self.drawdown[which] if number else self.drawdown.T[which]
+
+    def passing(self, number: int, which: Some = slice(None)) -> Passing:
+        # Radii and heights of ends (0) or picks (1) at the yarns that they cross, a row per yarn.
+        own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
+        arc = 0.5 * (own[:, None] + crossed)
+        upper, share = self.upper(number, which), self.shares[number]
+        height = np.where(upper, share, -share) * arc
+        if self.layers is None:
+            return Passing(arc, height, None)
+        same, above = (
+            (table if number else table.T)[which] for table in (self.layers.own, self.layers.above)
+        )
+        height = np.where(
+            same,
+            np.where(above, self.level, -self.level) + height,
+            np.where(upper, self.level, -self.level) - height,
+        )
+        arc = np.where(same, arc, (1.0 + APART) * arc)
+        return Passing(arc, height, self.layers.kept(number)[which])
+
+    @cached_property
+    def courses(self) -> tuple[Courses, Courses]:
+        """Courses of warp and weft; yarns of one course have equal axes."""
+        return self._courses_of(0), self._courses_of(1)
+
+    def _courses_of(self, number: int) -> Courses:
+        upper, diameter = self.upper(number), self.yarns[number].diameter
+        sizes = diameter.view(np.uint8).reshape(len(upper), -1)
+        told = [upper]
+        if self.layers is not None:
+            same, above = self.layers.own, self.layers.own & self.layers.above
+            told += [self.layers.kept(number), *((t if number else t.T) for t in (same, above))]
+        table = np.column_stack([*(np.packbits(one, axis=1) for one in told), sizes])
+        _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        return first[order], place[which.reshape(-1)]
+
+    @cached_property
+    def families(self) -> tuple[Family, Family]:
+        """Mean measures of warp and weft, including Peirce's figures."""
+        warp, weft = self.shares
+        return self._family(0, warp), self._family(1, weft)
+
+    def _share(self, height: float) -> float:
+        # Rounding may put h1 slightly below 0 or above D.
+        return min(max(height / self.diameter_sum, 0.0), 1.0)
+
+    @cached_property
+    def _tightest(self) -> tuple[float, float]:
+        """Spacings p1 and p2 that make yarns of mean diameters as tight as the tightest gaps."""
+        # Feasible heights over D depend on p'/D only.
+        result = []
+        for number in (0, 1):
+            ratio = inf
+            # Threads that change from one cloth to the other may be neighbours in either cloth.
+            fixed = self.layers is None or self.layers.fixed
+            for threads in [s[number] for s in self.sheets] if fixed else [self.threads[number]]:
+                room, diameters = threads.gaps()
+                sums = diameters + np.max(self.threads[1 - number].diameter)
+                ratio = min(ratio, float(np.min(room / sums, initial=inf)))
+            # Without a second yarn there is nothing to bend between.
+            result.append(ratio * self.diameter_sum if ratio < inf else self.diameter_sum)
+        return result[0], result[1]
+
+    def _family(self, number: int, share: float) -> Family:
+        """Compute mean measures; a mean gap has room if every gap has."""
+        threads, other = self.threads[number], self.threads[1 - number]
+        own, across = float(np.mean(threads.diameter)), float(np.mean(other.diameter))
+        crossed = other.mean_spacing(other.aspect * across)
+        found = [sheet[1 - number].gaps() for sheet in self.sheets]
+        room, between = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        # From crossing to crossing of the same cloth; this distance includes flats.
+        apart = crossed
+        if self.layers is not None and room.size:
+            apart = float(np.mean(room + (other.aspect - 1.0) * between))
+        arcs = own + (float(np.mean(between)) if room.size else across)
+        # A lone crossed yarn has no neighbour towards which to bend, so nothing is tight.
+        gap = float(np.mean(room)) if room.size else max(crossed, arcs)
+        theta, straight, length, crimp = solve(gap, share * arcs, arcs)
+        if room.size:
+            length, crimp = length + (apart - gap), crimp * gap / apart
+        return Family(
+            diameter=own,
+            spacing=threads.mean_spacing(threads.aspect * own),
+            crossed=crossed,
+            height=share * self.diameter_sum,
+            overhang=0.5 * crossed if self.overhang is None else self.overhang,
+            crimp=Crimp(theta, straight, length, crimp),
+            width=threads.aspect * own,
+        )
+
+    def _crimp_at(self, number: int, height: float) -> float:
+        """Compute the crimp of a family at a warp crimp height."""
+        share = self._share(height)
+        return float(self._family(number, 1.0 - share if number else share).crimp.crimp)
+
+    def _chosen_height(self) -> float:
+        if self.crimp_height is not None:
+            return self.crimp_height
+        for number, threads in enumerate(self.threads):
+            if threads.crimp is not None:
+                return self._height_for_crimp(number, threads.crimp)
+        return balanced_height(*self._tightest, self.diameter_sum)
+
+    def _height_for_crimp(self, number: int, crimp: float) -> float:
+        """Find the warp crimp height at which a family has a given crimp."""
+        low, high = self.feasible_heights
+        least, most = self.feasible_crimps(number)
+        if not least - _GRACE * most <= crimp <= most * (1.0 + _GRACE):
+            raise GeometryError(
+                f"the {FAMILIES[number]} cannot have this crimp with these yarns and spacings",
+                key=self.names("crimp", number),
+                value=crimp,
+                allowed=f"{least:.6g} to {most:.6g}",
+                cure="Thinner yarns or wider spacings allow other crimps",
+            )
+        ends = (most, least) if number else (least, most)
+        for end, height in zip(ends, (low, high), strict=True):
+            if abs(crimp - end) <= _GRACE * most:
+                return height
+
+        def remainder(height: float) -> float:
+            return self._crimp_at(number, height) - crimp
+
+        from scipy.optimize import brentq  # imported here: it takes a tenth of a second
+
+        return float(brentq(remainder, low, high, xtol=1e-15 * self.diameter_sum, rtol=1e-15))
+
+    def _check_measures(self) -> None:
+        """Refuse measures that no crimp height can make feasible."""
+        for number, threads in enumerate(self.threads):
+            threads.check(number, self.size[number], self.names)
+        for number in (0, 1):
+            # Yarns of two cloths that never change places lie above each other, so they may overlap
+            # in plan view.
+            apart = self.layers is not None and not self.layers.joined[number]
+            for threads in [s[number] for s in self.sheets] if apart else [self.threads[number]]:
+                threads.check_neighbours(number, JAM, self.diameter_sum, self.names)
+        if self.layers is not None:
+            self.layers.check_room(self.threads, self.layer_gap, self.axis, self.names)
+        if self.axis not in AXES:
+            raise InputError(
+                "no such shape",
+                key="axis",
+                value=self.axis,
+                allowed=" or ".join(f'"{axis}"' for axis in AXES),
+            )
+        if self.overhang is not None and not 0.0 <= self.overhang < inf:
+            raise GeometryError(
+                "a yarn cannot end before its last crossing",
+                key="overhang",
+                value=self.overhang,
+                allowed="a length from 0 m on",
+            )
+        if self.overhang == 0.0 and min(self.drawdown.shape) == 1:
+            raise InputError(
+                "a yarn with one crossing needs an overhang",
+                key="overhang",
+                value=0.0,
+                allowed="more than 0 m",
+            )

@@ -1,0 +1,139 @@
+"""Drafts whose yarns are too thick to interlace.
+
+Weaving programs write a thickness equal to the spacing, because they draw yarns side by side. No
+round yarn can be woven so: there would be no room for the other family to pass between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
+from spacemap_vtk.textile.weave.threads import Lengths, Threads
+from spacemap_vtk.units import format_quantity
+
+#: Such yarns are drawn this share of the thickest (or, flattened, the highest) feasible.
+THICKNESS_SHARE = 0.85
+#: A flattened yarn is at most this share of its spacing wide, so that others can pass beside it.
+WIDTH_SHARE = 0.9
+#: Thinner than this share of the draft's thickness is no mending.
+_LEAST = 1e-3
+
+#: Whether warp and weft are as thick as a draft says, and may be mended.
+Thick = tuple[bool, bool]
+
+
+def scaled(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
+    """Make a draft's yarns thinner until they can interlace; say what was changed."""
+
+    def at(factor: float) -> Cloth:
+        return _changed(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
+
+    limit = _largest(lambda factor: _feasible(at(factor)))
+    if limit is None or limit == 1.0:
+        return cloth, ""
+    found = at(THICKNESS_SHARE * limit)
+    return found, (
+        f"{_too_thick(cloth, thick)}; drawn {_diameters(found, thick)} thick, "
+        f"{THICKNESS_SHARE:.0%} of the most that can be woven"
+    )
+
+
+def flattened(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
+    """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
+    if _feasible(cloth) or any(
+        _share(threads) < _LEAST for threads, mine in zip(cloth.threads, thick, strict=True) if mine
+    ):
+        return cloth, ""
+
+    def at(height: float) -> Cloth:
+        def flat(threads: Threads) -> Threads:
+            return replace(
+                threads,
+                diameter=height * _width(threads),
+                aspect=1.0 / height,
+                section="racetrack" if threads.section == "circular" else threads.section,
+            )
+
+        return _changed(cloth, thick, flat)
+
+    limit = _largest(lambda height: _feasible(at(height)))
+    if limit is None:
+        return cloth, ""
+    found = at(THICKNESS_SHARE * limit)
+    widths = _named(thick, *(_width(threads) for threads in cloth.threads))
+    return found, (
+        f"{_too_thick(cloth, thick)}; flattened to {widths} wide "
+        f"and {_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the most "
+        "that can be woven"
+    )
+
+
+def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -> Cloth:
+    warp, weft = (
+        change(threads) if mine else threads
+        for threads, mine in zip(cloth.threads, thick, strict=True)
+    )
+    return replace(cloth, warp=warp, weft=weft)
+
+
+def _width(threads: Threads) -> Lengths:
+    """Return how wide a flattened yarn is: its thickness, as far as others can pass beside it."""
+    return np.asarray(_share(threads) * threads.aspect * np.asarray(threads.diameter))
+
+
+def _share(threads: Threads) -> float:
+    """Return what of its thickness a flattened yarn keeps as its width."""
+    thickness = threads.aspect * np.asarray(threads.diameter)
+    between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
+    return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
+
+
+def _feasible(cloth: Cloth) -> bool:
+    try:
+        _ = cloth.feasible_heights
+    except GeometryError:
+        return False
+    return True
+
+
+def _largest(feasible: Callable[[float], bool]) -> float | None:
+    """Return the largest feasible factor up to 1; None if there is none worth having."""
+    if feasible(1.0):
+        return 1.0
+    low, high = _LEAST, 1.0
+    if not feasible(low):
+        return None
+    while high - low > 1e-9 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if feasible(middle) else (low, middle)
+    return low
+
+
+def _too_thick(cloth: Cloth, thick: Thick) -> str:
+    spacings = _named(thick, cloth.warp.spacing, cloth.weft.spacing)
+    return (
+        f"the draft's yarns are too thick to interlace: {_diameters(cloth, thick)} thick at "
+        f"spacings of {spacings}"
+    )
+
+
+def _diameters(cloth: Cloth, thick: Thick) -> str:
+    return _named(thick, cloth.warp.diameter, cloth.weft.diameter)
+
+
+def _named(thick: Thick, *lengths: Lengths) -> str:
+    return " and ".join(
+        f"{_range(values)} ({family})"
+        for family, values, mine in zip(FAMILIES, lengths, thick, strict=True)
+        if mine
+    )
+
+
+def _range(values: Lengths) -> str:
+    shown = [format_quantity(value, "m", 4) for value in (np.min(values), np.max(values))]
+    return " to ".join(dict.fromkeys(shown))

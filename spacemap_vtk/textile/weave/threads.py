@@ -1,0 +1,282 @@
+"""Warp and weft of a cloth: how thick its yarns are, how far apart, of which section and colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
+from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
+from spacemap_vtk.units import metres
+
+#: Sections of a yarn, the commonest first.
+SECTIONS = ("circular", "racetrack", "elliptic")
+
+#: One value for all yarns of a family, or one for each.
+Lengths = float | Floats
+#: Some yarns of a family, by their numbers.
+Some = slice | Ints
+
+
+class Yarns(NamedTuple):
+    """The yarns of one family, one by one; lengths in metres."""
+
+    diameter: Floats
+    """(n,) Heights of the sections."""
+    spacing: Floats
+    """(n - 1,) Distances between neighbours."""
+    aspect: float
+    """Width of each section over its height."""
+    section: str
+    """One of `SECTIONS`; "circular" wherever the aspect is 1."""
+    position: Floats
+    """(n,) Places across the whole family."""
+
+    def chosen(self, which: Some) -> Yarns:
+        """Return some of the yarns, in their places."""
+        position = self.position[which]
+        return self._replace(
+            diameter=self.diameter[which], spacing=np.diff(position), position=position
+        )
+
+    @property
+    def flat(self) -> Floats:
+        """(n,) Length on top of each yarn along which a crossing yarn stays straight."""
+        return (self.aspect - 1.0) * self.diameter
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Threads:
+    """The warp or the weft of a cloth; `spacemap_vtk.textile.weave.cloth.Cloth` checks it.
+
+    Parameters
+    ----------
+    diameter : float or array_like
+        Diameter d of all yarns, or of each, in metres; of a flattened section the height.
+    spacing : float or array_like
+        Distance p between neighbours, in metres: of all, or (n - 1) of n yarns.
+    section : {"circular", "racetrack", "elliptic"}
+        A racetrack is a rectangle between two half circles. Axes are exact for circles and
+        racetracks: yarns touch along their arcs and flats and never overlap. An ellipse is laid
+        along the axis of the racetrack of its size, which holds it: ellipses touch in the middle
+        of each crossing and never overlap, but leave a gap on both sides of it that real yarns
+        would close.
+    aspect : float
+        Width of the section over its height, at least 1; 1 for circles.
+    crimp : float, optional
+        Crimp c = l / p - 1 where the yarns change side, in place of the cloth's crimp height.
+    colors : ndarray of uint8
+        (n, 3) Red, green and blue of each yarn, or (1, 3) of all; white where nobody says.
+    twist : float or array_like, optional
+        Turns per metre, above 0 for Z and below for S, of all yarns or of each; by default the
+        usual, see `spacemap_vtk.textile.weave.yarn.usual_twist`. Seen, and nothing else.
+    plies : float or array_like
+        How many singles are twisted together; 1 for singles. Seen, and nothing else.
+    """
+
+    diameter: Lengths
+    spacing: Lengths
+    section: str = SECTIONS[0]
+    aspect: float = 1.0
+    crimp: float | None = None
+    colors: NDArray[np.uint8] = field(default_factory=lambda: np.full((1, 3), 255, np.uint8))
+    twist: Lengths | None = None
+    plies: Lengths = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "diameter", _unchangeable(self.diameter))
+        object.__setattr__(self, "spacing", _unchangeable(self.spacing))
+
+    @property
+    def shape(self) -> str:
+        """The section; "circular" wherever the aspect is 1."""
+        return self.section if self.aspect > 1.0 else "circular"
+
+    @property
+    def mean_diameter(self) -> float:
+        """Mean height of the sections."""
+        return self.diameter if isinstance(self.diameter, float) else float(np.mean(self.diameter))
+
+    def mean_spacing(self, width: float) -> float:
+        """Return the mean spacing.
+
+        Parameters
+        ----------
+        width : float
+            What stands for it where there is a lone yarn.
+
+        Returns
+        -------
+        float
+            In metres.
+        """
+        return float(np.mean(self.spacing)) if np.size(self.spacing) else width
+
+    def gaps(self) -> tuple[Floats, Floats]:
+        # What gaps leave to yarns that pass: spacings less half the flats on both sides, p',
+        # and the mean diameter of both neighbours.
+        mean = self._between()
+        if mean.size == 0 or np.size(self.spacing) == 0:
+            return np.empty(0), np.empty(0)
+        room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
+        return np.atleast_1d(room), np.atleast_1d(mean)
+
+    def chosen(self, which: Bools) -> Threads:
+        # Some of the threads, in their places.
+        yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
+        colors = self.colors if len(self.colors) == 1 else self.colors[which]
+        twist, plies = self.twist, self.plies
+        return replace(
+            self,
+            diameter=yarns.diameter,
+            spacing=yarns.spacing,
+            colors=colors,
+            twist=twist[which] if isinstance(twist, np.ndarray) else twist,
+            plies=plies[which] if isinstance(plies, np.ndarray) else plies,
+        )
+
+    def strands(self, count: int) -> tuple[Lengths, Lengths, Lengths]:
+        """Return turns per metre, plies, and diameters of round yarns of the same area.
+
+        Parameters
+        ----------
+        count : int
+            How many yarns there are.
+
+        Returns
+        -------
+        tuple of 3 ndarray of float, shape (count,)
+            Turns above 0 for Z twist.
+        """
+        round_ = np.sqrt(section_factor(self.aspect, self.shape) / (0.25 * np.pi)) * self.diameter
+        usual = usual_twist(np.asarray(round_), np.asarray(self.plies))
+        values = usual if self.twist is None else self.twist, self.plies, round_
+        turns, plies, diameter = (np.array(np.broadcast_to(v, count)) for v in values)
+        return turns, plies, diameter
+
+    def yarns(self, count: int, middle: float = 0.0) -> Yarns:
+        # One by one, about a middle [m].
+        apart = np.array(np.broadcast_to(self.spacing, count - 1))
+        return Yarns(
+            np.array(np.broadcast_to(self.diameter, count)),
+            apart,
+            self.aspect,
+            self.shape,
+            _places(apart) + middle,
+        )
+
+    def check(self, family: int, count: int, names: Naming = in_words) -> None:
+        """Refuse what is no length or not one for each yarn, and a section that cannot be."""
+        for key, values, wanted in (
+            ("diameter", self.diameter, count),
+            ("spacing", self.spacing, count - 1),
+        ):
+            array = np.asarray(values)
+            if array.ndim > 1:
+                raise InputError(
+                    f"a table of shape {array.shape}",
+                    key=names(key, family),
+                    allowed="one value, or one for each",
+                )
+            wrong = ~(np.isfinite(array) & (array > 0.0))
+            if wrong.any() or (array.size == 0 and key == "diameter"):
+                raise GeometryError(
+                    "a fabric needs a length here",
+                    key=names(key, family),
+                    value=float(array.flat[np.argmax(wrong)]) if array.size else None,
+                    allowed="more than 0 m",
+                    cure='Write, for example, "0.3 mm"',
+                )
+            if array.ndim and array.size != wanted:
+                raise InputError(
+                    f"{array.size} values for {count} yarns",
+                    key=names(key, family),
+                    allowed=f"one value, or {wanted}",
+                )
+        if self.section not in SECTIONS:
+            raise InputError(
+                "no such section",
+                key=names("section", family),
+                value=self.section,
+                allowed=" or ".join(f'"{section}"' for section in SECTIONS),
+            )
+        round_ = self.section == "circular"
+        if not (isfinite(self.aspect) and self.aspect >= 1.0) or (round_ and self.aspect != 1.0):
+            raise GeometryError(
+                f"a {self.section} section cannot have this width over its height",
+                key=names("aspect", family),
+                value=self.aspect,
+                allowed="1" if round_ else "from 1 on",
+                cure='Make the section "racetrack" or "elliptic" for a flattened yarn'
+                if round_
+                else "A yarn lies flat on the cloth, not on edge",
+            )
+
+    def check_neighbours(
+        self, family: int, grace: float, diameter_sum: float, names: Naming = in_words
+    ) -> None:
+        """Refuse yarns that overlap their neighbours by more than a share of their size."""
+        mean = self._between()
+        if mean.size == 0 or np.size(self.spacing) == 0:
+            return
+        width, room = np.broadcast_arrays(self.aspect * mean, np.asarray(self.spacing))
+        over = width - room > grace * (diameter_sum + width)
+        if over.any():
+            worst = int(np.argmax(over))
+            which = f" {worst + 1} and {worst + 2}" if over.size > 1 else ""
+            thick, apart = float(width.flat[worst]), float(room.flat[worst])
+            flat = self.aspect != 1.0
+            diameter, spacing, aspect = (
+                names(quantity, family) for quantity in ("diameter", "spacing", "aspect")
+            )
+            raise GeometryError(
+                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are {metres(thick)} "
+                f"{'wide' if flat else 'thick'} and {metres(apart)} apart",
+                key=diameter,
+                value=thick / self.aspect,
+                allowed=f"up to {metres(apart / self.aspect)} ({spacing}"
+                f"{f' over {aspect}' if flat else ''})",
+                cure=f"Make {diameter} smaller or {spacing} larger",
+            )
+
+    def _between(self) -> Floats:
+        """Return mean diameters of neighbours: (n - 1,) of n values, a scalar of one for all."""
+        values = np.asarray(self.diameter)
+        return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
+
+
+def along(values: Lengths | tuple[float, ...], count: int) -> Lengths:
+    """Repeat values over so many yarns; equal ones are one value."""
+    if np.ndim(values) == 0:
+        return values  # type: ignore[return-value]
+    return alike(np.resize(np.asarray(values, dtype=np.float64), count))
+
+
+def alike(values: Floats) -> Lengths:
+    """Return equal values as one."""
+    return float(values[0]) if (values == values[0]).all() else values
+
+
+def _unchangeable(value: Lengths) -> Lengths:
+    array = np.array(value, dtype=np.float64)
+    if array.ndim == 0:
+        return float(array)
+    array.flags.writeable = False
+    return array
+
+
+def _places(spacing: Floats) -> Floats:
+    """Return (n + 1,) places that are (n,) distances apart, the middle of the ends at 0."""
+    count = len(spacing) + 1
+    if spacing.size == 0 or np.ptp(spacing) == 0.0:
+        # exactly symmetric, and no sum of roundings
+        step = spacing[0] if spacing.size else 0.0
+        return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
+    place = np.concatenate([[0.0], np.cumsum(spacing)])
+    return place - 0.5 * place[-1]
