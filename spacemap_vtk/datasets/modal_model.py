@@ -93,7 +93,7 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
 
 
 def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -> None:
-    """Write the recipes of energy terms as JSON; see `spacemap_vtk.mechanics.equilibrium.energy_terms`."""
+    """Write the recipes of energy terms as JSON (`spacemap_vtk.mechanics.equilibrium`)."""
     grid.GetFieldData().RemoveArray(_TERMS)
     if recipes:
         array = vtkStringArray()

@@ -116,7 +116,7 @@ def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]
 
 @lru_cache(32)
 def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
-    """Return the constants of a style's light as tables for `spacemap_vtk.draw.software.raster_loops`."""
+    """Return a style's light as tables for `spacemap_vtk.draw.software.raster_loops`."""
     # Rows: directions to the lamps, their colours, then the names in the lists below.
     triples, numbers = _named(style, point)
     ways = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_LAMPS)]

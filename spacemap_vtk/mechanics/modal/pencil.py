@@ -235,7 +235,7 @@ class Pencil:
         return np.concatenate(blocks, axis=1)
 
     def solve(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Solve for static displacements as `spacemap_vtk.mechanics.modal.model.Model.statics` does."""
+        """Solve for static displacements, see `spacemap_vtk.mechanics.modal.model.Model`."""
         from spacemap_vtk.mechanics.linalg import blas_threads
 
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
