@@ -27,7 +27,7 @@ author = "The spacemap_vtk developers"
 copyright = "2026, the spacemap_vtk developers"
 version = release = spacemap_vtk.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
-exclude_patterns = ["made/*.txt", "walks/*"]
+exclude_patterns = ["made/*.txt"]
 
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 4

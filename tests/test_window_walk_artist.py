@@ -1,4 +1,4 @@
-"""The artist's half hour of docs/walks/artist.md: style, camera, colours, a film, an object."""
+"""The tutorial docs/tutorials/film.md, played in the window: style, camera, colours, a film."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The clumsy user's half hour of docs/walks/clumsy.md: wrong values, wrong files, and haste."""
+"""Half an hour of a user who makes mistakes: wrong values, wrong files, haste."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from window import (
     click_picture,
-    keep_picture,
     require_display,
     settled,
     type_into,
@@ -48,7 +47,6 @@ def test_a_clumsy_user_loses_nothing(
     ends = window.properties.rows["ends"].editor.line
     type_into(ends, "three")
     wait_until(lambda: "not a number; allowed: a whole number" in window.errors.text)
-    keep_picture(window, "clumsy.jpg")
     type_into(ends, "1e9")
     wait_until(lambda: "at most 100000" in window.errors.text)
     type_into(ends, "7")

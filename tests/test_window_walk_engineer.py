@@ -1,4 +1,4 @@
-"""The textile engineer's half hour of docs/walks/engineer.md: setts, figures, a jam, a pull."""
+"""The tutorial docs/tutorials/engineer.md, played in the window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The researcher's half hour of docs/walks/researcher.md: modes, damping, plots, steps in time."""
+"""The tutorial docs/tutorials/researcher.md, played in the window."""
 
 from __future__ import annotations
 

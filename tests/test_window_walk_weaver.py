@@ -1,4 +1,4 @@
-"""The weaver's half hour of docs/walks/weaver.md: a draft is opened, corrected, dyed and saved."""
+"""The tutorial docs/tutorials/weaver.md, played in the window."""
 
 from __future__ import annotations
 
