@@ -1,7 +1,7 @@
-"""What is fitted to a cage beside supports along its axes and one material.
+"""Fittings of a cage: what it has in addition to supports along axes and a uniform material.
 
-Sliders along other directions, rigid bodies, springs between the cage and its base, masses, and
-factors by which tetrahedra are stiffer or heavier than the material.
+Fittings are sliders along other directions, rigid bodies, springs between the cage and its base,
+masses, and factors by which tetrahedra are stiffer or heavier than the material.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from spacemap_vtk.mechanics.elements.shell import hexahedra
 from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, element, volumes
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: The units of what is fitted; the second of a spring is per area.
+#: Units of springs and of masses; the second unit of a spring is per area.
 SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
 
 
 class Fittings(NamedTuple):
-    """Arrays of what is fitted; None where nothing is."""
+    """Arrays of fittings; None for those that the cage does not have."""
 
     normals: Floats | None = None
     """(V, 3, 3), Σ n nᵀ over the directions n that a vertex is held along."""
@@ -42,11 +42,11 @@ class Fittings(NamedTuple):
 
     @property
     def given(self) -> dict[str, NDArray[Any]]:
-        """Those that there are, by name."""
+        """Arrays that are not None, by name."""
         return {name: array for name, array in self._asdict().items() if array is not None}
 
 
-#: Faces of a hexahedron with corners x + 2y + 4z, in a circle each, and its edges.
+#: Faces of a hexahedron with corners x + 2y + 4z, each with its corners in cyclic order; and edges.
 _BLOCK_FACES = np.array(
     [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]]
 )
@@ -54,7 +54,7 @@ _BLOCK_EDGES = np.array(
     [[k, k | bit] for bit in (1, 2, 4) for k in range(8) if not k & bit], dtype=np.int64
 )
 
-#: Nothing is fitted.
+#: Fittings of a cage that has none.
 NONE = Fittings()
 
 
@@ -67,33 +67,34 @@ def fitted(
     masses: Sequence[str],
     masks: Masks | None = None,
 ) -> tuple[Bools, Fittings]:
-    """Return what of a cage cannot move, and what is fitted to it besides.
+    """Find the held components of a cage, and make its fittings.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
     fixed, rigid, springs, masses : sequence of str
-        Places as `spacemap_vtk.mechanics.boundary.places.parse` reads them: supports, with
-        components or a direction; rigid bodies; springs with a stiffness in N/m of the whole
-        place, or in N/m³ of a side's area; masses in kg, each spread evenly over its place.
+        Places for `spacemap_vtk.mechanics.boundary.places.parse`. Supports have components or a
+        direction. Springs have the stiffness of the whole place in N/m, or that per area of a side
+        in N/m³. Masses in kg are each spread evenly over their place.
     masks : callable, optional
-        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
+        Function from the name of a point array to its values, of shape (V,) or, for components,
+        (V, 3).
 
     Returns
     -------
     held : ndarray of bool, shape (V, 3)
         Components that cannot move.
     fittings : Fittings
-        Without factors.
+        Fittings without factors.
 
     Raises
     ------
     InputError
-        If a place catches no vertex, two bodies share one, a spring per area is not on a side that
-        has faces, or nothing could move; its key is the name of the argument.
+        If a place contains no vertex, two bodies share a vertex, a spring per area is not on a side
+        with faces, or nothing can move. The key of the error is the name of the argument.
     """
     with naming("fixed"):
         held = held_components(vertices, fixed, masks)
@@ -110,9 +111,9 @@ def fitted(
 def spring_stiffness(
     points: Floats, cells: Ints, springs: Iterable[str], masks: Masks | None = None
 ) -> Floats | None:
-    """Return what springs add to the stiffness of each vertex, (V, 3, 3) [N/m]; None without."""
-    # One in N/m is that of the whole place, which its vertices share alike; one in N/m³ is of a
-    # side's area, which they share as a constant pressure.
+    """Compute the stiffness of springs at each vertex, (V, 3, 3) [N/m]; None without springs."""
+    # A spring in N/m is shared equally by the vertices of its place. A spring in N/m³ is shared by
+    # the vertices of a side as a constant pressure is.
     parsed = [place for text in springs for place in parse(text, SPRINGS, what="spring")]
     if not parsed:
         return None
@@ -137,7 +138,7 @@ def spring_stiffness(
 def point_masses(
     points: Floats, cells: Ints, masses: Iterable[str], masks: Masks | None = None
 ) -> Floats | None:
-    """Return the masses fitted to each vertex, (V,) [kg], each spread evenly over its place."""
+    """Compute the masses at each vertex, (V,) [kg], each spread evenly over its place."""
     parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
     if not parsed:
         return None
@@ -149,9 +150,9 @@ def point_masses(
 
 
 def even_shares(points: Floats, cells: Ints, inside: Bools) -> Floats:
-    """Return the share of each vertex, (V,), in a mass spread evenly over a set of vertices."""
-    # By volume, area or length: by the highest of these for which every vertex of the set belongs
-    # to a solid, a face or an edge all of whose vertices are in it. Scattered ones share alike.
+    """Compute the share of each vertex, (V,), in a mass spread evenly over a set of vertices."""
+    # The mass is spread by volume, area or length: by the first of these for which every vertex
+    # belongs to a solid, face or edge that lies within the set. Scattered vertices share equally.
     for corners, weights in _solids_faces_edges(points, cells, inside):
         share = np.bincount(corners.ravel(), weights.ravel(), len(points))
         if (np.bincount(corners.ravel(), minlength=len(points))[inside] > 0).all():
@@ -162,8 +163,9 @@ def even_shares(points: Floats, cells: Ints, inside: Bools) -> Floats:
 def _solids_faces_edges(
     points: Floats, cells: Ints, inside: Bools
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Yield the vertices of solids, faces and edges in a set, and what each has of their size."""
-    # Of a lattice those of its hexahedra: by tetrahedra one vertex would have more than the next.
+    """Yield vertices of the solids, faces and edges in a set, and their shares of each size."""
+    # Solids of a lattice are its hexahedra. By tetrahedra, neighbouring vertices would have
+    # different shares.
     blocks, size = hexahedra(cells), volumes(points, cells)
     if blocks is not None:
         size = size.reshape(len(blocks), -1).sum(axis=1)
@@ -176,7 +178,7 @@ def _solids_faces_edges(
         if not linear:
             lines = np.concatenate([lines, cells[:, 4:, None]], axis=2)
         parts = (cells, cells[:, FACES[:, :3] if linear else FACES], lines)
-        # what is constant over a face or an edge, by Simpson's rule where there are middles
+        # shares of a constant density on a face or edge; by Simpson's rule if there are midpoints
         on_face = np.full(3, 1 / 3) if linear else np.repeat([0.0, 1 / 3], 3)
         on_line = np.full(2, 1 / 2) if linear else np.array([1.0, 1.0, 4.0]) / 6
         shares = [element(cells.shape[1]).lumps, on_face, on_line]
@@ -192,7 +194,7 @@ def _solids_faces_edges(
 
 
 def _once(groups: Ints, inside: Bools) -> Ints:
-    """Return the groups of vertices, (…, n), that lie inside, each of them once."""
+    """Select the groups of vertices, (…, n), that lie inside, each group once."""
     groups = groups.reshape(-1, groups.shape[-1])
     groups = groups[inside[groups].all(axis=1)]
     return groups[np.unique(np.sort(groups, axis=1), axis=0, return_index=True)[1]]

@@ -1,13 +1,13 @@
-"""A pressure that follows the surface on which it acts, however far that turns.
+"""Follower pressure: it stays normal to the surface on which it acts, at any rotation.
 
-On a face whose nodes are at x, with shape functions N, the forces of a unit pressure from inside
+On a face with nodes at x and shape functions N, the forces of a unit pressure from inside
 
     f_a = ∫ N_a x,ξ × x,η dξ dη = Σ_bc t_abc x_b × x_c
     t_abc = ½ ∫ N_a (N_b,ξ N_c,η - N_c,ξ N_b,η) dξ dη
 
-are quadratic in the positions; of a closed surface they are the gradient of its volume. Edges of
-the surface that are free leave the tangent unsymmetric (Schweizerhof and Ramm, Computers &
-Structures 18 (1984) 1099).
+are quadratic in the positions. On a closed surface they are the gradient of its volume. Free edges
+of the surface make the tangent unsymmetric (Schweizerhof and Ramm, Computers & Structures 18 (1984)
+1099).
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import numpy as np
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_of
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: (a, b, c) of s with (s × d)_a = Σ s_abc s_b d_c.
+#: Levi-Civita symbol: (s × d)_a = Σ _CROSS_abc s_b d_c.
 _CROSS = np.zeros((3, 3, 3))
 _CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 
 
 class FollowerPressure(EnergyTerm):
-    """A unit pressure onto the faces (f, k) of a wall, from outside."""
+    """Unit pressure on the faces (f, k) of a wall, from outside."""
 
-    #: Only of a closed surface it is.
+    #: It would be conservative only on a closed surface.
     conservative = False
 
     def __init__(self, faces: Ints) -> None:
@@ -39,37 +39,37 @@ class FollowerPressure(EnergyTerm):
         return digest_of("pressure", self.nodes)
 
     def energy(self, positions: Floats) -> float:
-        """Return the volume of the cone from the origin to the wall, of a closed one its own."""
+        """Compute the volume of the cone from the origin to the wall; a closed wall's volume."""
         return float(np.vdot(positions, self.forces(positions))) / 3
 
     def forces(self, positions: Floats) -> Floats:
-        """Return what holds the wall against it, (V, 3), outward."""
+        """Compute the outward forces that hold the wall against the pressure, (V, 3)."""
         pushed, rows = self._forces(positions[self.nodes]).reshape(-1, 3), self.nodes.ravel()
         count = len(positions)
         return np.stack([np.bincount(rows, pushed[:, i], count) for i in range(3)], axis=1)
 
     def tangent(self, positions: Floats) -> Floats:
-        """Return the derivative of each face's forces with respect to its nodes, (f, 3 k, 3 k)."""
+        """Compute the derivatives of each face's forces by its nodes, (f, 3 k, 3 k)."""
         arms = 2 * np.einsum("abc,fbi->faci", self._table, positions[self.nodes])
         found = np.einsum("jik,faci->fajck", _CROSS, arms)
         return np.asarray(found.reshape(len(arms), 3 * arms.shape[1], -1))
 
     def _forces(self, x: Floats) -> Floats:
-        """Return f_a of faces whose nodes are at x, (f, k, 3) both."""
+        """Compute f_a of faces with nodes at x, (f, k, 3) both."""
         arms = np.einsum("abc,fbi->faci", self._table, x)
         return np.cross(arms, x[:, None]).sum(axis=2)
 
 
 @cache
 def _table(nodes: int) -> Floats:
-    """Return t of a face with so many nodes."""
+    """Compute t of a face with the given number of nodes."""
     if nodes == 4:
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         places, weights = corners / 3**0.5, np.ones(4)
         one, two = (1 + places[:, i, None] * corners[:, i] for i in (0, 1))
         shape, along, across = one * two / 4, corners[:, 0] * two / 4, corners[:, 1] * one / 4
     else:
-        # Of fourth degree: Dunavant, Int. J. Numer. Meth. Eng. 21 (1985) 1129.
+        # Quadrature of fourth degree: Dunavant, Int. J. Numer. Meth. Eng. 21 (1985) 1129.
         near, far = (0.445948490915965, 0.091576213509771), (0.223381589678011, 0.109951743655322)
         parts = [np.roll([a, a, 1 - 2 * a], k) for a in near for k in range(3)]
         area, weights = np.array(parts), np.repeat(far, 3) / 2

@@ -1,4 +1,4 @@
-"""Forces on the vertices of a cage: what acts on a side, at a vertex, or on the mass."""
+"""Forces on the vertices of a cage from loads on a side, at a vertex, or on the mass."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import SIDES
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: The faces of a tetrahedron: three corners, and in a quadratic one the middles of their edges.
+#: Faces of a tetrahedron: three corners and, for a quadratic one, the midpoints of their edges.
 FACES = np.array(
     [[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 2, 3, 6, 9, 7]], dtype=np.int64
 )
 
 
 class Wall(NamedTuple):
-    """The faces of a mesh that lie in one side of its bounding box."""
+    """Faces of a mesh that lie in one side of its bounding box."""
 
     nodes: Ints
     """(f, k), the vertices that carry the load of each face alike: its corners in a mesh of linear
@@ -35,7 +35,7 @@ class Wall(NamedTuple):
 
 
 def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
-    """Return the faces in one side of the bounding box.
+    """Find the faces in one side of the bounding box.
 
     Parameters
     ----------
@@ -44,19 +44,19 @@ def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra with straight edges.
     side : str
-        Out of `spacemap_vtk.mechanics.boundary.places.SIDES`.
+        Key of `spacemap_vtk.mechanics.boundary.places.SIDES`.
     sheet : bool, optional
-        Whether the tetrahedra are those of a sheet, five of each hexahedron.
+        Whether the tetrahedra belong to a sheet, five to each hexahedron.
 
     Returns
     -------
     Wall
-        Faces, areas and normal.
+        Faces, areas and normal of the side.
 
     Raises
     ------
     InputError
-        If the mesh has no face there.
+        If the mesh has no face in this side.
     """
     axis, end = SIDES[side]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -64,7 +64,7 @@ def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
     there = abs(points[:, axis] - (high if end > 0 else low)[axis]) <= tolerance
     faces = cells[:, FACES[:, :3]].reshape(-1, 3)
     flat = np.flatnonzero(there[faces].all(axis=1))
-    # A face that two tetrahedra share is inside.
+    # A face that two tetrahedra share lies inside the mesh.
     _, first, count = np.unique(
         np.sort(faces[flat], axis=1), axis=0, return_index=True, return_counts=True
     )
@@ -87,8 +87,8 @@ def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
     turned = [0, 2, 1, 5, 4, 3][: whole.shape[1]]
     whole = np.where((upward @ normal > 0)[:, None], whole, whole[:, turned])
     if sheet:
-        # By triangles, vertices with many of them would carry more than those with few: of that a
-        # sheet that hardly bends makes waves.
+        # By triangles, vertices with many of them would carry more load than those with few, which
+        # causes waves in a sheet of low bending stiffness.
         nodes, areas = _faces(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
         out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
         around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
@@ -97,7 +97,7 @@ def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
 
 
 def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
-    """Return the faces of hexahedra, (f, 4), and their areas, out of two triangles of each."""
+    """Join pairs of triangles to the faces of hexahedra, (f, 4), and add their areas."""
     order = np.argsort(owner, kind="stable")
     both = np.sort(nodes[order].reshape(-1, 6), axis=1)
     first = np.diff(both, axis=1, prepend=-1) > 0
@@ -105,7 +105,7 @@ def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
 
 
 def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
-    """Return the forces of a constant traction on a wall."""
+    """Compute the forces of a constant traction on a wall."""
     share = np.zeros(count)
     corners = where.nodes.shape[1]
     np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / corners, corners))
@@ -113,23 +113,23 @@ def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
 
 
 def nearest(points: Floats, place: ArrayLike) -> int:
-    """Return the vertex nearest to a place.
+    """Find the vertex nearest to a point.
 
     Parameters
     ----------
     points : ndarray of float64, shape (V, 3)
         Vertices [m].
     place : array_like of float, shape (3,)
-        Where [m].
+        Position of the point [m].
 
     Returns
     -------
     int
-        Its number; of equally near ones the first.
+        Number of the vertex; the first if several are equally near.
     """
     return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
 
 
 def on_mass(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:
-    """Return the forces of a constant acceleration, such as gravity."""
+    """Compute the forces of a constant acceleration, such as gravity."""
     return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

@@ -1,8 +1,7 @@
-"""Places of a cage, in a small language of their own: where it is held, or something is fitted.
+"""Places of a cage as short texts: where it is held, or where something is fitted.
 
-A place is a side of the mesh's bounding box, a box, a sphere, or a mask; after a colon stand the
-components that count there, or a direction; without them all three components do:
-
+A place is a side of the mesh's bounding box, a box, a sphere, or a mask. After a colon it may name
+the components that count there, or a direction; otherwise all three components count:
     +y  -x:yz  -x:(0, 1, 1)       sides; the last along one direction, of any length
     box(0, 1 mm, 0, 1 mm, 0, inf) from and to along x, y and z
     sphere(0, 0, 0, 0.5 mm):z     centre and radius
@@ -23,19 +22,19 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.units import UNITS, parse_quantity
 
-#: The sides of a box, and for each its axis and its end.
+#: Sides of a box, each with its axis and its end.
 SIDES = {"-x": (0, -1), "+x": (0, 1), "-y": (1, -1), "+y": (1, 1), "-z": (2, -1), "+z": (2, 1)}
 
-#: The places that `parse` takes, in words.
+#: Description of the places that `parse` accepts.
 ALLOWED = (
     'sides of the box out of "' + '", "'.join(SIDES) + '", '
     '"box(x0, x1, y0, y1, z0, z1)", "sphere(x, y, z, radius)", "mask(name of a point array)"'
 )
 
-#: Units that a quantity is written in, the smallest first, beside that of SI.
+#: Units in which a quantity is written, the smallest first, in addition to the SI unit.
 _HANDY = {"kg": ("mg", "g", "kg")}
 
-#: How far from its place a vertex may lie, as a share of the mesh's diagonal.
+#: Largest distance of a vertex from its place, as a share of the mesh's diagonal.
 _TOLERANCE = 1e-6
 
 _PLACE = re.compile(
@@ -47,7 +46,7 @@ Masks = Callable[[str], NDArray[np.generic]]
 
 
 class Region(NamedTuple):
-    """A place, what counts there, and how much of it there is."""
+    """Place, the components or direction that count there, and its quantity."""
 
     shape: str
     """A side, ``"box"``, ``"sphere"`` or ``"mask"``."""
@@ -85,29 +84,29 @@ class Region(NamedTuple):
 def parse(
     text: str, units: Sequence[str] = (), *, what: str = "support", whole: bool = False
 ) -> list[Region]:
-    """Read places.
+    """Parse places.
 
     Parameters
     ----------
     text : str
-        Any number, between spaces, commas or semicolons.
+        Any number of places, separated by spaces, commas or semicolons.
     units : sequence of str, optional
-        Keys of `spacemap_vtk.units.UNITS`, one of which each place has a quantity in; without any
-        none has one.
+        Keys of `spacemap_vtk.units.UNITS`. Each place must have a quantity in one of these units;
+        without units no place may have one.
     what : str, optional
-        What each place is, in words.
+        Word for a place in messages.
     whole : bool, optional
-        Whether none may say which components count.
+        Whether a place must not name components or a direction.
 
     Returns
     -------
     list of Region
-        In the order given.
+        Places in the given order.
 
     Raises
     ------
     InputError
-        If something is no place, or its quantity none.
+        If a part of the text is not a place, or its quantity is invalid.
     """
     found: list[Region] = []
     at = 0
@@ -143,7 +142,7 @@ def parse(
 def caught(
     vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
 ) -> Bools:
-    """Return which vertices a place catches, (V,), or of a mask which components, (V, 3)."""
+    """Find the vertices in a place, (V,), or for a mask the components, (V, 3); raise if none."""
     found = _inside(vertices, place, masks)
     if not found.any():
         low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -159,7 +158,7 @@ def caught(
 def directions(
     vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
 ) -> Floats:
-    """Return Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
+    """Compute Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
     found = caught(vertices, place, masks, what)
     if place.direction:
         if found.ndim == 2:
@@ -177,7 +176,7 @@ def directions(
 
 def _inside(vertices: Floats, place: Region, masks: Masks | None) -> Bools:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    # A share of the mesh, so that its unit of length does not matter.
+    # Relative to the mesh, so that the unit of length does not matter.
     tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
     if place.shape in SIDES:
         axis, end = SIDES[place.shape]
@@ -228,7 +227,7 @@ def _numbers(shape: str, inner: str) -> tuple[float, ...]:
 
 
 def _held(text: str) -> tuple[str, tuple[float, ...]]:
-    """Return components, or a direction along none of the axes."""
+    """Parse components, or a direction that is not along an axis."""
     if not text.startswith("("):
         return "".join(c for c in "xyz" if c in text), ()
     try:
@@ -242,7 +241,7 @@ def _held(text: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _quantity(place: str, match: re.Match[str] | None, units: Sequence[str]) -> tuple[float, str]:
-    """Return a value above 0 and its SI unit, of which the user's tells which it is."""
+    """Parse a value above 0 and find its SI unit from the unit in the text."""
     given = "" if match is None else match[0].strip()
     for unit in units:
         try:
@@ -262,7 +261,7 @@ def _listed(numbers: Sequence[float]) -> str:
 
 
 def _shortest(number: float) -> str:
-    """Return a text that reads back as the number, but for what "0.1 um" leaves of rounding."""
+    """Format a number that reads back as the same, except for rounding such as in "0.1 um"."""
     return f"{number:.14g}"
 
 

@@ -1,7 +1,7 @@
-"""Time functions of loads, in the two forms that have exact responses: linear pieces, and a sine.
+"""Time functions of loads, in the two forms with exact responses: linear pieces, and a sine.
 
-A function is a factor without unit; what it multiplies (a pressure, a base acceleration …) carries
-the unit. It begins at t = 0.
+A time function is a factor without unit that starts at t = 0. The load that it multiplies (a
+pressure, a base acceleration …) has the unit.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from spacemap_vtk.ndarrays import Floats
 
 
 class Pieces(NamedTuple):
-    """A piecewise linear function, with jumps or without."""
+    """Piecewise linear function, with or without jumps."""
 
-    # Before the first time it is zero; after the last its last piece goes on, or, with a period, it
-    # repeats from the first time, which is then 0.
+    # The function is zero before its first time. After the last time its last piece continues. A
+    # periodic function repeats from its first time, which is 0.
 
     times: Floats
     """(k,), ascending, the start of each piece [s]; the first is 0."""
@@ -35,7 +35,7 @@ class Pieces(NamedTuple):
     """Of a periodic function: it has been going on for ever."""
 
     def phase(self, time: float) -> tuple[int, float]:
-        """Return how many periods lie before a time, and the time since the last of them."""
+        """Count the periods before a time, and compute the time since the last one."""
         count, rest, slack = 0, time, 4e-16 * time
         if self.period is not None:
             rest = math.fmod(time, self.period)
@@ -49,7 +49,7 @@ class Pieces(NamedTuple):
         return count, rest
 
     def value(self, time: float) -> float:
-        """Return the factor at a time, after the jump if there is one."""
+        """Compute the factor at a time, after any jump at that time."""
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
@@ -57,14 +57,14 @@ class Pieces(NamedTuple):
         return float(self.values[k] + self.slopes[k] * (time - self.times[k]))
 
     def slope(self, time: float) -> float:
-        """Return the rate of change at a time, after the jump if there is one."""
+        """Compute the rate of change at a time, after any jump at that time."""
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
         return float(self.slopes[bisect_right(self.times, time) - 1])
 
     def next_corner(self, time: float) -> float:
-        """Return the first time after another one at which a piece starts; infinity for none."""
+        """Find the first time after the given one at which a piece starts; infinity if none."""
         count, rest = self.phase(time)
         k = bisect_right(self.times, rest)
         whole = 0.0 if self.period is None else count * self.period
@@ -74,7 +74,7 @@ class Pieces(NamedTuple):
 
 
 class Sine(NamedTuple):
-    """The factor sin(Ωt + φ), from t = 0 on."""
+    """Factor sin(Ωt + φ), from t = 0 on."""
 
     omega: float
     """Ω [rad/s], above 0."""
@@ -84,16 +84,16 @@ class Sine(NamedTuple):
     """It has been going on for ever, so that its response is steady from the first."""
 
     def value(self, time: float) -> float:
-        """Return the factor at a time."""
+        """Compute the factor at a time."""
         return math.sin(self.omega * time + self.phase) if time >= 0.0 or self.steady else 0.0
 
     def slope(self, time: float) -> float:
-        """Return the rate of change at a time."""
+        """Compute the rate of change at a time."""
         rate = self.omega * math.cos(self.omega * time + self.phase)
         return rate if time >= 0.0 or self.steady else 0.0
 
     def next_corner(self, time: float) -> float:
-        """Return infinity: it has none."""
+        """Return infinity, as a sine has no corner."""
         return math.inf
 
 
@@ -101,44 +101,44 @@ TimeFunction = Pieces | Sine
 
 
 def is_constant(function: TimeFunction) -> bool:
-    """Check whether a function has the same value at all times from 0 on."""
+    """Check whether a function has the same value at all times from t = 0 on."""
     if isinstance(function, Sine):
         return False
     return not function.slopes.any() and bool((function.values == function.values[0]).all())
 
 
 def step(start: float = 0.0) -> Pieces:
-    """Return 0 before a time and 1 from it on.
+    """Make a function that is 0 before a time and 1 from it on.
 
     Parameters
     ----------
     start : float
-        In s.
+        Time of the step [s].
 
     Returns
     -------
     Pieces
-        The function.
+        The step function.
     """
     return table([0.0], [1.0], start)
 
 
 def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -> Pieces:
-    """Return a function that is linear between given points.
+    """Make a function that is linear between given points.
 
     Parameters
     ----------
     times : sequence of float, shape (k,)
-        Not descending, from 0 on [s]; a time given twice is a jump.
+        Times from 0 on, not descending [s]; a time given twice is a jump.
     values : sequence of float, shape (k,)
-        The first holds from `start` on, the last to the end.
+        Values at the times. The first also holds from `start` on, the last for ever.
     start : float
         Added to the times [s].
 
     Returns
     -------
     Pieces
-        The function.
+        The piecewise linear function.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
     """
     t, v = _checked_table(times, values)
     spans = np.diff(t)
-    # A jump is a piece of no length: it is left out, and the next piece starts with its value.
+    # A jump is a piece of zero length: it is left out, and the next piece starts with its value.
     lasts = np.append(spans > 0, True)
     slopes = np.append(np.diff(v)[spans > 0] / spans[spans > 0], 0.0)
     t, v = t[lasts], v[lasts]
@@ -160,26 +160,26 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
 
 
 def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = False) -> Pieces:
-    """Return a function that is linear between given points and repeats.
+    """Make a periodic function that is linear between given points.
 
     Parameters
     ----------
     times : sequence of float, shape (k,)
         From 0 to the period [s]; a time given twice is a jump.
     values : sequence of float, shape (k,)
-        At the times.
+        Values at the times.
     steady : bool
-        Whether it has been going on for ever.
+        Whether it has been repeating for ever, so that the response is steady from t = 0.
 
     Returns
     -------
     Pieces
-        With the last time as its period.
+        The function, whose period is the last time.
 
     Raises
     ------
     InputError
-        If it is no table, does not start at 0 or has no length.
+        If the times and values are not a valid table, do not start at 0, or have no length.
     """
     t, v = _checked_table(times, values)
     if t[0] != 0.0 or t[-1] <= 0.0:
@@ -196,21 +196,21 @@ def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = 
 
 
 def harmonic(frequency: float, phase: float = 0.0, *, steady: bool = False) -> Sine:
-    """Return sin(2πft + φ).
+    """Make the function sin(2πft + φ).
 
     Parameters
     ----------
     frequency : float
-        F [Hz], above 0.
+        Frequency f [Hz], above 0.
     phase : float
-        Φ [rad]; a quarter turn makes a cosine.
+        Phase φ [rad]; a quarter turn makes a cosine.
     steady : bool
-        Whether it has been going on for ever.
+        Whether it has been oscillating for ever, so that the response is steady from t = 0.
 
     Returns
     -------
     Sine
-        The function.
+        The sine.
     """
     return Sine(2 * math.pi * frequency, phase, steady)
 

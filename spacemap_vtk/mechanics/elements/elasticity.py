@@ -5,9 +5,10 @@ both matrices are sums over the tetrahedra of a product for each pair (a, b) of 
 
     K[a k', b l'] = Σ_kl c_k'kl'l Σ_T V Σ_ij s_ijab g_i,k g_j,l      M[a i, b j] = δ_ij ρ Σ_T V p_ab
 
-with the integrals s and p of `spacemap_vtk.mechanics.elements.tetrahedra`: exact, for linear and
-quadratic elements. The inner sums hold geometry alone. `assemble` makes them once; a new material
-is then one product with its 81 elasticities, however many tetrahedra share a vertex.
+with the integrals s and p of `spacemap_vtk.mechanics.elements.tetrahedra`. They are exact for
+linear and quadratic elements. The inner sums contain only geometry and are computed once, by
+`assemble`. A new material then needs one product with its 81 elasticities, however many tetrahedra
+share a vertex.
 """
 
 from __future__ import annotations
@@ -35,22 +36,22 @@ VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """What a mesh of tetrahedra contributes to K and M, whatever its material."""
+    """Geometric part of K and M of a mesh of tetrahedra, for any material."""
 
-    #: The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
+    #: Pairs of vertices that share a tetrahedron, P in all, as the rows of a CSR matrix.
     indptr: Ints
     indices: Ints
-    #: (P, 9) ∫ N_a,k N_b,l of each pair, column 3 k + l [m]; as the others times a factor of each
-    #: tetrahedron, where there are any.
+    #: (P, 9) ∫ N_a,k N_b,l of each pair, in column 3 k + l [m]. Here and below the integrand is
+    #: multiplied by the factor of each tetrahedron, if there are factors.
     gradients: Floats
     #: (P,) ∫ N_a N_b of each pair [m³].
     products: Floats
-    #: (V,) Each vertex's share of the volume, for a lumped mass [m³].
+    #: (V,) Share of each vertex in the volume, for a lumped mass [m³].
     lumps: Floats
 
 
 def barycentric_gradients(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]:
-    """Return the gradients of the barycentric coordinates, and the volumes."""
+    """Compute the gradients of the barycentric coordinates, and the volumes."""
     edges, volume = edges_and_volumes(points, tetrahedra)
     # ∇L_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
     # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
@@ -67,7 +68,7 @@ def nodal_mass(
     lumped: bool = False,
     factors: Floats | None = None,
 ) -> Floats:
-    """Return the share of the mass that belongs to each vertex."""
+    """Compute the share of the mass that belongs to each vertex."""
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     if factors is not None:
         volume = volume * factors
@@ -82,7 +83,7 @@ def assemble(
     stiffness_factors: Floats | None = None,
     mass_factors: Floats | None = None,
 ) -> Assembly:
-    """Sum the geometric part of K and M over the tetrahedra, each as many times as is said."""
+    """Sum the geometric part of K and M over the tetrahedra, each multiplied by its factor."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     gradient, volume = barycentric_gradients(points, tetrahedra)
     nodes, count = tetrahedra.shape[1], len(points)
@@ -101,7 +102,7 @@ def assemble(
     )
     for k in range(3):
         for m in range(3):
-            # One component at a time: all nine at once would take nine times the memory.
+            # One component at a time, as all nine together would need nine times the memory.
             outer = gradient[:, :, None, k] * gradient[:, None, :, m] * stiff[:, None, None]
             term = outer.reshape(len(volume), 16)
             gradients[:, 3 * k + m] = np.bincount(
@@ -113,10 +114,10 @@ def assemble(
 
 
 def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
-    """Return the stiffness matrix of one material."""
-    from scipy.sparse import bsr_matrix  # with all it brings: a tenth of a second
+    """Assemble the stiffness matrix of one material."""
+    from scipy.sparse import bsr_matrix  # this import costs a tenth of a second
 
-    # c_ikjl, its axes put in the order (k l, i j).
+    # c_ikjl, with its axes in the order (k l, i j).
     tensor = np.asarray(elasticity)[VOIGT[:, :, None, None], VOIGT].transpose(1, 3, 0, 2)
     blocks = (assembly.gradients @ tensor.reshape(9, 9)).reshape(-1, 3, 3)
     size = 3 * (len(assembly.indptr) - 1)
@@ -124,8 +125,8 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
 
 
 def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
-    """Return the mass matrix."""
-    import scipy.sparse as sp  # with all it brings: a tenth of a second
+    """Assemble the mass matrix."""
+    import scipy.sparse as sp  # this import costs a tenth of a second
 
     if lumped:
         return sp.diags(np.repeat(density * assembly.lumps, 3), format="csr")
@@ -135,5 +136,5 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
 
 
 def _summed(places: Ints, values: Floats, count: int) -> Floats:
-    """Return the sum of the values at each place."""
+    """Sum the values at each of the given numbers."""
     return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)

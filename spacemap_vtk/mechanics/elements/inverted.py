@@ -1,8 +1,8 @@
 """Elements that a displacement turns inside out.
 
-A solid's are its tetrahedra, of quadratic ones the corners; a sheet's are its quadrilaterals,
-whose upper side then lies below the lower one. A sheet may fold more tightly than it is thick,
-which turns tetrahedra of it inside out and is no fault.
+The elements of a solid are its tetrahedra (of quadratic ones, the corners). Those of a sheet are
+its quadrilaterals; one is inside out if its upper side lies below the lower one. A sheet may fold
+more tightly than it is thick, which turns some of its tetrahedra inside out and is not an error.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: An element whose volume is a smaller share than this of what it was is flat, and either sign of
-#: it is rounding.
+#: An element whose volume falls below this share of its original volume is flat, and the sign of
+#: its volume is rounding.
 _FLAT = 1e-9
 
 
 def inverted(
     points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
 ) -> int:
-    """Return how many elements a displacement (V, 3) turns inside out."""
+    """Count the elements that a displacement (V, 3) turns inside out."""
     before, after = (_handedness(at, cells, surface) for at in (points, points + displacement))
     return int(np.count_nonzero(after / before < -_FLAT))
 
@@ -28,23 +28,23 @@ def inverted(
 def warning(
     points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
 ) -> str:
-    """Return a warning of elements that are turned inside out, with their number; empty if none.
+    """Compose a warning of elements that are turned inside out; empty if there are none.
 
     Parameters
     ----------
     points : ndarray of float64, shape (V, 3)
-        Vertices, undeformed or hung [m].
+        Vertices, undeformed or in equilibrium [m].
     displacement : ndarray of float64, shape (V, 3)
-        From there [m].
+        Displacement from there [m].
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Tetrahedra.
     surface : MidSurface, optional
-        Of the sheet that the cage is.
+        Mid-surface, if the cage is a sheet.
 
     Returns
     -------
     str
-        A sentence.
+        Warning with the number of elements.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def warning(
 
 
 def _handedness(points: Floats, cells: Ints, surface: MidSurface | None) -> Floats:
-    """Return the triple product of three directions in each element."""
+    """Compute the triple product of three directions in each element."""
     if surface is None:
         corner = points.T.take(cells[:, :4].T, axis=1)  # (3, 4, T)
         one, two, three = (corner[:, k] - corner[:, 0] for k in (1, 2, 3))

@@ -1,4 +1,4 @@
-"""How a displacement field stretches and turns each tetrahedron."""
+"""Strain and rotation of each tetrahedron in a displacement field."""
 
 from __future__ import annotations
 
@@ -13,78 +13,78 @@ from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, shape_slopes
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import blocks
 
-#: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
+#: Rotations beyond this angle [rad] are reported: at 20 degrees a line is stretched by 6 %.
 LARGE_ROTATION = np.radians(20.0)
 
-#: Rotation up to which a shape that `spacemap_vtk.mechanics.response.rotation_coordinates`
-#: rebuilds is to be trusted [rad]. A linear motion answers its loads too strongly where the cage
-#: turns, and rebuilding cannot mend that: the shape of a clamped strip under a load at its end or
-#: along it is wrong by 1 % of its length where it turns by 20°, 5 % at 37°, 13 % at 57°, 51 % at
-#: 115°, whichever the load.
+#: Largest rotation [rad] up to which the shapes of
+#: `spacemap_vtk.mechanics.response.rotation_coordinates` are accurate. A linear motion responds too
+#: strongly to its loads where the cage turns, and the correction cannot repair that: the shape of a
+#: clamped strip under a load at its end or along it is wrong by 1 % of its length if it turns by
+#: 20°, 5 % at 37°, 13 % at 57°, 51 % at 115°, for either load.
 TRUSTED_ROTATION = np.radians(35.0)
 
 
 class MeanGradient:
-    """The mean gradient of displacement fields in each tetrahedron."""
+    """Mean gradient of displacement fields in each tetrahedron."""
 
     def __init__(self, points: ArrayLike, cells: ArrayLike) -> None:
         nodes = np.asarray(cells, dtype=np.int64)
         slopes = barycentric_gradients(np.asarray(points, dtype=np.float64), nodes)[0]
         if nodes.shape[1] == 10:
-            # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge; where all L are 1/4 the gradients of
-            # the corners vanish, and those of an edge are the sum of its corners'.
+            # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge. Where all L are 1/4, the gradients of
+            # the corners are zero, and that of an edge is the sum of those of its corners' L.
             slopes = slopes[:, EDGES].sum(axis=2)
             nodes = nodes[:, 4:]
-        # The tetrahedra last, so that each sum runs along memory.
+        # The tetrahedra are the last axis, so that each sum runs along contiguous memory.
         self._nodes = np.ascontiguousarray(nodes.T)
         self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
 
     def of(self, displacement: Floats) -> Floats:
-        """Return the gradients of a field."""
+        """Compute the gradients of a field."""
         values = np.ascontiguousarray(displacement.T).take(self._nodes, axis=1)
         return np.einsum("int,jnt->ijt", values, self._slopes)
 
 
 def largest_rotation(gradients: Floats) -> float:
-    """Return the largest rotation of any tetrahedron, half the curl of the displacement.
+    """Compute the largest rotation of any tetrahedron, half the curl of the displacement.
 
     Parameters
     ----------
     gradients : ndarray of float64, shape (3, 3, T)
-        From `MeanGradient`.
+        Gradients from `MeanGradient`.
 
     Returns
     -------
     float
-        In rad.
+        Largest rotation [rad].
     """
     twice = gradients - gradients.swapaxes(0, 1)  # each component of the curl, with both signs
     return 0.5 * math.sqrt(0.5 * np.einsum("ijt,ijt->t", twice, twice).max())
 
 
 def strains(gradients: Floats) -> Floats:
-    """Return the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears as γ = 2ε, (T, 6)."""
+    """Compute the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears γ = 2ε, (T, 6)."""
     twice = (gradients + gradients.swapaxes(0, 1)).reshape(9, -1)
     strain = twice.take([0, 4, 8, 5, 6, 1], axis=0)
     strain[:3] *= 0.5
     return np.asarray(strain.T)
 
 
-#: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;
-#: their mean is exact.
+#: Quadrature points of a quadratic tetrahedron in barycentric coordinates; for a product of two
+#: strains the mean of the values there is exact.
 SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
 
-#: Tetrahedra that are worked on at a time.
+#: Number of tetrahedra that are processed at a time.
 _CHUNK = 4096
 
 
 def strain_products(
     points: Floats, cells: Ints, elasticity: Floats, fields: Floats, factors: Floats | None = None
 ) -> Floats:
-    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε."""
-    # That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is
-    # the small difference of large forces; here, where only displacements within a tetrahedron are
-    # subtracted, it is a sum of positive terms, with twice as many digits.
+    """Compute the work of each field's stresses on every other field's strains, ∫ εᵀ C ε."""
+    # This equals fields · K · fieldsᵀ, except for rounding. With K, the energy of a thin sheet that
+    # bends is the small difference of large forces. Here only displacements within a tetrahedron
+    # are subtracted; the energy is a sum of positive terms, with twice as many correct digits.
     gradients, volume = barycentric_gradients(points, cells)
     if factors is not None:
         volume = volume * factors
@@ -104,14 +104,15 @@ def strain_products(
     return (total + total.T) / 2
 
 
-#: From a stress to what von Mises squares: differences of the normal ones by √½, shears by √3.
+#: Map from a stress to terms whose squares sum to the square of the von Mises stress: differences
+#: of the normal stresses by √½, shears by √3.
 _MISES = np.zeros((6, 6))
 _MISES[:3, :3] = 0.5**0.5 * (np.eye(3) - np.roll(np.eye(3), 1, axis=0))
 _MISES[3:, 3:] = 3**0.5 * np.eye(3)
 
 
 def von_mises(stress: Floats) -> Floats:
-    """Return the von Mises stress.
+    """Compute the von Mises stress.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def von_mises(stress: Floats) -> Floats:
     Returns
     -------
     ndarray of float64, shape (T,)
-        In Pa.
+        Von Mises stress [Pa].
     """
     parts = stress @ _MISES
     return np.asarray(np.sqrt(np.einsum("ti,ti->t", parts, parts)))

@@ -9,26 +9,26 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 
-#: Moduli [Pa] and densities [kg/m³] that can be calculated with: their ratios and squares are
-#: numbers, too, and neither infinite nor zero.
+#: Range of moduli [Pa] and densities [kg/m³]: their ratios and squares are neither infinite nor
+#: zero in float64.
 SIZES = (1e-50, 1e50)
 
 
 def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
-    """Return the elasticity matrix of an isotropic solid (Hooke's law).
+    """Compute the elasticity matrix of an isotropic solid (Hooke's law).
 
     Parameters
     ----------
     youngs_modulus : float
-        E > 0 [Pa].
+        Young's modulus E > 0 [Pa].
     poissons_ratio : float
-        ν, above -1 and below 0.5.
+        Poisson's ratio ν, above -1 and below 0.5.
 
     Returns
     -------
     ndarray of float64, shape (6, 6)
-        Stress (xx, yy, zz, yz, zx, xy) [Pa] from strain in the same order, shears in engineering
-        measure (γ = 2ε): σ = λ tr(ε) I + 2μ ε, with Lamé's λ = Eν / ((1 + ν)(1 - 2ν)) and
+        Stress (xx, yy, zz, yz, zx, xy) [Pa] from strain in the same order, with engineering shears
+        (γ = 2ε): σ = λ tr(ε) I + 2μ ε, with Lamé's λ = Eν / ((1 + ν)(1 - 2ν)) and
         μ = E / (2 (1 + ν)).
 
     Raises
@@ -62,18 +62,19 @@ def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
 def orthotropic(
     youngs_moduli: Sequence[float], shear_moduli: Sequence[float], poissons_ratios: Sequence[float]
 ) -> Floats:
-    """Return the elasticity matrix of a solid with three planes of symmetry.
+    """Compute the elasticity matrix of a solid with three planes of symmetry.
 
-    The axes 1, 2, 3 are the material's own, see `along_fabric`.
+    Axes 1, 2, 3 are those of the material, see `along_fabric`.
 
     Parameters
     ----------
     youngs_moduli : sequence of 3 float
-        E1, E2, E3 [Pa], above 0.
+        Young's moduli E1, E2, E3 [Pa], above 0.
     shear_moduli : sequence of 3 float
-        G12, G13, G23 [Pa], above 0.
+        Shear moduli G12, G13, G23 [Pa], above 0.
     poissons_ratios : sequence of 3 float
-        ν12, ν13, ν23: νij is the contraction along j for a stretch along i, so νij/Ei = νji/Ej.
+        Poisson's ratios ν12, ν13, ν23. νij is the contraction along j for a stretch along i, so
+        νij/Ei = νji/Ej.
 
     Returns
     -------
@@ -84,8 +85,8 @@ def orthotropic(
     Raises
     ------
     InputError
-        If a modulus is not positive, or the solid would not be stable: some strain would free
-        energy. The message names the first pair of axes with νij² >= Ei/Ej.
+        If a modulus is not positive, or the solid would not be stable because a strain would
+        release energy. The message names the first pair of axes with νij² >= Ei/Ej.
 
     Notes
     -----
@@ -123,8 +124,8 @@ def orthotropic(
                 f"sqrt(E{i + 1}/E{j + 1})",
                 cure=f"νij/Ei = νji/Ej: was ν{j + 1}{i + 1} given in place of ν{i + 1}{j + 1}?",
             )
-    # Scaled by sqrt(Ei Ej) the compliance has ones on its diagonal, so that what is positive
-    # definite is told apart from rounding however far the moduli lie apart.
+    # Scaled by sqrt(Ei Ej), the compliance has ones on its diagonal. The test for positive
+    # definiteness is then safe from rounding, however different the moduli are.
     root = np.sqrt(stretch)
     scaled = np.eye(3)
     for (i, j), nu in zip(pairs, ratio, strict=True):
@@ -145,24 +146,24 @@ def orthotropic(
 
 
 def along_fabric(matrix: Floats) -> Floats:
-    """Return an elasticity matrix along x, y, z from one along a fabric's own axes.
+    """Convert an elasticity matrix from a fabric's axes to x, y, z.
 
     Parameters
     ----------
     matrix : ndarray of float64, shape (6, 6)
-        Along 1, the warp (y), 2, the weft (x), and 3, the normal (z).
+        Elasticity along axes 1, the warp (y), 2, the weft (x), and 3, the normal (z).
 
     Returns
     -------
     ndarray of float64, shape (6, 6)
-        In the order of `isotropic`.
+        Elasticity in the order of `isotropic`.
     """
     order = [1, 0, 2, 4, 3, 5]
     return matrix[order][:, order]
 
 
 def volume_ratio(matrix: Floats) -> float:
-    """Return Poisson's ratio of the isotropic solid that is as nearly incompressible.
+    """Compute Poisson's ratio of an isotropic solid that is equally close to incompressible.
 
     Parameters
     ----------
@@ -172,16 +173,16 @@ def volume_ratio(matrix: Floats) -> float:
     Returns
     -------
     float
-        (1 - c/s) / 2 of the change in volume c under a unit pressure, the sum of the nine
-        compliances of the normal strains, and the sum s of the three on the diagonal: what each
-        axis would give alone. It is ν of an isotropic solid, and 0.5 where volume cannot change.
+        (1 - c/s) / 2. c is the change in volume under a unit pressure, which is the sum of the nine
+        compliances of the normal strains. s is the sum of the three on the diagonal, without the
+        coupling of axes. The result is ν for an isotropic solid, and 0.5 if volume cannot change.
     """
     compliance = np.linalg.inv(matrix[:3, :3])
     return float(1.0 - compliance.sum() / np.trace(compliance)) / 2
 
 
 def check_sizes(key: str, values: float | list[float], unit: str) -> None:
-    """Refuse constants so large or small that float64 cannot hold what follows from them."""
+    """Refuse constants so large or small that float64 cannot hold the results."""
     if not (np.min(values) >= SIZES[0] and np.max(values) <= SIZES[1]):
         raise InputError(
             "too large or too small to calculate with",

@@ -1,9 +1,9 @@
-"""Measured fabrics: stiffness per width and mass per area, of a sheet or made into a solid.
+"""Measured fabrics: stiffness per width and mass per area, for a sheet or a solid.
 
-A sheet keeps what was measured: stretch, shear and bending, see `MeasuredFabric.sheet`. A cage of
-tetrahedra is a solid: its moduli are the sheet's stiffness divided by the thickness of the cage, so
-that it stretches, shears and weighs as the fabric does. Its frequencies in the plane do not depend
-on that thickness; bending does, see `MeasuredFabric.plate`.
+A sheet has the measured stiffness in stretching, shear and bending, see `MeasuredFabric.sheet`. A
+cage of tetrahedra is a solid: its moduli are the sheet's stiffness divided by the thickness of the
+cage, so it stretches, shears and weighs as the fabric does. Its frequencies in the plane do not
+depend on that thickness, but its bending does, see `MeasuredFabric.plate`.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.plates import Plate
 
-#: Where all of `FABRICS` were measured.
+#: Source of all `FABRICS`.
 SOURCE = (
     "H. Wang, J. F. O'Brien, R. Ramamoorthi, Data-driven elastic models for cloth: modeling and "
     "measurement, ACM Transactions on Graphics 30 (4), 71 (2011), table of material parameters, "
     "as distributed with the program ARCSim (materials/*.json)"
 )
 
-#: What the measurement does not say, and is taken here.
+#: Assumptions where the source gives no value.
 ASSUMED = (
     "the first of the table's six sets of constants, that at no strain: cloth stiffens as it is "
     "stretched, and a linear model cannot",
@@ -44,61 +44,61 @@ ASSUMED = (
 )
 
 
-#: Of what a fabric's constants can be spread over [m].
+#: Smallest and largest thickness over which a fabric's constants can be spread [m].
 THINNEST, THICKEST = 1e-9, 1e9
 
 
 class Solid(NamedTuple):
     """Constants of an orthotropic solid along the axes of a fabric."""
 
-    #: E1 (warp), E2 (weft), E3 (normal) [Pa].
+    #: Young's moduli E1 (warp), E2 (weft), E3 (normal) [Pa].
     youngs_moduli: tuple[float, float, float]
-    #: G12, G13, G23 [Pa].
+    #: Shear moduli G12, G13, G23 [Pa].
     shear_moduli: tuple[float, float, float]
-    #: ν12, ν13, ν23.
+    #: Poisson's ratios ν12, ν13, ν23.
     poissons_ratios: tuple[float, float, float]
-    #: In kg/m³.
+    #: Density [kg/m³].
     density: float
 
 
 class MeasuredFabric(NamedTuple):
-    """What was measured of a fabric."""
+    """Measured constants of a fabric."""
 
-    #: Its name in the source.
+    #: Name of the sample in the source.
     sample: str
-    #: What it is sold for, and its fibres.
+    #: Product that it is sold for, and its fibres.
     use: str
-    #: In kg/m².
+    #: Mass per area [kg/m²].
     areal_mass: float
-    #: C11, C12, C22, C33 [N/m].
+    #: Membrane stiffness C11, C12, C22, C33 [N/m].
     stiffness: tuple[float, float, float, float]
     #: Bending stiffness along direction 1, the bias and direction 2 at small curvature [N m].
     bending: tuple[float, float, float]
 
     @property
     def plate(self) -> float:
-        """The thickness [m] at which a plate that stretches as the fabric bends as it, too."""
-        # A plate of stiffness A per width has the bending stiffness A h²/12. Of warp and weft the
-        # geometric means are taken.
+        """Thickness [m] at which a homogeneous plate stretches and bends as the fabric does."""
+        # A plate of stiffness A per width has the bending stiffness A h²/12. A and the bending
+        # stiffness are geometric means of warp and weft.
         c11, _, c22, _ = self.stiffness
         along, _, across = self.bending
         return math.sqrt(12 * math.sqrt(along * across / (c11 * c22)))
 
     @property
     def sheet(self) -> Plate:
-        """What the fabric itself resists, per width."""
+        """Stiffness of the fabric as a sheet, per width."""
         c11, c12, c22, c33 = self.stiffness
         c12 = max(c12, 0.0)
         along, askew, across = self.bending
-        # Of the bias: (D11 + D22 + 2 D12 + 4 D66)/4 with D12 = 0. Shear is of tensor measure:
-        # force per width = c33 γ / 2.
+        # Bending along the bias is (D11 + D22 + 2 D12 + 4 D66)/4, with D12 = 0. The shear is in
+        # tensor measure: force per width = c33 γ / 2.
         twisting = askew - (along + across) / 4
         stretched = np.array([[c11, c12, 0.0], [c12, c22, 0.0], [0.0, 0.0, c33 / 2]])
         bent = np.diag([along, across, twisting])
         return Plate(stretched, bent)
 
     def solid(self, thickness: float) -> Solid:
-        """Return the solid that is the fabric when it is as thick as given."""
+        """Compute the solid that represents the fabric at a given thickness."""
         if not THINNEST <= thickness <= THICKEST:
             raise InputError(
                 "a fabric's constants are spread over a thickness",
@@ -110,7 +110,7 @@ class MeasuredFabric(NamedTuple):
         c12 = max(c12, 0.0)
         weft = (c11 - c12**2 / c22) / thickness
         warp = (c22 - c12**2 / c11) / thickness
-        # Of tensor measure: force per width = c33 γ / 2.
+        # The shear is in tensor measure: force per width = c33 γ / 2.
         shear = c33 / 2 / thickness
         return Solid(
             (warp, weft, math.sqrt(warp * weft)),
@@ -120,7 +120,7 @@ class MeasuredFabric(NamedTuple):
         )
 
 
-#: What each is in the source, and what it is sold for. That has a tenth (navy-sparkle-sweat, a
+#: Name in the source and product of each fabric. The source has a tenth one (navy-sparkle-sweat, a
 #: sweater), whose C22 at no strain, 3 N/m, is an eightieth of that at the next strain.
 _SOLD = {
     "denim": ("11oz-black-denim", "jeans, 99 % cotton, 1 % elastane"),

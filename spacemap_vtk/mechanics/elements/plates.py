@@ -1,7 +1,7 @@
-"""Plates: what a sheet resists stretching, bending and shearing with, per width.
+"""Stiffness of a sheet in stretching, bending and shear, per width.
 
-A fabric stretches as its yarns do and bends as almost nothing: its membrane and its bending
-stiffness are two measures, not one modulus and a thickness.
+A fabric resists stretching as its yarns do, and hardly resists bending: its membrane stiffness and
+its bending stiffness are two separate measurements, not one modulus and a thickness.
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ from spacemap_vtk.mechanics.elements.materials import check_sizes
 from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.units import GRAVITY
 
-#: Of the transverse shear of a homogeneous plate, which is not uniform over its thickness.
+#: Shear correction factor of a homogeneous plate, whose transverse shear is not uniform over its
+#: thickness.
 SHEAR_CORRECTION = 5 / 6
 
-#: Transverse shear stiffness of a sheet whose normals stay upright, times cell²/D. Measured on the
-#: hung canvas of the scene "catenary", whose first twist has 1.452 Hz in fine cells: its own cells
-#: put that 1.0 % too low with 1e3, 0.3 % too high with 1e4, and 3 % too high with 1e5, as curved
-#: quadrilaterals lock. More would also cost digits of bending.
+#: Transverse shear stiffness of a sheet whose normals stay upright, times cell²/D. It was chosen
+#: with the hung canvas of the scene "catenary", whose first twisting mode has 1.452 Hz in fine
+#: cells. In the scene's cells this frequency is 1.0 % too low with 1e3, 0.3 % too high with 1e4,
+#: and 3 % too high with 1e5, as curved quadrilaterals lock. A larger value would also cost digits
+#: of bending.
 UPRIGHT = 1e4
 
 
@@ -32,26 +34,27 @@ UPRIGHT = 1e4
 class Plate:
     """Stiffness of a sheet per width, symmetric and positive definite.
 
-    Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane: of a fabric
-    whose normal is z, 1 is x, the weft, and 2 is y, the warp. See `homogeneous` for other normals.
+    Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane. For a fabric
+    with normal z, axis 1 is x, the weft, and axis 2 is y, the warp. See `homogeneous` for other
+    normals.
     """
 
     #: (3, 3) Force per width from strain [N/m].
     membrane: Floats
     #: (3, 3) Moment per width from curvature [N m].
     bending: Floats
-    #: (2, 2) Transverse force per width from the shears γ13, γ23 [N/m]; None where normals stay
+    #: (2, 2) Transverse force per width from the shears γ13, γ23 [N/m]; None if normals stay
     #: upright, see `upright`.
     shear: Floats | None = None
-    #: Force per width from a strain of the thickness [N/m]; None where that stays as it is.
+    #: Force per width from a strain of the thickness [N/m]; None if the thickness is constant.
     thickness: float | None = None
-    #: Whether it is a solid's, which resists by the thickness that the sheet has at each place;
-    #: what was measured of a sheet holds everywhere.
+    #: Whether the stiffness depends on the thickness at each vertex, as that of a solid does; the
+    #: measured stiffness of a sheet is the same everywhere.
     local: bool = False
 
 
 class DataSheet(NamedTuple):
-    """The measures of a sheet, named as the parameters of `spacemap_vtk.ModalSolver`."""
+    """Measured data of a sheet, named as the parameters of `spacemap_vtk.ModalSolver`."""
 
     tensile_rigidity: tuple[float, float]
     """Of the warp and of the weft [N/m]."""
@@ -70,7 +73,7 @@ class DataSheet(NamedTuple):
 
 
 def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
-    """Return the plate that is a solid of some thickness.
+    """Compute the plate of a homogeneous solid of a given thickness.
 
     Parameters
     ----------
@@ -78,18 +81,18 @@ def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
         Elasticity matrix along x, y, z [Pa], in the order of
         `spacemap_vtk.mechanics.elements.materials.isotropic`.
     thickness : float
-        Above 0 [m].
+        Thickness h above 0 [m].
     normal : int
-        Axis of the thickness. Axes 1 and 2 of the plate are the two that follow it in a circle:
-        x and y where it is z (2), y and z where it is x (0), z and x where it is y (1).
+        Axis of the thickness. Axes 1 and 2 of the plate follow it cyclically: x and y for normal z
+        (2), y and z for normal x (0), z and x for normal y (1).
 
     Returns
     -------
     Plate
-        With h the thickness, S the compliance and Q the inverse of its block in the plane (plane
-        stress): membrane Q h, bending Q h³/12, shear 5/6 h times the inverse of S's block of 13
-        and 23, thickness h/S33. Of a cage that is not equally thick everywhere h is its mean, and
-        each place resists by its own thickness.
+        Membrane Q h, bending Q h³/12, shear 5/6 h times the inverse of S's block of 13 and 23, and
+        thickness h/S33. S is the compliance, and Q the inverse of its block in the plane (plane
+        stress). If the cage does not have the same thickness everywhere, h is the mean, and the
+        stiffness at each vertex follows the thickness there.
 
     Raises
     ------
@@ -129,42 +132,43 @@ def measured(
     bending: Sequence[float] | None = None,
     twisting: float | None = None,
 ) -> Plate:
-    """Return a plate with what was measured of a fabric in place of its own.
+    """Replace stiffnesses of a plate by those measured on a fabric.
 
     Parameters
     ----------
     plate : Plate
-        What holds where nothing was measured.
+        Plate whose values are kept where nothing was measured.
     tensile : sequence of 2 float, optional
-        T1 and T2: force per width over strain of a strip along the warp and of one along the weft,
-        whose sides are free [N/m].
+        T1 and T2: force per width over strain of strips with free sides, along the warp and along
+        the weft [N/m].
     shear : float, optional
-        G: shear force per width over the angle γ [N/m].
+        Shear rigidity G: shear force per width over the angle γ [N/m].
     ratio : float, optional
-        ν12: contraction along the weft for a stretch along the warp.
+        Poisson's ratio ν12: contraction along the weft for a stretch along the warp.
     bending : sequence of 2 float, optional
-        B1 and B2: moment per width over curvature of such strips [N m].
+        B1 and B2: moment per width over curvature of these strips [N m].
     twisting : float, optional
-        D66: twisting moment per width over 2 κ12 [N m].
+        Twisting rigidity D66: twisting moment per width over 2 κ12 [N m].
 
     Returns
     -------
     Plate
-        With ν = sqrt(ν12 ν21) and ν12/T1 = ν21/T2, along weft and warp
+        Plate with ν = sqrt(ν12 ν21), ν12/T1 = ν21/T2, and along weft and warp
 
             membrane  1/(1 - ν²) (T2, T1 on the diagonal, ν sqrt(T1 T2) off it), and G
             bending   1/(1 - ν²) (B2, B1 on the diagonal, ν sqrt(B1 B2) off it), and D66
 
-        so that an isotropic solid's E h and E h³/12 make its plate. Without a ratio each keeps the
-        ν of its own. New B1 and B2 without D66 make that sqrt(B1 B2) / (2 (1 + ν)), after Huber,
-        which is a homogeneous plate's; new T1 and T2 without G likewise. With measured T1 and T2,
-        or B1 and B2, the normals stay upright (see `upright`), as those of cloth are taken to.
+        For an isotropic solid, E h and E h³/12 thus give its plate. Without a ratio, membrane and
+        bending each keep their ν. New B1 and B2 without D66 give D66 = sqrt(B1 B2) / (2 (1 + ν)),
+        after Huber, which is that of a homogeneous plate; new T1 and T2 without G likewise. With
+        measured T1 and T2, or B1 and B2, normals are assumed to stay upright, as in cloth (see
+        `upright`).
 
     Raises
     ------
     InputError
-        If what was measured is not above 0, or the plate would not be positive definite; with the
-        key of the parameter of `spacemap_vtk.ModalSolver` that says so.
+        If a measurement is not above 0, or the plate would not be positive definite. The key of the
+        error is the parameter of `spacemap_vtk.ModalSolver` that causes it.
     """
     for key, given, unit in (
         ("tensile_rigidity", tensile, "N/m"),
@@ -183,39 +187,39 @@ def measured(
 
 
 def bending_length(rigidity: float, areal_mass: float) -> float:
-    """Return Peirce's bending length c of a fabric.
+    """Compute Peirce's bending length c of a fabric.
 
     Parameters
     ----------
     rigidity : float
-        What a strip resists bending with: moment per width over curvature [N m].
+        Bending rigidity B of a strip: moment per width over curvature [N m].
     areal_mass : float
         Mass per area [kg/m²].
 
     Returns
     -------
     float
-        c = (B/w)^(1/3) [m], w the weight of a unit area on Earth: half the length of a strip that
-        hangs over an edge with its chord at 41.5 degrees. F. T. Peirce, "The handle of cloth as a
-        measurable quantity", J. Textile Inst. 21 (1930) T377.
+        c = (B/w)^(1/3) [m], where w is the weight of a unit area on Earth. It is half the length of
+        a strip that hangs over an edge with its chord at 41.5 degrees. F. T. Peirce, "The handle of
+        cloth as a measurable quantity", J. Textile Inst. 21 (1930) T377.
     """
     return float(np.cbrt(rigidity / (areal_mass * GRAVITY)))
 
 
 def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
-    """Return the measures of a sheet as its data sheet has them.
+    """Compute the data sheet of a plate.
 
     Parameters
     ----------
     plate : Plate
-        What it resists.
+        Stiffness of the sheet.
     areal_mass : float
         Mass per area [kg/m²].
 
     Returns
     -------
     DataSheet
-        `measured` makes the same plate of it, but for what resists across.
+        Data from which `measured` makes the same plate, except for its stiffness across.
 
     Examples
     --------
@@ -237,9 +241,9 @@ def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
 
 
 def upright(plate: Plate, cell: float) -> Plate:
-    """Return a plate whose normals stay upright in cells of some width [m]."""
-    # UPRIGHT D/cell² is enough for every wave that the cells resolve, and no more: so a sheet keeps
-    # its digits of bending in float64, however much more or less it resists stretching.
+    """Add the stiffness that keeps normals upright in cells of a given width [m]."""
+    # UPRIGHT D/cell² is just enough for every wave that the cells resolve. A sheet therefore keeps
+    # its digits of bending in float64, whatever its membrane stiffness.
     across = UPRIGHT * float(np.diag(plate.bending).max()) / cell**2
     return replace(
         plate,
@@ -249,7 +253,7 @@ def upright(plate: Plate, cell: float) -> Plate:
 
 
 def strips(stiffness: Floats) -> tuple[float, float]:
-    """Return what strips along warp and weft resist whose sides are free, of a (3, 3) matrix."""
+    """Compute the stiffness of strips with free sides along warp and weft from a (3, 3) matrix."""
     weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
     return float(warp), float(weft)
 
@@ -257,14 +261,14 @@ def strips(stiffness: Floats) -> tuple[float, float]:
 def _along_fabric(
     own: Floats, along: Sequence[float] | None, sheared: float | None, ratio: float | None
 ) -> Floats:
-    """Return a (3, 3) matrix with what is given in place of its own."""
+    """Replace those values of a (3, 3) stiffness that are given."""
     if along is None and sheared is None and ratio is None:
         return own
     warp, weft = strips(own) if along is None else along
     if ratio is None:
         ratio = float(own[0, 1] / np.sqrt(own[0, 0] * own[1, 1]))
     if sheared is None:
-        # what a homogeneous sheet does that resists as much along both
+        # that of a homogeneous sheet which is equally stiff along both directions
         sheared = own[2, 2] if along is None else np.sqrt(warp * weft) / (2 * (1 + ratio))
     mixed = ratio * np.sqrt(warp * weft)
     result = np.array([[weft, mixed, 0], [mixed, warp, 0], [0, 0, 0]]) / (1 - ratio**2)
@@ -273,7 +277,7 @@ def _along_fabric(
 
 
 def _mean_ratio(ratio: float, warp: float, weft: float) -> float:
-    """Return sqrt(ν12 ν21) from ν12, or refuse what is not positive definite."""
+    """Compute sqrt(ν12 ν21) from ν12; raise if the plate would not be positive definite."""
     bound = float(np.sqrt(warp / weft))
     if not 1 - (ratio / bound) ** 2 > 1e-9:
         raise InputError(
@@ -289,6 +293,6 @@ def _mean_ratio(ratio: float, warp: float, weft: float) -> float:
 
 
 def _inverse(matrix: AnyFloats, rows: list[int]) -> Floats:
-    """Return the inverse of a symmetric block, symmetric to the last digit."""
+    """Invert a symmetric block of a matrix; the result is symmetric to the last digit."""
     found = np.linalg.inv(matrix[np.ix_(rows, rows)])
     return (found + found.T) / 2

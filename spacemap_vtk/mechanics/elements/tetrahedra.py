@@ -1,12 +1,12 @@
-"""Tetrahedra: meshes of them, checked, and the integrals of their shape functions, in closed form.
+"""Tetrahedra: checked meshes, and integrals of shape functions in closed form.
 
-Every shape function here is a form in the barycentric coordinates L: linear, N_a = L_a, or
-quadratic, N_a = Lᵀ Q_a L (made homogeneous by Σ L = 1, which changes no gradient, for Σ ∇L = 0).
-In a straight-sided tetrahedron ∇L is constant and products of L integrate in closed form,
+Every shape function is a form in the barycentric coordinates L: linear, N_a = L_a, or quadratic,
+N_a = Lᵀ Q_a L (made homogeneous by Σ L = 1, which changes no gradient because Σ ∇L = 0). In a
+straight-sided tetrahedron ∇L is constant and products of L integrate in closed form,
 
     ∫ Π L_i^m_i dV = 6 V Π m_i! / (3 + Σ m_i)!        (Zienkiewicz and Taylor, volume 1)
 
-so that both matrices of an element are sums over constants.
+so both matrices of an element are sums over constants.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from numpy.typing import ArrayLike
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: A tetrahedron is flat when six times its volume is below this share of its longest edge cubed:
-#: closer to zero, rounding in the edges alone decides the volume.
+#: A tetrahedron is flat if six times its volume is below this share of its longest edge cubed;
+#: below it, rounding of the edges alone would decide the volume.
 FLAT = 1e-12
 
-#: How far, as a share of its edge, a midpoint may lie from the middle of that edge.
+#: Largest distance of a midpoint from the middle of its edge, as a share of the edge.
 STRAIGHT = 1e-6
 
 
 def volumes(points: ArrayLike, tetrahedra: ArrayLike) -> Floats:
-    """Return the volume of each tetrahedron, of either orientation."""
+    """Compute the volume of each tetrahedron, of either orientation."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     return edges_and_volumes(points, tetrahedra)[1]
 
 
 def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints]:
-    """Return the mesh as float64 and int64 arrays, or say what is wrong with it."""
+    """Check a mesh, and convert it to float64 and int64 arrays."""
     vertices = np.asarray(points, dtype=np.float64)
     cells = np.asarray(tetrahedra)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -67,13 +67,13 @@ def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints
 
 
 def edges_and_volumes(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]:
-    """Return what the shape functions of each tetrahedron are made of."""
+    """Compute three edges and the volume of each tetrahedron; raise if one is flat."""
     corners = points[tetrahedra[:, :4]]
     edges = corners[:, 1:] - corners[:, :1]
     six_volumes = np.abs(np.einsum("tk,tk->t", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))
     six_edges = np.concatenate([edges, edges - edges[:, [1, 2, 0]]], axis=1)
     longest = np.sqrt((six_edges**2).sum(axis=2).max(axis=1))
-    # Not "volume <= ...": a tetrahedron whose edges overflow or vanish must not pass either.
+    # Not "volume <= …", which is false for NaN: edges that overflow or vanish must not pass.
     _refuse(
         ~(six_volumes > FLAT * longest**3),
         "tetrahedra",
@@ -94,17 +94,17 @@ def _refuse(
         )
 
 
-#: The corners that each midpoint of a quadratic tetrahedron lies between: VTK's order, and
-#: Abaqus's and CalculiX's.
+#: Corners next to each midpoint of a quadratic tetrahedron, in the order of VTK, Abaqus and
+#: CalculiX.
 EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
 
 
 class Element(NamedTuple):
-    """A tetrahedron of n nodes, of unit volume."""
+    """Reference tetrahedron of n nodes and unit volume."""
 
-    #: (n, n) ∫ N_a N_b / V.
+    #: (n, n) Integrals ∫ N_a N_b / V.
     products: Floats
-    #: (4, 4, n, n) ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
+    #: (4, 4, n, n) Integrals ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
     slopes: Floats
     #: (n,) Each node's share of a lumped mass: the diagonal of the consistent one, scaled to the
     #: mass. Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976) 245.
@@ -112,12 +112,12 @@ class Element(NamedTuple):
 
 
 def element(nodes: int) -> Element:
-    """Return the reference tetrahedron with a number of nodes."""
+    """Return the reference tetrahedron with the given number of nodes."""
     return _ELEMENTS[nodes]
 
 
 def shape_functions(weights: Floats) -> Floats:
-    """Return the ten shape functions of quadratic tetrahedra.
+    """Evaluate the ten shape functions of quadratic tetrahedra.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def shape_functions(weights: Floats) -> Floats:
 
 
 def shape_slopes(weights: Floats) -> Floats:
-    """Return the derivatives of the ten shape functions to the barycentric coordinates.
+    """Evaluate the derivatives of the ten shape functions by the barycentric coordinates.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def shape_slopes(weights: Floats) -> Floats:
     Returns
     -------
     ndarray of float64, shape (n, 10, 4)
-        ∂N_a/∂L_i; times the gradients of L they are the gradients of N.
+        ∂N_a/∂L_i; multiplied by the gradients of L they are the gradients of N.
     """
     slopes = np.zeros((len(weights), 10, 4))
     slopes[:, range(4), range(4)] = 4 * weights - 1
@@ -156,7 +156,7 @@ def shape_slopes(weights: Floats) -> Floats:
 
 
 def _integral(*factors: int) -> float:
-    """Return ∫ L_i L_j … / V for the given indices."""
+    """Compute ∫ L_i L_j … / V for the given indices."""
     powers = [factors.count(i) for i in range(4)]
     return 6 * math.prod(map(math.factorial, powers)) / math.factorial(3 + len(factors))
 
@@ -189,19 +189,19 @@ _ELEMENTS = {4: _linear(), 10: _quadratic()}
 
 
 def with_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:
-    """Return a mesh with a vertex in the middle of each edge, shared by those that meet there.
+    """Add a vertex in the middle of each edge, shared by all tetrahedra at that edge.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
+        Positions [m].
     tetrahedra : ndarray of int64, shape (T, 4)
         Vertex numbers of linear tetrahedra.
 
     Returns
     -------
     vertices : ndarray of float64, shape (V + E, 3)
-        The given ones, and the middle of each of the E edges.
+        Given vertices, and the middle of each of the E edges.
     tetrahedra : ndarray of int64, shape (T, 10)
         Corners, then midpoints in the order of VTK_QUADRATIC_TETRA.
 

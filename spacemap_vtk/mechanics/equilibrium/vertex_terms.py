@@ -1,4 +1,4 @@
-"""Terms of a cage's vertices as terms of the nodes that its model moves."""
+"""Energy terms of a cage's vertices, converted to the nodes of its model."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from spacemap_vtk.ndarrays import Floats
 
 
 class OnVertices(EnergyTerm):
-    """A term of a cage's vertices as one of the nodes of its model, times a factor."""
+    """Term of a cage's vertices as a term of its model's nodes, multiplied by a factor."""
 
-    # Nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
-    # `spacemap_vtk.mechanics.elements.shell.MidSurface`; of a solid they are the vertices.
+    # The nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
+    # `spacemap_vtk.mechanics.elements.shell.MidSurface`. The nodes of a solid are the vertices.
 
     def __init__(self, term: EnergyTerm, surface: MidSurface | None, factor: float = 1.0) -> None:
         self._term, self._surface, self._factor = term, surface, factor
@@ -27,32 +27,32 @@ class OnVertices(EnergyTerm):
 
     @property
     def digest(self) -> str:
-        """Digest of the term and the factor; a mesh has one surface at most."""
+        """Digest of the term and the factor; the mesh determines the surface."""
         return digest_of(self._term.digest, self._factor)
 
     def energy(self, positions: Floats) -> float:
-        """Return the energy times the factor."""
+        """Compute the energy times the factor."""
         return self._factor * self._term.energy(self._vertices(positions))
 
     def forces(self, positions: Floats) -> Floats:
-        """Return its gradient with respect to the nodes."""
+        """Compute the gradient of the energy by the nodes."""
         forces = self._factor * self._term.forces(self._vertices(positions))
         return forces if self._surface is None else 2 * self._surface.nodal(forces)
 
     def tangent(self, positions: Floats) -> Floats:
-        """Return its second derivatives with respect to the nodes."""
+        """Compute the second derivatives of the energy by the nodes."""
         return self._factor * self._of_nodes(self._term.tangent(self._vertices(positions)))
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Return the term's own."""
+        """Compute the largest step that the wrapped term admits."""
         return self._term.largest_step(self._vertices(positions), self._vertices(move))
 
     def admits(self, start: Floats, positions: Floats) -> bool:
-        """Return the term's own."""
+        """Check whether the wrapped term admits the positions."""
         return self._term.admits(self._vertices(start), self._vertices(positions))
 
     def resisted(self) -> Floats:
-        """Return the term's own, with respect to the nodes."""
+        """Compute the matrices of the wrapped term by the nodes."""
         return self._of_nodes(self._term.resisted())
 
     def _vertices(self, nodal: Floats) -> Floats:

@@ -1,13 +1,13 @@
-"""A multifrontal Cholesky factorisation in numpy, and the inertia of an indefinite matrix.
+"""Multifrontal Cholesky factorisation in numpy, and the inertia of an indefinite matrix.
 
-SuperLU, scipy's own, stores both triangles, factorises a 95,000 row cube in 11 s, and hands out
-the signs of its pivots only with a copy of everything. A symmetric matrix in nested-dissection
-order is better served by dense LAPACK on fronts: one triangle, several times as fast, many
-right-hand sides at once, and inertia without keeping factors at all.
+Why not SuperLU, which scipy brings: it stores both triangles, factorises a cube of 95,000 rows in
+11 s, and gives the signs of its pivots only with a copy of everything. For a symmetric matrix in
+nested-dissection order, dense LAPACK on fronts is better. It stores one triangle, is several times
+as fast, solves for many right-hand sides at once, and finds the inertia without keeping factors.
 
-A *front* is a run of vertices that are eliminated as one dense block, and the later ones, its
-*border*, that this couples. A front hands what it leaves on its border to its parent, the front of
-the border's first vertex.
+A *front* is a run of vertices that are eliminated as one dense block. The later vertices that it
+couples are its *border*. A front passes the update of its border to its parent, which is the front
+of the border's first vertex.
 
 Sources: Duff and Reid, ACM TOMS 9 (1983) 302; Liu, SIAM Review 34 (1992) 82; amalgamation after
 Ashcraft and Grimes, ACM TOMS 15 (1989) 291.
@@ -29,20 +29,21 @@ from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
-#: Columns that are eliminated at once where eigenvalues are counted: more than most fronts have,
-#: and few enough to hear of progress, and to be stopped, several times a second.
+#: Number of columns that are eliminated at once when eigenvalues are counted. Most fronts have
+#: fewer, and several times a second the progress is reported and the work can be stopped.
 PANEL = 384
 
-#: Subtrees of up to so many vertices are one front: a dense block is quicker than many small ones.
+#: A subtree of at most this many vertices is one front: a dense block is faster than many small
+#: ones.
 _LEAF = 12
 
-#: A front is merged into its parent while this share of zeros is not passed, for up to so many
-#: vertices: small fronts cost calls, large ones multiplications.
+#: A front is merged into its parent if, for at most the first number of vertices, the share of
+#: zeros is at most the second number. Small fronts cost calls, large ones multiplications.
 _ZEROS = ((4, 0.8), (16, 0.25), (48, 0.1), (1 << 60, 0.05))
 
 
 class Analysis:
-    """The fronts of a sparse symmetric pattern."""
+    """Fronts of a sparse symmetric pattern."""
 
     def __init__(self, matrix: sp.csr_matrix, vertices: Ints) -> None:
         node = np.unique(vertices, return_inverse=True)[1].ravel()
@@ -59,16 +60,16 @@ class Analysis:
         #: Rows in the order of elimination.
         self.order = np.argsort(place[node], kind="stable")
         start = np.concatenate([[0], np.cumsum(np.bincount(place[node], minlength=count))])
-        #: First and last row, and the rows of the border, of each front.
+        #: First row and end of each front; the rows of its border; and its children.
         self.runs = [(int(start[f.first]), int(start[f.last])) for f in found]
         self.borders = [_ranges(start[f.border], start[f.border + 1]) for f in found]
         self.children = [f.children for f in found]
-        #: Patterns that were ordered last, and the numbers of their entries in that order.
+        #: Patterns that were ordered last, and the positions of their entries in that order.
         self._ordered: dict[bool, tuple[Ints, Ints, sp.csc_matrix]] = {}
 
     @property
     def entries(self) -> int:
-        """How many numbers the factors hold."""
+        """Number of entries of the factors."""
         return sum(
             (last - first) * (last - first + len(border))
             for (first, last), border in zip(self.runs, self.borders, strict=True)
@@ -76,14 +77,15 @@ class Analysis:
 
     @property
     def work(self) -> Floats:
-        """Multiplications up to the end of each front, as a share of all."""
+        """Multiplications up to the end of each front, as a share of the total."""
         sizes = [(b - a, len(c)) for (a, b), c in zip(self.runs, self.borders, strict=True)]
         done = np.cumsum([w * (w * w / 3 + w * h + h * h) for w, h in sizes])
         return done / done[-1]
 
     def ordered(self, matrix: sp.csr_matrix, lower: bool = False) -> sp.csc_matrix:
-        """Return a matrix, or its lower triangle, in the order of elimination."""
-        # Steps and searches order one pattern a thousand times; that took as long as to eliminate.
+        """Put a matrix, or its lower triangle, into the order of elimination."""
+        # Time steps and searches order one pattern a thousand times. Without keeping the positions
+        # of its entries, this took as long as the elimination.
         if not matrix.has_canonical_format:
             matrix = matrix.copy()
             matrix.sum_duplicates()
@@ -104,7 +106,7 @@ class Analysis:
     def assembled(
         self, matrix: sp.csr_matrix, left: list[Floats | None]
     ) -> Iterator[tuple[int, Floats, Floats, Floats]]:
-        """Yield each front, with what its children have left added in."""
+        """Yield each front, with the updates of its children added."""
         lower = self.ordered(matrix, lower=True)
         starts, rows, values = lower.indptr, lower.indices, lower.data
         place = np.empty(matrix.shape[0], np.int64)
@@ -134,7 +136,7 @@ class Analysis:
 
 
 class Cholesky:
-    """The factors of a sparse, symmetric, positive definite matrix."""
+    """Factors of a sparse, symmetric, positive definite matrix."""
 
     def __init__(
         self, matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
@@ -191,7 +193,7 @@ def negative_eigenvalues(
     matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
 ) -> int:
     """Count the negative eigenvalues of a sparse symmetric matrix."""
-    # By Sylvester's law of inertia they are those of the pivots, whatever congruence leads there.
+    # By Sylvester's law of inertia their number is that of the negative pivots, for any congruence.
     # Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
     left: list[Floats | None] = [None] * len(analysis.runs)
     count, share = 0, np.append(0.0, analysis.work)
@@ -225,53 +227,53 @@ def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
     if len(side):
         with blas_threads.several(below[inside:].size * len(side)):
             blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
-    # A block of two has one eigenvalue of either sign, or it would not have been chosen.
+    # A pivot block of two rows has one eigenvalue of each sign; otherwise it is not chosen.
     single = swaps >= 0
     return int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
 
 
 def _product(block: Floats, right: Floats, transposed: int = 0) -> Floats:
-    """Return A b, or Aᵀ b; of a large block in half the time that NumPy's product takes."""
+    """Compute A b, or Aᵀ b; for a large block in half the time of NumPy's product."""
     return blas.dgemm(1.0, block, right, trans_a=transposed)
 
 
 def _divided(triangle: Floats, right: Floats, transposed: int) -> Floats:
-    """Return L⁻¹ b, or L⁻ᵀ b; on the transposed of b, which lies in LAPACK's order."""
+    """Compute L⁻¹ b, or L⁻ᵀ b, from the transpose of b, which is in LAPACK's order."""
     return blas.dtrsm(1.0, triangle, right.T, side=1, lower=1, trans_a=transposed).T
 
 
 def _add(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
-    """Add to the crossings of rows and columns, by slices where they are runs."""
+    """Add values at the crossings of rows and columns, by slices if both are contiguous."""
     if len(rows) == 0 or len(columns) == 0:
         return
     if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
         block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] += values
     else:
-        # Transposed, so that what lies together in memory is visited together.
+        # Transposed, so that memory is accessed contiguously.
         block.T[columns[:, None], rows] += values.T
 
 
 def _ranges(starts: Ints, ends: Ints) -> Ints:
-    """Return the numbers from each start to its end, in one array."""
+    """List the numbers from each start up to its end, in one array."""
     sizes = ends - starts
     return np.repeat(ends - np.cumsum(sizes), sizes) + np.arange(sizes.sum())
 
 
 @dataclass
 class Front:
-    """A run of vertices that are eliminated together."""
+    """Run of vertices that are eliminated together."""
 
-    #: The run: first <= vertex < last.
+    #: The run consists of the vertices with first <= vertex < last.
     first: int
     last: int
-    #: (b,) The later vertices that the run is coupled with, ascending.
+    #: (b,) Later vertices that the run is coupled with, ascending.
     border: Ints
-    #: Fronts whose parent this is.
+    #: Numbers of the fronts whose parent this is.
     children: list[int] = field(default_factory=list)
 
 
 def fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
-    """Return the fronts of an elimination."""
+    """Compute the fronts of an elimination, and its final order."""
     parent = _tree(graph[order][:, order])
     post = _postorder(parent)
     place = np.empty_like(post)
@@ -284,7 +286,7 @@ def fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
 
 
 def _tree(graph: sp.csr_matrix) -> Ints:
-    """Return the parent of each vertex in the elimination tree, -1 for roots."""
+    """Compute the parent of each vertex in the elimination tree, -1 for roots."""
     starts, neighbours = graph.indptr.tolist(), graph.indices.tolist()
     parent, ancestor = [-1] * graph.shape[0], [-1] * graph.shape[0]
     for vertex in range(graph.shape[0]):
@@ -299,7 +301,7 @@ def _tree(graph: sp.csr_matrix) -> Ints:
 
 
 def _postorder(parent: Ints) -> Ints:
-    """Return the vertices with each subtree in a run, and its root last."""
+    """Order the vertices so that each subtree is contiguous, with its root last."""
     children: list[list[int]] = [[] for _ in parent]
     waiting: list[int] = []
     for vertex, above in enumerate(parent.tolist()):
@@ -313,7 +315,7 @@ def _postorder(parent: Ints) -> Ints:
 
 
 def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
-    """Return the fundamental fronts, small subtrees made one, with their children."""
+    """Find the fundamental fronts and their children; each small subtree becomes one front."""
     count = len(parent)
     size = np.ones(count, dtype=np.int64)
     above = parent.tolist()
@@ -322,7 +324,7 @@ def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
             size[above[vertex]] += size[vertex]
     leaf = (size <= _LEAF) & (np.append(size, _LEAF + 1)[parent] > _LEAF)
     found: list[Front] = []
-    of: dict[int, list[int]] = {}  # fronts that wait for a vertex
+    of: dict[int, list[int]] = {}  # fronts whose border starts at a vertex
     vertex = 0
     step = size.tolist()
     small = leaf.tolist()
@@ -350,7 +352,7 @@ def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
 
 
 def _merged(found: list[Front]) -> list[Front]:
-    """Merge fronts into their parents where that costs few zeros."""
+    """Merge fronts into their parents if that adds few zeros."""
     kept: list[Front | None] = list(found)
     for front in found:
         while front.children:
@@ -379,15 +381,15 @@ def _merged(found: list[Front]) -> list[Front]:
     return result
 
 
-#: Parts of this many vertices are not cut further.
+#: Parts of at most this many vertices are not cut further.
 _SMALL = 60
 
 
 def dissection(graph: sp.csr_matrix) -> Ints:
-    """Return vertices in an order in which elimination fills little."""
+    """Order vertices so that elimination causes little fill."""
     try:
         import pymetis
-    except ImportError:  # no wheel on Windows, and none in ParaView's own Python
+    except ImportError:  # there is no wheel for Windows, and none for ParaView's Python
         return by_levels(graph)
     if graph.nnz == 0:
         return np.arange(graph.shape[0])
@@ -400,9 +402,9 @@ def dissection(graph: sp.csr_matrix) -> Ints:
 
 
 def by_levels(graph: sp.csr_matrix) -> Ints:
-    """Return such an order without METIS."""
-    # A part is cut at the middle one of the levels that breadth-first search finds from a vertex at
-    # its far end; what lies to either side is cut likewise.
+    """Order vertices by nested dissection without METIS."""
+    # A part is cut at the middle level of a breadth-first search that starts at its far end. Both
+    # sides are cut in the same way.
     backwards: list[Ints] = []
     waiting = [np.arange(graph.shape[0])]
     while waiting:
@@ -421,7 +423,7 @@ def by_levels(graph: sp.csr_matrix) -> Ints:
         if not before.any() or not after.any():
             backwards.append(part)
             continue
-        # Of the middle level only what touches the next one separates.
+        # Of the middle level, only vertices that touch the next level separate the two sides.
         touches = (inner @ after.astype(np.int8)) > 0
         separator = (level == middle) & touches
         backwards.append(part[separator])
@@ -430,11 +432,11 @@ def by_levels(graph: sp.csr_matrix) -> Ints:
 
 
 def _levels(graph: sp.csr_matrix, start: int) -> Ints:
-    """Return each vertex's distance from a start in steps, -1 where there is no way."""
+    """Compute each vertex's distance from a start in steps, -1 if it cannot be reached."""
     order, before = csgraph.breadth_first_order(graph, start, directed=False)
     level = np.full(graph.shape[0], -1)
     level[start] = 0
-    # A vertex comes after its predecessor: whole levels at a time.
+    # A vertex follows its predecessor in the order, so whole levels are computed at a time.
     first = 1
     while first < len(order):
         known = level[before[order[first:]]] >= 0

@@ -1,4 +1,4 @@
-"""The modes of a cage, loads on them, and residual vectors: all of a response that has no time."""
+"""Modes of a cage, loads on them and residual vectors: the parts of a response without time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 
 class LoadVector(NamedTuple):
-    """Forces on the vertices, with their factor over time."""
+    """Forces on the vertices, with their time function."""
 
     parts: tuple[tuple[str, float], ...]
     """Name and size of each elementary vector that it is a sum of."""
@@ -35,7 +35,7 @@ class LoadVector(NamedTuple):
 
 
 class Basis(NamedTuple):
-    """The shapes that a cage moves in."""
+    """Shapes in which a cage moves."""
 
     eigenvalues: Floats
     """(n + k,): of the modes and of the residual vectors."""
@@ -43,31 +43,31 @@ class Basis(NamedTuple):
     """(n + k, 3V)."""
 
 
-#: Share of a cage's diagonal by which a load may miss it.
+#: Largest distance of a load from the cage's bounding box, as a share of its diagonal.
 FAR = 0.05
 
 
-#: Displacements under forces, (3V, m), and the share of each that is rounding, (m,).
+#: Function from forces to displacements, (3V, m), and to the share of each that is rounding, (m,).
 Statics = Callable[[Floats], tuple[Floats, Floats]]
 
 
 class CageModes:
-    """The modes of a cage, and whatever follows from them without a load's time function.
+    """Modes of a cage, and all that follows from them without a load's time function.
 
     Parameters
     ----------
     model : Model
         The cage.
     eigenvalues : ndarray of float64, shape (n,)
-        λ of its modes [1/s²].
+        Eigenvalues λ of its modes [1/s²].
     shapes : ndarray of float64, shape (n, 3V)
-        Mass-normalised [1/√kg].
+        Mass-normalised mode shapes [1/√kg].
     rounding : ndarray of float64, shape (n,)
-        The share of each eigenvalue that is rounding.
+        Share of each eigenvalue that is rounding.
     """
 
     # Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
-    # solutions are kept by name, so that another size of a load solves nothing.
+    # solutions are kept by name, so changing the size of a load needs no new solution.
 
     def __init__(self, model: Model, eigenvalues: Floats, shapes: Floats, rounding: Floats) -> None:
         self.model, self.eigenvalues, self.shapes = model, eigenvalues, shapes
@@ -79,17 +79,17 @@ class CageModes:
         self._bases: dict[tuple[str, ...], Basis] = {}
 
     def away(self, place: ArrayLike) -> float:
-        """Return how far a place is from the cage's bounding box.
+        """Compute the distance of a point from the cage's bounding box.
 
         Parameters
         ----------
         place : array_like of float, shape (3,)
-            Where [m].
+            Position of the point [m].
 
         Returns
         -------
         float
-            In m; zero for what is inside, or nearly so.
+            Distance [m]; zero if the point is inside, or nearly inside.
         """
         low, high = self.model.points.min(axis=0), self.model.points.max(axis=0)
         where = np.asarray(place, dtype=np.float64)
@@ -98,12 +98,12 @@ class CageModes:
 
     @property
     def complete(self) -> bool:
-        """Whether these are all modes there are."""
+        """Whether these are all modes of the cage."""
         return len(self.eigenvalues) >= self.model.pencil.size
 
     @cached_property
     def gradient(self) -> MeanGradient | LegGradient:
-        """Displacements from the equilibrium to their gradient in each tetrahedron of it."""
+        """Map from displacements from the equilibrium to their gradients in each tetrahedron."""
         moved, surface = self.model.displacement, self.model.pencil.surface
         if moved is None:
             return MeanGradient(self.model.points, self.model.cells)
@@ -112,21 +112,22 @@ class CageModes:
         return LegGradient(self.model.points, surface, moved)
 
     def strained(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
-        """Return strain and stress of each tetrahedron.
+        """Compute strain and stress of each tetrahedron.
 
         Parameters
         ----------
         moved : ndarray of float64, shape (V, 3)
             Displacement from the equilibrium [m].
         gradients : ndarray of float64, shape (3, 3, T)
-            Of that, from `gradient`; of what hangs they do not count.
+            Gradients of this displacement, from `gradient`; not used for a sheet, or in an
+            equilibrium.
 
         Returns
         -------
         strain : ndarray of float64, shape (T, 6)
-            As xx, yy, zz, yz, zx, xy, shears in engineering measure.
+            Components xx, yy, zz, yz, zx, xy, with engineering shears.
         stress : ndarray of float64, shape (T, 6)
-            In Pa.
+            Stress [Pa].
         """
         if self.model.plate is None and self.model.displacement is None:
             strain = strains(gradients)
@@ -135,19 +136,19 @@ class CageModes:
 
     @cached_property
     def effective_masses(self) -> Floats:
-        """Of each mode along x, y and z [kg], (n, 3)."""
+        """Effective masses of each mode along x, y and z [kg], (n, 3)."""
         return participation(self.shapes, self.nodal_mass) ** 2
 
     @property
     def frequencies(self) -> Floats:
-        """Frequencies without damping in Hz, (n,); 0 of what no stiffness brings back."""
+        """Undamped natural frequencies [Hz], (n,); 0 for rigid modes."""
         return np.asarray(np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi))
 
     @property
     def mass_shares(self) -> Floats:
-        """Effective masses as shares of what can move along x, y and z, (n, 3)."""
+        """Effective masses as shares of the movable mass along x, y and z, (n, 3)."""
         masses, movable = self.effective_masses, self.model.movable_mass
-        # A cage held along an axis everywhere has nothing to move along it.
+        # If a cage is held along an axis everywhere, no mass can move along it.
         return np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
 
     def vector(
@@ -158,31 +159,31 @@ class CageModes:
         place: Any = None,
         follower: bool = False,
     ) -> LoadVector:
-        """Return the vector of a load.
+        """Make the vector of a load.
 
         Parameters
         ----------
         action : str
             "gravity", "base_acceleration", "base_displacement", "pressure", "traction", "force", or
-            "array", forces on all vertices.
+            "array" (forces on all vertices).
         value : float or array_like
-            Its size in SI units: a number of a pressure, (V, 3) of an array, otherwise (3,).
+            Size in SI units: a number for a pressure, (V, 3) for an array, otherwise (3,).
         function : TimeFunction
-            Its factor over time.
+            Factor over time.
         place : object, optional
-            The side of a pressure or traction, the point of a force, the name of an array.
+            Side of a pressure or traction, point of a force, or name of an array.
         follower : bool, optional
-            Whether a pressure turns with its side, which only `Stepped` can.
+            Whether a pressure turns with its side, which only `Stepped` supports.
 
         Returns
         -------
         LoadVector
-            Made of elementary vectors, each solved for once.
+            Sum of elementary vectors, each of which is solved for only once.
 
         Raises
         ------
         InputError
-            If a base moves and nothing is fixed, or the cage has no face in that side.
+            If a base moves but nothing is fixed, or the cage has no face on that side.
         """
         if action.startswith("base") and not self.model.grounded:
             raise InputError(
@@ -214,17 +215,17 @@ class CageModes:
         return LoadVector(((f"array {place}", 1.0),), function)
 
     def force(self, vector: LoadVector) -> Floats:
-        """Return a vector's forces.
+        """Compute the forces of a load vector.
 
         Parameters
         ----------
         vector : LoadVector
-            Made by `vector`.
+            Load vector, made by `vector`.
 
         Returns
         -------
         ndarray of float64, shape (3V,)
-            In N, for a factor of one.
+            Forces [N] for a factor of one.
         """
         total = np.zeros(self.shapes.shape[1])
         for name, size in vector.parts:
@@ -234,21 +235,21 @@ class CageModes:
     def basis(
         self, vectors: Sequence[LoadVector], residual: bool = True, statics: Statics | None = None
     ) -> Basis:
-        """Return the shapes that a cage under some loads moves in.
+        """Compute the shapes in which the cage moves under given loads.
 
         Parameters
         ----------
         vectors : sequence of LoadVector
             The loads.
         residual : bool, optional
-            Whether a residual vector for each elementary vector follows the modes.
+            Whether the modes are followed by a residual vector for each elementary vector.
         statics : callable, optional
-            What solves for these; by default the model.
+            Solver of the static responses; by default the model.
 
         Returns
         -------
         Basis
-            The same one as long as the elementary vectors are the same.
+            Shapes and eigenvalues; the same object as long as the elementary vectors are the same.
         """
         names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
         if not residual or self.complete or not names:
@@ -267,7 +268,7 @@ class CageModes:
                 np.stack([self._elementary(name) * free for name in names], axis=1),
                 np.stack([self._statics[name] for name in names], axis=1),
             )
-            # One at a time: a basis of a large cage is large.
+            # Only one is kept, as the basis of a large cage is large.
             self._bases = {
                 names: Basis(
                     np.concatenate([self.eigenvalues, values]),
@@ -277,7 +278,7 @@ class CageModes:
         return self._bases[names]
 
     def rounding(self, vectors: Sequence[LoadVector]) -> float:
-        """Return how far rounding disturbs the static response to some loads.
+        """Estimate the rounding errors of the static response to given loads.
 
         Parameters
         ----------
@@ -287,13 +288,13 @@ class CageModes:
         Returns
         -------
         float
-            The largest share of a static response that is rounding.
+            Largest share of a static response that is rounding.
         """
         names = {name for vector in vectors for name, _ in vector.parts}
         return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
     def loaded_axes(self, vectors: Sequence[LoadVector]) -> Bools:
-        """Return along which axes the loads have a resultant.
+        """Find the axes along which the loads have a resultant.
 
         Parameters
         ----------
@@ -303,7 +304,7 @@ class CageModes:
         Returns
         -------
         ndarray of bool, shape (3,)
-            Of x, y and z.
+            Whether there is a resultant along x, y and z.
         """
         loaded = np.zeros(3, dtype=bool)
         for vector in vectors:

@@ -1,4 +1,4 @@
-"""The same sheet in cells twice as wide: what differs there still depends on the cells."""
+"""A sheet with cells twice as wide: results that differ there still depend on the cells."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from spacemap_vtk.mechanics.elements.shell import MidSurface, mid_surface
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: How far a pair may lie from its line of the lattice, as a share of the lattice's extent.
+#: Largest distance of a pair from its line of the lattice, as a share of the lattice's extent.
 _LINE = 1e-6
 
 
 def coarser(model: Model) -> Model | None:
-    """Return a sheet in cells twice as wide, or None where that cannot be.
+    """Make the model of a sheet with cells twice as wide, if possible.
 
     Parameters
     ----------
     model : Model
-        Of a sheet.
+        Model of a sheet.
 
     Returns
     -------
     Model or None
-        Undeformed, with the supports of the vertices that it keeps. None of what is no rectangular
-        lattice of at least four by four cells, and where springs, masses, factors or further terms
-        of the energy are.
+        Undeformed, with the supports of the vertices that are kept. None if the mesh is not a
+        rectangular lattice of at least four by four cells, or if there are fittings (springs,
+        masses, factors, …) or further energy terms.
     """
     surface, plate = model.pencil.surface, model.plate
     if surface is None or plate is None or model.fittings.given or model.terms:
@@ -35,7 +35,7 @@ def coarser(model: Model) -> Model | None:
     grid = _grid(model.points, surface)
     if grid is None or min(grid.shape) <= 4:
         return None
-    # The nearest to evenly spaced ones: every second one, where the number of cells is even.
+    # Lines that are nearly evenly spaced: every second one if the number of cells is even.
     rows, columns = (np.rint(np.linspace(0, n - 1, (n - 1) // 2 + 1)) for n in grid.shape)
     kept = grid[np.ix_(rows.astype(np.int64), columns.astype(np.int64))]
     points, cells = lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
@@ -52,7 +52,7 @@ def coarser(model: Model) -> Model | None:
 
 
 def _grid(points: Floats, surface: MidSurface) -> Ints | None:
-    """Return the pairs of a rectangular lattice in rows and columns, or None of any other."""
+    """Arrange the pairs of a rectangular lattice in rows and columns; None for other meshes."""
     places = surface.nodal(points)[: len(surface.pairs)]
     near = _LINE * float(np.ptp(places, axis=0).max())
     lines = []

@@ -1,8 +1,8 @@
 """Vibration modes: K s = λ M s, equations (14) and (15) of Furukawa et al., for the lowest λ.
 
-Small problems are solved densely, large ones by `spacemap_vtk.mechanics.linalg.lanczos`.
-Components of a mesh, which no element joins, vibrate apart from each other and are solved apart:
-any number of equal ones then gives as many equal eigenvalues.
+Small problems are solved densely, large ones by `spacemap_vtk.mechanics.linalg.lanczos`. Components
+of a mesh that no element connects vibrate independently and are solved separately: any number of
+equal components then gives as many equal eigenvalues.
 """
 
 from __future__ import annotations
@@ -23,32 +23,34 @@ from spacemap_vtk.mechanics.linalg.multifrontal import negative_eigenvalues
 from spacemap_vtk.mechanics.modal.pencil import Pencil
 from spacemap_vtk.ndarrays import Bools, Floats, Progress
 
-#: Up to here the dense solver is no slower.
+#: Up to this size the dense solver is not slower.
 DENSE = 600
 
-#: Modes solved for beyond those that are asked for, so that a gap follows the last of these: with
-#: one asked for of a free body, five more are rigid.
+#: Number of modes that are solved for beyond those requested, so that the last requested mode is
+#: followed by a gap: if one mode of a free body is requested, five more are rigid.
 SPARE = 7
 
-#: Where in the gap modes are counted. When one is missing another solution is tried, from another
-#: start, and counted at another place: pivots may have been poor at the last one.
+#: Positions within the gap at which modes are counted. If a mode is missing, the modes are computed
+#: again from another start, and counted at another position, as pivots may have been poor at the
+#: last one.
 _SHARES = (0.5, 0.3, 0.6)
 
-#: Largest ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
+#: Largest residual ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
 RESIDUAL = 1e-6
 
-#: Share of ‖|K| |φ|‖ that rounding may leave in Kφ.
+#: Rounding error of Kφ, as a share of ‖|K| |φ|‖.
 NOISE = 1e-13
 
-#: Share of |φ|ᵀ |K| |φ| that rounding may leave in φᵀKφ: below it a mode is rigid, where only K is
-#: known.
+#: Rounding error of φᵀKφ, as a share of |φ|ᵀ |K| |φ|. A mode with less energy is rigid, if only K
+#: is known.
 RIGID = 1e-14
 
-#: Below this share, too many digits are lost in φᵀKφ: strains tell, where they are known.
+#: Below this share, φᵀKφ has lost too many digits, and strains are used instead if they are known.
 DOUBTFUL = 1e-10
 
-#: Share that rounding of the displacements leaves in the strain energy of a motion without strain:
-#: of a part that hangs by a vertex. A clamped sheet bends with more up to a million thicknesses.
+#: Share that rounding of the displacements leaves in the strain energy of a motion without strain,
+#: such as that of a part that hangs by a vertex. A clamped sheet of up to a million thicknesses
+#: bends with more energy.
 STRAINLESS = 1e-27
 
 #: Relative error of float64.
@@ -56,7 +58,7 @@ _ROUNDING = 2.0**-53
 
 
 class Modes(NamedTuple):
-    """The lowest modes of a supported mesh."""
+    """Lowest modes of a supported mesh."""
 
     eigenvalues: Floats
     """λ = ω² [1/s²], ascending, (n,); exactly 0.0 for a rigid mode."""
@@ -67,21 +69,20 @@ class Modes(NamedTuple):
 
 
 def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
-    """Return the lowest vibration modes of a pencil, and how many of their digits are rounding."""
-    # Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
-    # leave. A thin sheet bends by so much more easily than it stretches that K holds nothing of its
-    # lowest modes but rounding; in the space of the modes that are found, whose higher ones are
-    # right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
-    # outside of that space have.
+    """Compute the lowest vibration modes of a pencil, and the rounding of their eigenvalues."""
+    # If the pencil has vertices and strains, exactly those modes are rigid that the supports allow.
+    # A thin sheet bends so much more easily than it stretches that K contains only rounding of its
+    # lowest modes. Within the space of all computed modes, of which the higher ones are accurate,
+    # strains determine them (Rayleigh and Ritz). What is still lost is the share of modes outside
+    # that space.
     if count < 1:
         raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
     report: Progress = progress or (lambda _: None)
     report(0.0)
     with blas_threads.one():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
-        if (
-            pencil.size > 6
-        ):  # a rigid piece's K is its springs', in which what is free has no digits
+        # K of a rigid body is that of its springs, and has no correct digit for its free motions.
+        if pencil.size > 6:
             _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
     shapes = (pencil.basis @ (modes * _signs(modes))).T
     report(1.0)
@@ -89,7 +90,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
 
 
 def estimate_bytes(dof: int, count: int, layers: float | None = None, sheet: bool = False) -> int:
-    """Estimate the memory that `lowest` takes, to refuse in time.
+    """Estimate the memory that `lowest` needs, so that too large a problem can be refused.
 
     Parameters
     ----------
@@ -98,29 +99,29 @@ def estimate_bytes(dof: int, count: int, layers: float | None = None, sheet: boo
     count : int
         Number of modes.
     layers : float, optional
-        Cells through the thickness of a slab. Without it, or infinite, the mesh is taken for a
-        cube, which needs most.
+        Cells through the thickness of a slab. If missing or infinite, the mesh is assumed to be a
+        cube, which needs most memory.
     sheet : bool, optional
-        Whether it is a sheet, whose strains are made, too.
+        Whether the mesh is a sheet, which also needs memory for strains.
 
     Returns
     -------
     int
-        Bytes, matrices and results included.
+        Bytes, including matrices and results.
     """
     count = min(count, dof)
     if _is_dense(dof, count):
-        # Of a sheet, motions in its plane are solved apart from those across it.
+        # For a sheet, motions in its plane and motions across it are solved separately.
         return int(50 * dof**2 * (4 / 9 if sheet else 1))
-    # Entries of the factors: those of a cube grow as the power 4/3, those of a sheet as A log A
-    # with a dense block for each of the A columns of vertices across it.
+    # Number of entries of the factors. For a cube it grows as the power 4/3. For a sheet it grows
+    # as A log A, with a dense block for each of the A columns of vertices across it.
     entries = 13.1 * dof ** (4 / 3)
     if layers is not None:
         column = 3 * (layers + 1)
         entries = min(entries, 1.45 * dof * column * math.log2(max(2.0, dof / column)))
     if importlib.util.find_spec("pymetis") is None:
         entries *= 2.4
-    # 8 bytes an entry, and as much for what waits on the fronts' borders.
+    # 8 bytes per entry, and as much for updates that wait on the fronts' borders.
     return int(17 * entries + dof * (210 + 62 * count + 6000 * sheet))
 
 
@@ -129,7 +130,7 @@ def _is_dense(dof: int, count: int) -> bool:
 
 
 def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats, Floats, Floats]:
-    """Return λ of the lowest modes of all components, these, (N, n), and their rounding."""
+    """Compute λ of the lowest modes of all components, the modes, (N, n), and their rounding."""
     total = pencil.size
     rows, solved, done, top = [], [], 0, math.inf
     for component in sorted(pencil.components, key=lambda each: -each.size):
@@ -137,8 +138,8 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
         def part(share: float, done: int = done, size: int = component.size) -> None:
             report((done + share * size) / total)
 
-        # A sheet's thickness, its smallest part, has thousands of modes close together, which take
-        # long to tell apart, above all that are wanted.
+        # The thickness of a sheet is its smallest component. It has thousands of modes close
+        # together, which are slow to separate, and all of which are above the requested ones.
         few = min(count, component.size)
         if math.isfinite(top) and not _is_dense(component.size, few):
             beyond = component.stiffness - 1.01 * top * component.mass
@@ -165,14 +166,14 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
 
 
 def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
-    """Return at least the lowest modes of a component."""
+    """Compute at least the lowest modes of a component."""
     size = component.size
     if size <= 6 and component.nodes is not None and component.motions.shape[1] == size:
         report(1.0)
-        return component.motions  # a rigid piece that nothing holds, whose K is zero
+        return component.motions  # of a rigid body that nothing holds, whose K is zero
     if not _is_dense(size, count):
         return _counted(component, count, report)
-    # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
+    # LAPACK finds all modes in half the time of many modes: "gvd" uses divide and conquer.
     few = 4 * count < size
     try:
         modes = la.eigh(
@@ -193,9 +194,9 @@ def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
 
 
 def _refined(component: Pencil, modes: Floats) -> Floats:
-    """Return modes of a dense solver without what rounding has mixed into the lowest."""
-    # It mixes in a share of the highest eigenvalue, which of a sheet is its thickness's. The
-    # inverse's lowest modes have none of it, as the factors are good to each row's own size.
+    """Remove from modes of a dense solver what rounding has mixed into the lowest ones."""
+    # The error is a share of the highest eigenvalue, which for a sheet belongs to its thickness.
+    # The lowest modes of the inverse are free of it, as factors are accurate relative to each row.
     stiffness, mass = component.stiffness, component.mass
     force, inertia = stiffness @ modes, mass @ modes
     values = np.einsum("nk,nk->k", modes, force)
@@ -216,9 +217,9 @@ def _refined(component: Pencil, modes: Floats) -> Floats:
 
 
 def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return λ of the modes of a component, ascending, these modes, and their rounding."""
-    # The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
-    # of both solvers equal down to rounding in K itself.
+    """Compute λ of a component's modes, ascending, the modes in this order, and their rounding."""
+    # The error of the quotient φᵀKφ / φᵀMφ is the square of the mode's error, so the eigenvalues of
+    # both solvers are equal up to rounding in K.
     energy, noise = _energies(component, modes)
     rigid = energy <= RIGID * noise
     rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
@@ -228,12 +229,12 @@ def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats
         rigid = np.zeros(len(energy), dtype=bool)
         rigid[np.argsort(energy, kind="stable")[:left]] = True
         if doubtful.sum() > left:
-            low = energy <= energy[doubtful].max()  # modes are mass-normalised: these are lowest
+            low = energy <= energy[doubtful].max()  # the lowest, as modes are mass-normalised
             modes = _told_by_strains(component, modes, low, motions)
             noise = _energies(component, modes)[1]
             energy = np.diag(component.strain_products(_fields(component, modes)))
             rigid = (np.arange(len(energy)) < left) | (energy <= STRAINLESS * noise)
-            # Of second order, and left by the modes beyond the highest.
+            # The error is of second order, and comes from modes beyond the highest one.
             share = np.divide(noise, energy, out=np.full_like(noise, np.inf), where=energy > 0)
             rounding = _ROUNDING**2 * share * noise / energy.max()
     rounding = np.where(rigid, 0.0, np.minimum(rounding, 1.0))
@@ -244,7 +245,7 @@ def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats
 
 
 def _energies(component: Pencil, modes: Floats) -> tuple[Floats, Floats]:
-    """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
+    """Compute φᵀKφ of modes, and |φ|ᵀ |K| |φ|, to which the rounding is proportional."""
     cancel.check()
     size = abs(modes)
     energy = np.einsum("nk,nk->k", modes, component.stiffness @ modes)
@@ -252,29 +253,29 @@ def _energies(component: Pencil, modes: Floats) -> tuple[Floats, Floats]:
 
 
 def _fields(component: Pencil, modes: Floats) -> Floats:
-    """Return the modes of a component as displacements of all vertices, (n, V, 3)."""
+    """Convert modes of a component to displacements of all nodes, (n, V, 3)."""
     return (component.basis @ modes).T.reshape(modes.shape[1], -1, 3)
 
 
 def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: Floats) -> Floats:
-    """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others."""
-    # Each is freed of those before it alone, which have less energy: what is left of them in it
-    # does no harm, where a trace of a high mode in a low one would.
+    """Separate the lowest modes, which K cannot resolve, by strains; rigid modes come first."""
+    # Each mode is made orthogonal only to those before it, which have less energy. A remainder of
+    # low modes in a high one is harmless; a trace of a high mode in a low one is not.
     assert component.strain_products is not None
     mass, low = component.mass, modes[:, lowest]
     if motions.shape[1]:
-        # What of them is no rigid motion.
+        # Keep the part of these modes that is not a rigid motion.
         low = low @ la.null_space(motions.T @ (mass @ low))
         low -= motions @ (motions.T @ (mass @ low))
     others = modes[:, ~lowest]
     both = np.concatenate([low, others], axis=1)
     springs = component.strain_products(_fields(component, both))
     if (np.diag(springs) <= 0.0).any():
-        return np.concatenate([motions, both], axis=1)  # strains that no digit holds
+        return np.concatenate([motions, both], axis=1)  # no digit of the strains is correct
     size = np.diag(springs) ** -0.5
     inertia = both.T @ (mass @ both)
     scale = np.outer(size, size)
-    # Of 1/λ the largest are exact, and with them the lowest modes.
+    # The largest values of 1/λ are accurate, and so are the lowest modes, which belong to them.
     try:
         turn = la.eigh(inertia * scale, springs * scale)[1][:, ::-1][:, : low.shape[1]]
     except la.LinAlgError:
@@ -287,10 +288,10 @@ def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: F
 
 
 def _counted(component: Pencil, count: int, report: Progress) -> Floats:
-    """Return a few more than the lowest modes, none of them missed."""
-    # A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
-    # negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
-    # that is wanted, and so a few more are solved for.
+    """Compute slightly more than the lowest modes, and make sure that none is missing."""
+    # A Krylov space can miss a mode without any sign. The inertia of K - μM cannot: the number of
+    # its negative eigenvalues is the number of modes below μ. μ is placed in the widest gap after
+    # the last requested mode, so a few more modes are solved for.
     for attempt, share in enumerate(_SHARES):
 
         def solve(seed: int = attempt) -> tuple[Floats, Floats]:
@@ -310,7 +311,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> Floats:
                 raise
             values, vectors = solve()
         tail = values[count - 1 :]
-        # Against λ + σ, or rounding would tell rigid modes apart.
+        # Gaps are relative to λ + σ; relative to λ, rounding would separate rigid modes.
         below = count + int(np.argmax(np.diff(tail) / (tail[1:] + component.shift)))
         between = (1 - share) * values[below - 1] + share * values[below]
         found = negative_eigenvalues(
@@ -330,7 +331,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> Floats:
 def _verify(
     stiffness: sp.csr_matrix, mass: sp.csr_matrix, eigenvalues: Floats, modes: Floats
 ) -> None:
-    """Say which mode is wrong."""
+    """Raise an error that names the first wrong mode."""
     if eigenvalues.min() < 0:
         raise SolverError(
             f"the stiffness matrix is not positive semidefinite: λ = {eigenvalues.min():.3g}",
@@ -353,9 +354,9 @@ def _verify(
 
 
 def _signs(modes: Floats) -> Floats:
-    """Return the signs that make the first of the largest components of each mode positive."""
-    # Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
-    # ones often are, and rounding would choose between them.
+    """Compute signs that make the first of the largest components of each mode positive."""
+    # Components within 1e-6 of the largest count as equal to it. On a symmetric cage two opposite
+    # components are often equal, and rounding would choose between them.
     size = abs(modes)
     first = (size >= (1 - 1e-6) * size.max(axis=0)).argmax(axis=0)
     return np.sign(modes[first, np.arange(modes.shape[1])])

@@ -1,8 +1,8 @@
-"""K and M of a supported mesh of unit modulus and density, found again by content.
+"""K and M of a supported mesh of unit modulus and density, shared between users by content.
 
-Pencils and assemblies are kept while anyone holds them: ModalResponse comes upon the factors that
-ModalSolver made, though only arrays pass between the two. Nothing is assembled before it is asked
-for.
+A pencil or an assembly is found by a digest of its content as long as it is in use anywhere:
+ModalResponse finds the factors that ModalSolver made, although only arrays pass between the two.
+Nothing is assembled before it is needed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
 
 
-#: Digits of a material that count: two moduli in a fixed ratio leave the last ones to rounding.
+#: Significant digits of a material: in moduli of a fixed ratio the last digits are rounding.
 _DIGITS = 14
 
 
@@ -50,17 +50,17 @@ V = TypeVar("V")
 
 
 class WeakValues(Generic[V]):
-    """A `weakref.WeakValueDictionary` that runs no Python when a value dies."""
+    """`weakref.WeakValueDictionary` that runs no Python code when a value is deleted."""
 
-    # A value may die with its stage within VTK's collector, which holds a lock of all threads.
-    # There any line of Python may hand Python's own lock to a thread that then waits for VTK's, and
-    # both stand for ever. So the dead are dropped when the next value comes.
+    # A value may be deleted with its stage within VTK's garbage collector, which holds a lock of
+    # all threads. Any line of Python that ran there could pass Python's lock to a thread that then
+    # waits for VTK's: a deadlock. Deleted values are therefore dropped when the next one is added.
 
     def __init__(self) -> None:
         self.entries: dict[str, weakref.ref[V]] = {}
 
     def get(self, key: str) -> V | None:
-        """Return a value, or None where there is none any more."""
+        """Return a value, or None if it does not exist any more."""
         kept = self.entries.get(key)
         return None if kept is None else kept()
 
@@ -75,7 +75,7 @@ class WeakValues(Generic[V]):
 class MeshPencil(Pencil):
     """K and M of a supported mesh of unit modulus and density."""
 
-    # Nothing is assembled before it is asked for: modes may come from a cache.
+    # Nothing is assembled before it is needed, as modes may come from a cache.
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class MeshPencil(Pencil):
         self.digest, self.free, self.material = digest, free, material
         self.fittings, self._local = fittings, local
         self.surface = mid_surface(points, cells) if len(material) > 1 else None
-        #: Terms beside elements and springs.
+        #: Terms other than elements and springs.
         self.added = [OnVertices(term, self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
@@ -106,7 +106,7 @@ class MeshPencil(Pencil):
             )
         self._mesh, self._points, self._cells, self._lumped = mesh, points, cells, lumped
         self._displacement = displacement
-        # Held from now on, so that a solver's last model hands it to the next.
+        # The assembly is held from now on, so that a solver's last model passes it to the next.
         if (kept := _assemblies.get(mesh)) is not None:
             self.assembly = kept
 
@@ -124,8 +124,8 @@ class MeshPencil(Pencil):
 
     @property
     def _stiff(self) -> Floats | None:
-        """Factors of the tetrahedra's stiffness: none have those that are within a rigid body."""
-        # What they would add to K is rounding, which soft springs would not be told from.
+        """Stiffness factors of the tetrahedra; zero for those within a rigid body."""
+        # These would add only rounding to K, which could not be distinguished from soft springs.
         factors, bodies = self.fittings.stiffness_factors, self.fittings.bodies
         if bodies is None:
             return factors
@@ -135,7 +135,7 @@ class MeshPencil(Pencil):
 
     @cached_property
     def elements(self) -> list[Strains]:
-        """The strains of the elements; of a sheet those of its quadrilaterals, then its pairs."""
+        """Strains of the elements; for a sheet those of its quadrilaterals, then of its pairs."""
         factors = self._stiff
         if self.surface is None:
             return [of_tetrahedra(self._points, self._cells, self.material[0], factors)]
@@ -145,14 +145,14 @@ class MeshPencil(Pencil):
 
     @cached_property
     def others(self) -> list[EnergyTerm]:
-        """The springs, where there are any, and what is added."""
+        """Springs, if there are any, and added terms."""
         found = self.fittings.springs
         springs = [] if found is None else [self._against_base(found)]
         return [*springs, *self.added]
 
     @property
     def terms(self) -> list[EnergyTerm]:
-        """All of which its energy is the sum."""
+        """All terms of the energy."""
         return [*self.elements, *self.others]
 
     @cached_property
@@ -173,12 +173,12 @@ class MeshPencil(Pencil):
 
     @property
     def size(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom."""
         return int(self.free.sum()) if self.plain else super().size
 
     @property
     def plain(self) -> bool:
-        """Whether all that is held is held along axes."""
+        """Whether all supports act along axes, without rigid bodies."""
         return self.fittings.normals is None and self.fittings.bodies is None
 
     @cached_property
@@ -219,19 +219,19 @@ class MeshPencil(Pencil):
         return lambda fields: found(fields) + _products(self.others, self._points, fields)
 
     def gathered(self, forces: Floats) -> Floats:
-        """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
+        """Convert forces on the vertices (3V, m) to forces on the free coordinates (N, m)."""
         found = self.coordinates(forces)
         return found if self.surface is None else 2 * found
 
     def coordinates(self, moved: Floats) -> Floats:
-        """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""
+        """Convert displacements of the vertices (3V, m) to free coordinates (N, m)."""
         if self.surface is None and self.plain:
             return moved[self.free]
         nodal = moved if self.surface is None else self._nodal(moved)
         return self.basis.T @ nodal
 
     def spread(self, coordinates: Floats) -> Floats:
-        """Return the displacements of the vertices (3V, m) that coordinates (N, m) stand for."""
+        """Convert free coordinates (N, m) to displacements of the vertices (3V, m)."""
         if self.surface is None and self.plain:
             result = np.zeros((len(self.free), coordinates.shape[1]))
             result[self.free] = coordinates
@@ -243,20 +243,20 @@ class MeshPencil(Pencil):
         return self.surface.vertices(nodal).reshape(len(self.free), -1)
 
     def movable(self, moved: Floats) -> Floats:
-        """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
+        """Remove from displacements or forces on the vertices (3V, m) the part that is held."""
         if self.plain:
             return moved * self.free[:, None]
         return self.spread(self.coordinates(moved))
 
     def of_vertices(self, matrix: csr_matrix) -> csr_matrix:
-        """Return a matrix of the nodes' vectors as one of the vertices."""
+        """Convert a matrix of the nodal vectors to one of the vertices."""
         if self.surface is None:
             return matrix
         turn = self.surface.matrix()
         return (turn.T @ matrix @ turn).tocsr()
 
     def _against_base(self, blocks: Floats) -> Strains:
-        """Return the strains of springs (V, 3, 3) between the vertices and the base."""
+        """Make the strains of springs (V, 3, 3) between the vertices and the base."""
         where = np.flatnonzero(blocks.any(axis=(1, 2)))
         if self.surface is None:
             return of_base(self._points, where[:, None], np.ones((len(where), 1)), blocks[where])
@@ -286,7 +286,7 @@ def mesh_pencil(
     local: bool = False,
     added: Sequence[EnergyTerm] = (),
 ) -> MeshPencil:
-    """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
+    """Return the pencil of a mesh: the existing one if it is in use, otherwise a new one."""
     material = [_rounded(part / modulus) for part in parts]
     for what, given in (("held", held), ("displacement", displacement)):
         if given is not None and given.shape != points.shape:
@@ -324,7 +324,7 @@ def mesh_pencil(
 
 
 def _alike(blocks: Floats) -> Floats:
-    """Return matrices whose largest entry is one, or zero."""
+    """Scale matrices so that their largest entry is one; a zero matrix stays zero."""
     sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
     return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
 

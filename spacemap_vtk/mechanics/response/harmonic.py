@@ -1,12 +1,13 @@
-"""Response of oscillators to a sine: steady, and from rest, at resonance too.
+"""Response of oscillators to a sine: steady or from rest, also at resonance.
 
 From rest under w = e^{pt}, p = iΩ, the response is Duhamel's integral
 
     X(t) = (E - S) / (p - b),    E = t e^{pt} φ₁((a - p) t),    φ₁(z) = (e^z - 1) / z,
 
-a and b being the roots of r² + 2hr + λ, a the one nearer to p, and S the impulse response. Where
-a = p, at resonance without damping, E is t e^{pt} and nothing is divided by zero: the textbook's
-"steady minus free" would be. For short times, where E and S cancel, Taylor's series is summed.
+where a and b are the roots of r² + 2hr + λ, a is the one closer to p, and S is the impulse
+response. At resonance without damping, a = p, E is t e^{pt} and nothing is divided by zero; the
+textbook form "steady minus free" would divide by zero. For short times, where E and S cancel, a
+Taylor series is summed.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Forced(NamedTuple):
-    """Response to e^{iΩt}; its imaginary part is that to sin Ωt."""
+    """Response to e^{iΩt}; its imaginary part is the response to sin Ωt."""
 
     value: ComplexArray
     """X [s²]."""
@@ -33,7 +34,7 @@ class Forced(NamedTuple):
 
 
 def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | float) -> Forced:
-    """Return the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest."""
+    """Compute the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest."""
     spring, h, t = np.broadcast_arrays(stiffness, half, time)
     p = 1j * omega
     root = np.sqrt(spring)
@@ -52,8 +53,8 @@ def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | floa
 
 
 def steady(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArray:
-    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance."""
-    # Of frequencies one below the other, of shape (f, 1), a row for each.
+    """Compute the receptance: the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0."""
+    # Frequencies of shape (f, 1) give one row each.
     root = np.sqrt(stiffness)
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():
@@ -66,8 +67,8 @@ def steady(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArr
 
 
 def _first(z: ComplexArray, t: Floats) -> ComplexArray:
-    """Return φ₁(z t)."""
-    from scipy.special import expm1  # with all it brings: a tenth of a second
+    """Compute φ₁(z t)."""
+    from scipy.special import expm1  # this import costs a tenth of a second
 
     x = z * t
     return np.divide(expm1(x), x, out=np.ones_like(x), where=x != 0)

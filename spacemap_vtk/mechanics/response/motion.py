@@ -1,12 +1,12 @@
-"""Exact motion of vibration modes under loads that each have their own time function.
+"""Exact motion of vibration modes under loads, each of which has its time function.
 
-The motion is linear in the loads, so each kind of time function is treated by what suits it: all
-piecewise linear ones together (`Linear`), each periodic one (`Repeated`) and each sine by itself.
-No time step exists anywhere; what is kept are states at the times where a piece starts.
+The motion is linear in the loads, so each kind of time function has its method: all piecewise
+linear functions together (`Linear`), each periodic one (`Repeated`), and each sine. There is no
+time step; only states at the times where a piece starts are kept.
 
-A moving base is treated in coordinates relative to it, q̈ + 2h q̇ + λ q = -Γ d̈(t): where d is linear
-nothing pushes, and where its slope or d itself jumps, the state does, by what an impulse and its
-derivative leave behind.
+With a moving base the coordinates are relative to it: q̈ + 2h q̇ + λ q = -Γ d̈(t). Where d is
+linear, no force acts. Where d or its slope jumps, the state jumps by the effect of an impulse and
+its derivative.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from spacemap_vtk.mechanics.response.harmonic import from_rest, steady
 from spacemap_vtk.mechanics.response.periodic import Linear, Repeated
 from spacemap_vtk.ndarrays import Floats
 
-#: Its third power, as a load has that rises for ever, is a number still [s].
+#: Latest time [s]. Its third power, which occurs under a load that rises for ever, is still finite.
 LATEST = 1e100
-#: Share of the largest modal load that rounding may leave on a rigid mode.
+#: A force on a rigid mode below this share of the largest modal force is rounding.
 BALANCED = 1e-10
 
 
 class Drive(NamedTuple):
-    """A load, as the modes feel it."""
+    """Load on the modes, with its time function."""
 
     gain: Floats
     """(n,), load on each mode for a factor of one: Sᵀf; for a moving base Γ = Sᵀ M r times the
@@ -41,7 +41,7 @@ class Drive(NamedTuple):
 
 
 class State(NamedTuple):
-    """ModalMotion of the modes at one time, each of shape (n,)."""
+    """Modal coordinates and their two derivatives at one time, each of shape (n,)."""
 
     position: Floats
     """q."""
@@ -52,7 +52,7 @@ class State(NamedTuple):
 
 
 class ModalMotion:
-    """The motion of modes from a start and under loads, at any time from 0 on."""
+    """Motion of modes from an initial state and under loads, at any time from t = 0 on."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class ModalMotion:
         rate: Floats | None = None,
     ) -> None:
         self.stiffness, self.half, self.drives = stiffness, half, tuple(drives)
-        #: State before t = 0, without steady parts.
+        #: State before t = 0, without steady responses.
         self.start = np.zeros((2, len(stiffness)))
         if equilibrium:
             self.start[0] = self._static()
@@ -92,7 +92,7 @@ class ModalMotion:
         ]
 
     def at(self, time: float) -> State:
-        """Return the motion at a time, after a jump that happens just then; at rest before 0."""
+        """Compute the motion at a time, after any jump at that time; at rest before 0."""
         if not abs(time) <= LATEST:
             allowed = f"a finite number of seconds, up to {LATEST:g}"
             raise InputError("not a time", key="time", value=time, allowed=allowed)
@@ -103,7 +103,7 @@ class ModalMotion:
         return State(q, rate, acceleration)
 
     def state(self, time: float) -> Floats:
-        """Return positions and rates at a time, after a jump that happens just then."""
+        """Compute positions and rates at a time, after any jump at that time."""
         state = self._linear.at(time)
         for repeated in self.repeated:
             state = state + repeated.at(time)
@@ -120,7 +120,7 @@ class ModalMotion:
         return state
 
     def load(self, time: float) -> Floats:
-        """Return the load on each mode at a time."""
+        """Compute the load on each mode at a time."""
         total = np.zeros(len(self.stiffness))
         for drive in self.drives:
             function = drive.function
@@ -131,7 +131,7 @@ class ModalMotion:
         return total
 
     def jump(self, time: float) -> Floats:
-        """Return by how much the state jumps at a time."""
+        """Compute the jump of the state at a time."""
         total = np.zeros((2, len(self.stiffness)))
         for drive in self.drives:
             if drive.moves_base:
@@ -139,7 +139,7 @@ class ModalMotion:
         return total
 
     def _jump(self, drive: Drive, value: float, slope: float) -> Floats:
-        """Return what -Γ d̈ leaves where d jumps by `value` and ḋ by `slope`."""
+        """Compute the jump of the state due to -Γ d̈ where d jumps by `value` and ḋ by `slope`."""
         q = -drive.gain * value
         return np.stack([q, -drive.gain * slope - 2 * self.half * q])
 
@@ -192,24 +192,24 @@ class ModalMotion:
         return Repeated(self.stiffness, self.half, function, gain, jumps)
 
     def _phasor(self, drive: Drive, sine: Sine) -> np.ndarray:
-        """Return the load as Im(phasor e^{iΩt})."""
+        """Compute the complex amplitude of the load Im(phasor e^{iΩt})."""
         gain = drive.gain * sine.omega**2 if drive.moves_base else drive.gain
         return gain * np.exp(1j * sine.phase)
 
 
 def base_at(function: TimeFunction, time: float) -> Floats:
-    """Return the factors of a base's displacement, velocity and acceleration at a time, (3,)."""
+    """Compute the factors of a base's displacement, velocity and acceleration at a time, (3,)."""
     value = function.value(max(time, 0.0))
     if time < 0.0:
         return np.array([value, 0.0, 0.0])
-    # Of a sine; a linear piece has none.
+    # Only a sine has a curvature; a linear piece has none.
     curvature = -(getattr(function, "omega", 0.0) ** 2) * value
     return np.array([value, function.slope(time), curvature])
 
 
 def jump_of(function: TimeFunction, time: float, held: bool) -> tuple[float, float]:
-    """Return by how much a function and its slope jump at a time."""
-    # A base that is held where its function starts does not jump there, it only sets off.
+    """Compute the jumps of a function and its slope at a time."""
+    # If the base is held at the first value of its function, only the slope jumps at t = 0.
     if isinstance(function, Sine):
         if time > 0.0 or function.steady:
             return 0.0, 0.0

@@ -1,14 +1,14 @@
 """Closed-form response of q̈ + 2h q̇ + λ q = w, with 2h = α + βλ, at any time.
 
-Equations (19) and (20) of Furukawa et al., with the decay exp(-ht) and for all four cases:
-under-, critically and overdamped, and rigid (λ = 0). The roots of r² - 2hr + λ are r₁,₂ = h ∓ d,
-d = √(h² - λ). Everything follows from the impulse response S and its integrals over time: S₂ to a
-step, S₃ to a ramp, S₄ to a parabola. No form loses digits where two cases meet, because
+Equations (19) and (20) of Furukawa et al., with the decay exp(-ht), for all four cases: under-,
+critically and overdamped, and rigid (λ = 0). The roots of r² - 2hr + λ are r₁,₂ = h ∓ d,
+d = √(h² - λ). All kernels follow from the impulse response S and its integrals over time: S₂ for a
+step, S₃ for a ramp, S₄ for a parabola. No form loses digits where two cases meet:
 
-- r₁ is λ / (h + d), never the difference h - d;
-- sinh and sin stand over their own argument (exprel, sinc), never over d, which passes zero;
-- a growing exponential is never taken, so nothing overflows however far a mode is overdamped;
-- for short times, where the closed forms of the integrals cancel, Taylor's series is summed.
+- r₁ is computed as λ / (h + d), never as the difference h - d;
+- sinh and sin are divided by their argument (exprel, sinc), never by d, which can be zero;
+- no growing exponential is computed, so nothing overflows however overdamped a mode is;
+- for short times, where the closed forms of the integrals cancel, a Taylor series is summed.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from numpy.typing import ArrayLike
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 
-#: Larger root times t, up to which the integrals of the impulse response are summed as a series.
+#: Up to this product of the larger root and t, integrals of the impulse response are summed as a
+#: series.
 SHORT = 1.0
-#: Terms of that series: they fall as 2ⁿ / n!.
+#: Number of terms of this series; they decrease as 2ⁿ / n!.
 TERMS = 24
-#: Distance of ζ from 1 within which damping is called critical.
+#: Damping is called critical if ζ differs from 1 by at most this much.
 CRITICAL = 1e-9
-#: A mode is lost where rounding is above this share of its eigenvalue.
+#: A mode is lost if rounding is more than this share of its eigenvalue.
 LOST = 0.1
 
 
 class Kernels(NamedTuple):
-    """All that a piecewise linear load needs, each of the broadcast shape of the arguments."""
+    """Responses that a piecewise linear load is composed of, of the arguments' broadcast shape."""
 
     free: Floats
     """q after q(0) = 1, q̇(0) = 0 [1]."""
@@ -51,7 +52,7 @@ class Kernels(NamedTuple):
 
 
 def kernels(stiffness: Floats, half: Floats, time: Floats | float) -> Kernels:
-    """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
+    """Compute the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
     over = half > np.sqrt(stiffness)
     if not over.any():
         return _underdamped(half, stiffness, time)
@@ -66,19 +67,19 @@ def kernels(stiffness: Floats, half: Floats, time: Floats | float) -> Kernels:
 
 
 def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> Floats:
-    """Return ζ = h / √λ of each mode.
+    """Compute the damping ratio ζ = h / √λ of each mode.
 
     Parameters
     ----------
     eigenvalues : array_like of float, shape (n,)
-        λ ≥ 0 [1/s²].
+        Eigenvalues λ ≥ 0 [1/s²].
     alpha, beta : array_like of float
         Damping α [1/s] and β [s], not negative.
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        ζ; NaN for a rigid mode, which has no critical damping to compare with.
+        Damping ratios ζ; NaN for a rigid mode, which has no critical damping.
 
     Raises
     ------
@@ -93,23 +94,23 @@ def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> 
 def regime(
     eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, rounding: ArrayLike = 0.0
 ) -> list[str]:
-    """Return the kind of motion of each mode.
+    """Classify the motion of each mode.
 
     Parameters
     ----------
     eigenvalues : array_like of float, shape (n,)
-        λ ≥ 0 [1/s²].
+        Eigenvalues λ ≥ 0 [1/s²].
     alpha, beta : array_like of float
         Damping α [1/s] and β [s], not negative.
 
     rounding : array_like of float, optional
-        The share of each λ that is rounding.
+        Share of each λ that is rounding.
 
     Returns
     -------
     list of str
         ``"rigid"`` (λ = 0), ``"underdamped"``, ``"critical"`` (ζ = 1 within 1e-9) or
-        ``"overdamped"``; ``"lost in rounding"`` where no digit of λ is right.
+        ``"overdamped"``; ``"lost in rounding"`` if no digit of λ is correct.
 
     Raises
     ------
@@ -138,7 +139,7 @@ def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[
 
 
 def _overdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
-    from scipy.special import exprel  # with all it brings: a tenth of a second
+    from scipy.special import exprel  # this import costs a tenth of a second
 
     omega = np.sqrt(stiffness)
     d = np.sqrt(h - omega) * np.sqrt(h + omega)
@@ -147,9 +148,9 @@ def _overdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     decay = np.exp(-slow * t)
     impulse = t * decay * exprel(-2 * d * t)
     free = decay + slow * impulse
-    # Ṡ + r₁ S = exp(-r₂ t): no other form of Ṡ is free of a difference of exponentials.
+    # Ṡ + r₁ S = exp(-r₂ t): every other form of Ṡ contains a difference of exponentials.
     impulse_rate = np.exp(-fast * t) - slow * impulse
-    # Integrals of Ṡ + r₂ S = exp(-r₁ t): those of the exponential are t φ₁, t² φ₂, t³ φ₃.
+    # Integrals of Ṡ + r₂ S = exp(-r₁ t); those of the exponential are t φ₁, t² φ₂, t³ φ₃.
     first, second, third = _exponential_integrals(slow * t)
     step = (t * first - impulse) / fast
     ramp = (t * t * second - step) / fast
@@ -160,7 +161,7 @@ def _overdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
 
 def _underdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     omega = np.sqrt(stiffness)
-    # At critical damping rounding may leave h above √λ by its last place.
+    # At critical damping, rounding may leave h above √λ in its last digit.
     phase = np.sqrt(np.maximum(omega - h, 0.0) * (omega + h)) * t
     decay = np.exp(-h * t)
     # Not np.sinc: its factor π costs digits of a large phase.
@@ -169,7 +170,7 @@ def _underdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     swing = decay * np.cos(phase)
     free = swing + h * impulse
     # λ S₂ = 1 - C, and integrals of it: λ S₃ = t - S - 2h S₂, λ S₄ = t²/2 - S₂ - 2h S₃.
-    with np.errstate(all="ignore"):  # what is early has no digits so, and is summed below
+    with np.errstate(all="ignore"):  # early values have no digits here and are replaced below
         step = (1 - free) / stiffness
         ramp = (t - impulse - 2 * h * step) / stiffness
         parabola = (t * t / 2 - step - 2 * h * ramp) / stiffness
@@ -180,9 +181,9 @@ def _underdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
 def _early(
     phase: Floats, h: Floats, stiffness: Floats, t: Floats | float, late: list[Floats]
 ) -> list[Floats]:
-    """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small."""
-    # Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on T[k+1] (k + 1) k = -2h t
-    # k T[k] - λ t² T[k-1].
+    """Replace the integrals S₂, S₃ and S₄ by their Taylor series where `phase` is small."""
+    # From the term tᵐ/m! on, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives the recursion
+    # T[k+1] (k + 1) k = -2h t k T[k] - λ t² T[k-1].
     early = phase <= SHORT
     if early.any():
         h, stiffness, t = (np.broadcast_to(x, early.shape)[early] for x in (h, stiffness, t))
@@ -203,8 +204,8 @@ def _early(
 
 
 def _exponential_integrals(x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, the integrals of the exponential."""
-    from scipy.special import exprel  # with all it brings: a tenth of a second
+    """Compute φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, integrals of the exponential."""
+    from scipy.special import exprel  # this import costs a tenth of a second
 
     first = exprel(-x)
     small = x < 1.0

@@ -1,13 +1,13 @@
-"""The motion of a cage however far it turns: implicit steps, and any time between them.
+"""Motion of a cage with large rotations: implicit time steps, and interpolation between them.
 
-A state is a row of numbers. A step is of fourth order and keeps energy (see
-`spacemap_vtk.mechanics.transient.gauss`); between two states the motion is their cubic Hermite
+A state is a row of numbers. A step is of fourth order and conserves energy (see
+`spacemap_vtk.mechanics.transient.gauss`). Between two states the motion is their cubic Hermite
 interpolation.
 
-How long a step may be follows from the motion itself: the error in a radian of what vibrates is
-estimated, and bounded by a share of how far the cage has moved since it started, however little
-that is. What vibrates at ω with most of the motion's amplitude takes steps of (ω h)⁴ = 720 times
-that share; what has little of the amplitude may be resolved less.
+The motion determines the length of a step: the estimated error per radian of vibration may be at
+most a share of the largest displacement since the start, however small that is. A vibration at ω
+with most of the motion's amplitude needs steps of (ω h)⁴ = 720 times that share. A vibration with
+little of the amplitude may be resolved less well.
 """
 
 from __future__ import annotations
@@ -35,69 +35,71 @@ from spacemap_vtk.mechanics.transient.gauss import STAGES, Acting, Gauss
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Progress
 
-#: The first step, and the shortest, as shares of the longest one.
+#: First step, and shortest step, as shares of the longest one.
 FIRST, SHORTEST = 1 / 256, 1e-9
 
-#: Share of the step that the bound allows which is taken, and the most and the least that the next
-#: step is of the last.
+#: SAFETY is the share that is used of the step which the error bound allows. GROWTH and CUT are the
+#: largest and the smallest ratio of a step to the one before.
 SAFETY, GROWTH, CUT = 0.75, 2.0, 0.1
 
-#: Steps in a period of a sine, at least.
+#: Least number of steps in a period of a sine.
 IN_PERIOD = 20
 
-#: The tolerance is of so many periods.
+#: Number of periods after which the error must be within the tolerance.
 PERIODS = 10
 
-#: Errors across the direction in which a node moves, and of nodes that hardly move, may be larger
-#: by this factor than those of what moves.
+#: Errors across a node's direction of motion, and errors of nodes that hardly move, may be larger
+#: by this factor than those along the motion.
 OTHERS = 100.0
 
-#: A motion smaller than this share of the cage's diagonal is resolved as if it were as large:
-#: below it, rounding shows.
+#: A motion smaller than this share of the cage's diagonal is resolved as if it were that large;
+#: otherwise rounding would limit the step.
 SMALLEST = 1e-7
 
-#: A next step that would be longer by no more than this factor is as long as the last: its matrix
-#: need not be factorised again.
+#: If the next step could be longer by at most this factor, it is as long as the last one, so that
+#: its matrix need not be factorised again.
 ALIKE = 1.2
 
-#: What a row holds before positions and rates: time, the step to try next, kinetic, strain and
+#: Number of columns before positions and rates: time, the step to try next, kinetic, strain and
 #: dissipated energy, and external work.
 COLUMNS = 6
 
 
 class Stepped(Motion):
-    """Motion of a cage by steps, at any time from 0 on.
+    """Motion of a cage by time steps, at any time from t = 0 on.
 
     Parameters
     ----------
     cage : CageModes
-        The cage; its modes matter to ratios alone. What it hangs under, if it does, goes on to act.
+        The cage; its modes are only used for damping ratios. Loads of its equilibrium, if it has
+        one, continue to act.
     loads : sequence of LoadVector
-        What acts beside that, made by `CageModes.vector`.
+        Further loads, made by `CageModes.vector`.
     damping : Damping
-        α and β; or ratios of the cage's modes: forces on how fast each moves, and a β that gives
-        those above them at least the ratio of the last.
+        α and β, or damping ratios of the cage's modes. With ratios, forces resist the velocity of
+        each mode, and a β gives higher modes at least the ratio of the last one.
     displacement : ndarray of float64, shape (V, 3), optional
-        At t = 0, from where nothing is deformed [m]; by default where the cage hangs.
+        Displacement at t = 0 from the undeformed shape [m]; by default that of the equilibrium.
     velocity : ndarray of float64, shape (V, 3), optional
-        At t = 0 [m/s]. What is held stays.
+        Velocity at t = 0 [m/s], except on held components.
     settled : bool, optional
-        Whether it is at rest under its loads, so that a base is where its function starts.
+        Whether the cage is at rest under its loads at t = 0, so that a moving base starts at the
+        first value of its function.
     tolerance : float, optional
-        Error after ten periods of what moves, as a share of the largest displacement since t = 0;
-        infinite, all steps are as long as they may be otherwise.
+        Error of the motion after ten periods, as a share of the largest displacement since t = 0.
+        If it is infinite, only the other limits bound the steps.
     max_step : float, optional
         Longest step [s].
 
     Raises
     ------
     InputError
-        If damping, loads or cage are such as steps cannot have.
+        If the damping, the loads or the cage are not supported with time steps.
 
     Notes
     -----
-    Nothing is computed before a time is asked for, and nothing twice: every method steps on as far
-    as it has to. The steps do not depend on the times asked for.
+    Nothing is computed before a time is requested, and nothing twice: every method steps on as far
+    as it needs. The steps do not depend on the requested times.
 
     Examples
     --------
@@ -131,16 +133,16 @@ class Stepped(Motion):
         self.loads, self._settled = tuple(loads), settled
         _refuse(cage, self.loads)
         size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
-        #: Share of the motion that the error in a radian may be. What swings about where it would
-        #: be at rest goes twice as far from its start.
+        #: Largest error per radian, as a share of the motion. A vibration about an equilibrium
+        #: moves away from its start by twice its amplitude.
         self._share = tolerance / (4 * math.pi * PERIODS)
         self._smallest = SMALLEST * size
         sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
         self.max_step = min([max_step, *(2 * math.pi / (IN_PERIOD * s.omega) for s in sines)])
         pencil = model.pencil
-        # All forces are divided by the model's modulus: the strains are those of a unit one.
+        # All forces are divided by the model's modulus, as the strains have a unit modulus.
         start, forces = pencil.nodes.positions, pencil.nodes.forces
-        #: How far each nodal vector has been from its start, at most.
+        #: Farthest displacement of each nodal vector from its start.
         self._farthest = np.zeros_like(start)
         dead = np.zeros_like(start) if forces is None else forces
         followers = [
@@ -149,10 +151,10 @@ class Stepped(Motion):
             if load.faces is not None
         ]
         body = Body([*pencil.terms, *followers], pencil.basis, start)
-        #: How many terms beside these do external work.
+        #: Number of terms other than followers that do external work.
         self._steady = sum(not term.conservative for term in pencil.terms)
         mass = (model.density / model.modulus) * pencil.mass
-        #: Where it hangs [m], zero where it does not.
+        #: Displacement of the equilibrium [m]; zero if there is none.
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
@@ -173,32 +175,32 @@ class Stepped(Motion):
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
         self._parts: tuple[int, list[TermState], list[Floats]] = 0, [], []
-        #: The number of states that `_farthest` is of.
+        #: Number of states that `_farthest` includes.
         self._seen = 1
         self._jump(0.0)
 
     @property
     def rows(self) -> Floats:
-        """The states so far, (n, 6 + 2N): their times ascend, twice the same where a base jumps."""
+        """States so far, (n, 6 + 2N); times ascend, and a time occurs twice if a base jumps."""
         return self._rows[: self._count]
 
     @property
     def reached(self) -> float:
-        """The time of the last state [s]."""
+        """Time of the last state [s]."""
         return float(self._rows[self._count - 1, 0])
 
     def resume(self, rows: Floats) -> bool:
-        """Go on from states of the same motion that were stepped elsewhere.
+        """Continue from states of the same motion that were computed elsewhere.
 
         Parameters
         ----------
         rows : ndarray of float64, shape (n, 6 + 2N)
-            Of another one's `rows`, from the first on.
+            `rows` of the other `Stepped`, from the first one on.
 
         Returns
         -------
         bool
-            False where they are no such states, and nothing changes.
+            False if these are not states of this motion; then nothing changes.
         """
         mine = self.rows
         if rows.ndim != 2 or rows.shape[1] != mine.shape[1] or len(rows) < len(mine):
@@ -209,24 +211,24 @@ class Stepped(Motion):
         return True
 
     def reach(self, time: float, progress: Progress | None = None) -> None:
-        """Step on until there is a state beyond a time.
+        """Step until there is a state beyond a time.
 
         Parameters
         ----------
         time : float
-            In s.
+            Time to reach [s].
         progress : callable, optional
-            Is told the share that is done, 0 to 1, after each step; may raise to stop. What was
-            stepped is kept.
+            Called with the share that is done, 0 to 1, after each step; may raise to stop. Steps
+            made so far are kept.
 
         Raises
         ------
         InputError
             If the time is not a finite number.
         SizeError
-            If memory does not hold the steps up to it.
+            If the steps up to this time do not fit into memory.
         SolverError
-            If no step leads on, however short.
+            If even the shortest step does not converge.
         """
         if not math.isfinite(time):
             raise InputError(
@@ -246,15 +248,15 @@ class Stepped(Motion):
                     progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
 
     def at(self, time: float) -> Floats:
-        """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
+        """Compute the motion of the vertices at a time; before 0 they rest in the initial state."""
         fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
         fields = fields + self.base(time)[:, None]
         fields[0] += self.rest
         return fields
 
     def history(self, weights: Floats, times: Floats) -> Floats:
-        """Return how a point moves over time."""
-        # The point is a mesh of one vertex; what gathers forces is the transposed of what spreads.
+        """Compute the motion of a point over time."""
+        # The point is a mesh of one vertex; gathering of forces is the transpose of spreading.
         forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
         point, share = self.model.pencil.gathered(forces), weights.sum()
         found = np.stack([self._state(t) @ point + share * self.base(t) for t in times], axis=1)
@@ -262,7 +264,7 @@ class Stepped(Motion):
         return found
 
     def energies(self, times: Floats) -> Floats:
-        """Return where the energy is over time, linear between the states."""
+        """Compute the energies over time, linear between the states."""
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
         self.reach(float(wanted.max(initial=0.0)))
         table = self.rows
@@ -270,10 +272,10 @@ class Stepped(Motion):
         return self.model.modulus * np.stack(found, axis=1)
 
     def potential(self, times: Floats) -> Floats:
-        """Return the potential energy of the loads that never change, linear between the states."""
+        """Compute the potential energy of loads that never change, linear between the states."""
         wanted = np.append(np.maximum(np.asarray(times, dtype=np.float64), 0.0), 0.0)
         self.reach(float(wanted.max()))
-        # A pressure follows the surface it acts on, and has no potential.
+        # A follower pressure has no potential.
         dead = self._dead.copy()
         for load, push in zip(self.loads, self._pushes, strict=True):
             if load.faces is None and load.moves_base is None and is_constant(load.function):
@@ -284,7 +286,7 @@ class Stepped(Motion):
         return np.asarray(found[:-1] - found[-1])
 
     def _state(self, time: float) -> Floats:
-        """Return q, its rate and its acceleration at a time, (3, N)."""
+        """Compute q, its rate and its acceleration at a time, (3, N)."""
         self.reach(max(time, 0.0))
         now = int(np.searchsorted(self.rows[:, 0], max(time, 0.0), side="right")) - 1
         first, last = self._rows[now : now + 2]
@@ -299,12 +301,12 @@ class Stepped(Motion):
         return np.stack([place, rate, (2 * bend + 6 * since * twist) / whole])
 
     def base(self, time: float) -> Floats:
-        """Return how the base moves.
+        """Compute the motion of the base.
 
         Parameters
         ----------
         time : float
-            In s.
+            Time [s].
 
         Returns
         -------
@@ -330,7 +332,7 @@ class Stepped(Motion):
         self._count += 1
 
     def _load(self, time: float) -> Acting:
-        """Return what acts at a time, after a jump that happens just then."""
+        """Compute the loads at a time, after any jump at that time."""
         total, factors = self._dead.copy(), [1.0] * self._steady
         for load, push in zip(self.loads, self._pushes, strict=True):
             if load.faces is not None:
@@ -342,7 +344,7 @@ class Stepped(Motion):
         return Acting(total, np.array(factors))
 
     def _step(self) -> None:
-        """Append a state."""
+        """Make a step and append its state."""
         row = self.rows[-1]
         (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
         if self._parts[0] != self._count:
@@ -355,7 +357,7 @@ class Stepped(Motion):
         end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
         step = min(step, self.max_step)
         while True:
-            # No sliver is left before a corner.
+            # The step is shortened so that no tiny one is left before a corner.
             left = end - time
             span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
             found = self._rule.step(
@@ -376,7 +378,7 @@ class Stepped(Motion):
                 break
             step = span * max(share, CUT)
         longer = 1.0 if SAFETY <= share <= ALIKE else min(share, GROWTH)
-        # A step that a corner has cut short does not hold back the next one.
+        # A step that a corner has shortened does not limit the next one.
         following = max(span * longer, step if span < step else 0.0)
         kinetic, strain = self._rule.stored(found.rate, found.parts)
         damped, work = row[4] + found.damped, row[5] + found.work
@@ -387,17 +389,17 @@ class Stepped(Motion):
             self._jump(end)
 
     def _acting(self, time: float, span: float, share: float) -> Acting:
-        """Return what acts at a share of a step."""
+        """Compute the loads at a share of a step."""
         return self._load(time + share * span)
 
     def _moved(self, position: Floats) -> Floats:
-        """Return how far the nodal vectors of a state are from those of the first one, (V, 3)."""
+        """Compute the move of the nodal vectors from the first state, (V, 3)."""
         first = self.rows[0, COLUMNS : COLUMNS + len(position)]
         return self._rule.body.moved(position - first)
 
     def _error(self, errors: Floats, position: Floats) -> float:
-        """Return estimated errors (V, 3) of a step as a share of the motion up to its end."""
-        # Along the way that each node has gone, and weighted with its length: sideways, as along a
+        """Compare the estimated errors (V, 3) of a step with the motion up to its end."""
+        # Errors count along the path of each node, weighted by its length. Sideways, as along a
         # strip that swings, there are vibrations that are too small to matter.
         farthest = _farther(self._farthest, self._moved(position))
         largest = max(float(np.linalg.norm(farthest, axis=1).max()), self._smallest)
@@ -405,7 +407,7 @@ class Stepped(Motion):
         return max(along, float(abs(errors).max()) / OTHERS) / largest
 
     def _guess(self, span: float) -> Floats:
-        """Return the moves to both stages on the last step's parabola."""
+        """Estimate the moves to both stages from the parabola of the last step."""
         row = self.rows[-1]
         v: Floats = np.split(row[COLUMNS:], 2)[1]
         times = STAGES[:, None] * span
@@ -415,7 +417,7 @@ class Stepped(Motion):
         return times * v + times**2 / 2 * (v - before) / since
 
     def _jump(self, time: float) -> None:
-        """Append the state after a base has jumped, or set off, at a time: inertia stays behind."""
+        """Append the state after a base jumps or starts to move; inertia holds the cage back."""
         moving = [load.moves_base is not None for load in self.loads]
         if not any(moving):
             return
@@ -440,7 +442,7 @@ class Stepped(Motion):
 
 
 def _farther(first: Floats, second: Floats) -> Floats:
-    """Return the longer one of each two vectors, (V, 3)."""
+    """Choose the longer vector of each pair, (V, 3)."""
     longer = np.linalg.norm(second, axis=1) > np.linalg.norm(first, axis=1)
     return np.where(longer[:, None], second, first)
 
@@ -448,7 +450,7 @@ def _farther(first: Floats, second: Floats) -> Floats:
 def _of_ratios(
     cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
 ) -> tuple[float, Floats | None]:
-    """Return β, and U of what ratios of modes resist with beside it: C = β K + U Uᵀ."""
+    """Compute β and U so that C = β K + U Uᵀ gives the modes their damping ratios."""
     values = cage.eigenvalues
     swing = values > 0
     if not np.any(damping.ratio):
@@ -459,8 +461,8 @@ def _of_ratios(
             key="damping_ratio",
             cure="Take more modes, or give alpha and beta.",
         )
-    # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965), of which β K has as much as leaves none of it
-    # negative. What is short-waved has no mode here, and would be damped by nothing else.
+    # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965). β K is as large a part of it as leaves the
+    # rest without negative damping. Short waves have no mode here; only β K damps them.
     resisted = Damping(ratio=damping.ratio).alphas(np.maximum(values, 0.0))
     beta = damping.beta + float((resisted[swing] / values[swing]).min())
     fields = cage.model.pencil.coordinates(cage.shapes.T)
