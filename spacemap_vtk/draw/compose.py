@@ -1,6 +1,6 @@
-"""Pictures from what OpenGL has drawn larger: shaded, reduced, and laid over a background.
+"""Turn enlarged drawings into pictures: shade them, reduce them, and add a background.
 
-The background is no part of what is drawn: software OpenGL takes as long for one as for yarns.
+OpenGL does not draw the background: software OpenGL would take as long for it as for the yarns.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from PIL import Image, ImageChops
 from spacemap_vtk.ndarrays import Bytes, Singles
 
 Background = Image.Image
-#: A part of a picture, in rows and columns from the top, and by what its light is multiplied.
+#: Rows and columns of a part of a picture, from the top, and factors for the light of its pixels.
 Shaded = tuple[tuple[slice, slice], Singles]
-#: Shares of a step between two colours, in an order that no eye finds again (Bayer 1973).
+#: Ordered dither: thresholds as shares of a step between two colours, without a visible pattern
+#: (Bayer 1973).
 _DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
 
 
 def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) -> Background:
-    """Return a background that goes from one colour to another."""
+    """Return a background that changes from one colour at the bottom to another at the top."""
     width, height = size
     share = (np.arange(height)[::-1, None, None] + 0.5) / height
     colors = np.array(below) + share * (np.array(above) - np.array(below))
@@ -29,8 +30,8 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
 
 
 def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> Bytes:
-    """Return a picture of a background's size; with the share covered, over one of that size."""
-    # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
+    """Return a picture with the background's size; with coverage if the background is RGBA."""
+    # The colours in `pixels` are premultiplied by the fourth number, the coverage of a pixel.
     size = pixels.shape[1], pixels.shape[0]
     if shade is not None:
         box, light = pixels[shade[0]], Image.fromarray((shade[1] * 255 + 0.5).astype(np.uint8))
@@ -38,11 +39,11 @@ def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> 
         lit = Image.frombuffer("RGBX", light.size, np.ascontiguousarray(box), "raw", "RGBX", 0, 1)
         shades = Image.merge("RGBX", (light, light, light, whole))
         box[:] = np.asarray(ImageChops.multiply(lit, shades))
-    # Upside down, as OpenGL has it, until it is smaller.
+    # The picture is flipped after the reduction, when it is smaller and the flip takes less time.
     turned = np.ascontiguousarray(pixels[::-1])
     drawn = Image.frombuffer("RGBX", size, turned, "raw", "RGBX", 0, 1)
     small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
-    if behind.mode == "RGBA":  # what is behind it is not known yet
+    if behind.mode == "RGBA":  # the picture will be placed over an unknown background
         return _uncovered(np.asarray(small))
     red, green, blue, cover = small.split()
     left = Image.composite(Image.new("RGB", behind.size), behind, cover)
@@ -50,12 +51,12 @@ def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> 
 
 
 def nothing(size: tuple[int, int]) -> Background:
-    """Return a background for what is laid over something else."""
+    """Return a transparent background, for pictures that are placed over something else."""
     return Image.new("RGBA", size)
 
 
 def _uncovered(pixels: Bytes) -> Bytes:
-    """Return the colours of what is drawn, which were multiplied by how much it covers."""
+    """Divide premultiplied colours by their coverage."""
     cover = pixels[..., 3:].astype(np.uint16)
     colors = (pixels[..., :3] * np.uint16(255) + cover // 2) // np.maximum(cover, 1)
     return np.concatenate([np.minimum(colors, 255), cover], axis=2).astype(np.uint8)

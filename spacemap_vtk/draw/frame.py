@@ -1,4 +1,4 @@
-"""A frame: what a scene is at a time, ready to be drawn."""
+"""Frames: the state of a scene at one time, ready to be drawn."""
 
 from __future__ import annotations
 
@@ -28,55 +28,57 @@ _OBJECT_RELIEF = 0.03
 
 @dataclass(frozen=True)
 class Frame:
-    """Copies of a scene's results: the pipeline can run on while they are drawn."""
+    """Copies of a scene's results, so that the pipeline can run while they are drawn."""
 
-    #: In s.
+    #: Time of the motion [s].
     time: float
-    #: The fabric's surface, with what its colours show.
+    #: The fabric's surface, with the numbers that its colours show.
     surface: vtkPolyData
     #: The cage at rest with its arrays; None for a still scene.
     cage: vtkUnstructuredGrid | None = None
-    #: What the surface's colours show: a key of `spacemap_vtk.scenes.colorings.COLORINGS`.
+    #: Colouring of the surface: a key of `spacemap_vtk.scenes.colorings.COLORINGS`.
     color: str = "own"
-    #: What the object is painted with.
+    #: Image that textures the object.
     painting: vtkImageData | None = None
-    #: Whether nothing but the surface's outside can be seen, which faces the way its polygons do.
+    #: Whether the surface is closed and its polygons face outwards, so that only front faces are
+    #: visible.
     closed: bool = False
-    #: How deep its folds are in m: of a fabric, a yarn's diameter.
+    #: Depth of the surface's folds in m; for a fabric, the diameter of a yarn.
     relief: float = 0.0
-    #: Where it is seen from, a key of `spacemap_vtk.scenes.settings.CAMERAS`.
+    #: Name of the camera, a key of `spacemap_vtk.scenes.settings.CAMERAS`.
     camera: str = "three-quarter"
-    #: What automatic values came to, by section and name.
+    #: Values chosen for automatic parameters, by section and name.
     in_use: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    #: What acts on the cage; None where that is not known.
+    #: Arrows of the loads on the cage; None if the loads are unknown.
     arrows: Arrows | None = None
-    #: Whether the surface is coarser than the scene asks for.
+    #: Whether the surface is coarser than the scene requests.
     coarse: bool = False
-    #: The mode that is shown in place of the motion; -1 for a pull.
+    #: Index of the mode that is shown in place of the motion; -1 for a pull.
     swing: int | None = None
-    #: Another number for another scene.
+    #: Number that differs between scenes.
     generation: int = 0
-    #: The scene that it is of, as a file has it.
+    #: Sections and values of the frame's scene, as in a scene file.
     values: dict[str, Any] = field(default_factory=dict)
-    #: What the stages say of their trustworthiness.
+    #: Warnings of the stages.
     warnings: tuple[str, ...] = ()
-    #: The cloth whose sheet the surface is; None where its yarns are drawn.
+    #: The cloth, if the surface is a sheet; None if its yarns are drawn.
     cloth: Cloth | None = None
-    #: Of a sheet, what its colours show at each crossing, (2 or 1, picks, ends).
+    #: Values that the colours of a sheet show at each crossing, (2 or 1, picks, ends).
     crossings: NDArray[Any] | None = None
-    #: Of a sheet, the yarns that are seen near, and the sheet where these are not.
+    #: The yarns that are drawn in place of a part of the sheet.
     yarns: vtkPolyData | None = None
+    #: The rest of the sheet around these yarns.
     around: vtkPolyData | None = None
-    #: The view that these, or the facets of all yarns, were chosen for.
+    #: The view for which `yarns`, or the facets of all yarns, were chosen.
     seen: Seen | None = None
-    #: Pixels of a metre up to which a view needs no more facets than yarns out of sight have; 0
-    #: where facets do not follow the view.
+    #: Pixels per metre up to which a view needs no more facets than yarns out of sight have; 0 if
+    #: facets do not depend on the view.
     enough: float = 0.0
-    #: Whether yarns near the camera have more facets than these.
+    #: Whether yarns near the camera have more facets than in this frame.
     finer: bool = False
-    #: What is drawn in its place while the camera moves; None: itself.
+    #: Frame that is drawn in place of this one while the camera moves; None: this frame.
     light: Frame | None = None
-    #: How far its motion turns and stretches, see `spacemap_vtk.scenes.report.motion`.
+    #: Figures of the motion, see `spacemap_vtk.scenes.report.motion`.
     motion: dict[str, Any] | None = None
 
 
@@ -89,7 +91,7 @@ def frame_of(
     cloth: Cloth | None = None,
     crossings: NDArray[Any] | None = None,
 ) -> Frame:
-    """Return what a scene's last update has made, or what is given in place of that."""
+    """Return a frame with the results of a scene's last update, or with the given surface."""
     if cage is None and scene.moves:
         cage = copied(scene.deformed_cage)
     drawn = copied(scene.polygons if surface is None else surface)
@@ -114,21 +116,21 @@ def frame_of(
 
 
 def camera_of(scene: Scene) -> str:
-    """Return where a scene is seen from: z can be up in an object."""
+    """Return the camera of a scene; by default "lying" if z is up in its object."""
     if scene.view.camera is not None:
         return scene.view.camera
     return "lying" if up_axis(scene.source.output) == 2 else type(scene.view).camera.default
 
 
 def relief_of(scene: Scene) -> float:
-    """Return how deep a scene's folds are in m, by which contact shadows are made."""
+    """Return the depth of a scene's folds [m], on which contact shadows depend."""
     if scene.textile is not None:
         return float(scene.textile.yarn_diameters.max())
     return _OBJECT_RELIEF * float(scene.source.GetOutputDataObject(0).GetLength())
 
 
 def arrows_of(scene: Scene, time: float) -> Arrows | None:
-    """Return what acts on a scene's cage; None where that is not known."""
+    """Return the arrows of the loads on a scene's cage; None if the loads are unknown."""
     mover = scene.stage("mover")
     if not isinstance(mover, LoadParameters):
         return None
@@ -140,17 +142,17 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
 def add_shape(
     scene: Scene, cage: vtkUnstructuredGrid, mode: int, largest: float, angle: float | None = None
 ) -> None:
-    """Move a cage by a mode's shape, at most by so much [m], or by an angle [rad] if rebuilt."""
+    """Displace a cage by a mode shape, scaled to a largest displacement [m] or rotation [rad]."""
     data = cage.GetPointData()
     shape = array_of(data, MODE_NAME.format(mode), "a mode's shape")
     shape = shape / (float(np.linalg.norm(shape, axis=1).max()) or 1.0)
     rotation = scene.stage("rotation")
     if angle is not None and isinstance(rotation, RotationStrain):
-        # Not each mode turns: one that strains is shown at less, strained by a third of the angle.
+        # A mode that strains more than it rotates is limited to a strain of a third of the angle.
         turn, strain = rotation.largest(cage, shape)
         largest = angle / max(turn, 3 * strain)
     moved = shape * largest
-    if data.HasArray("equilibrium"):  # what hangs swings about where it hangs
+    if data.HasArray("equilibrium"):  # the cage vibrates around its equilibrium
         moved += array_of(data, "equilibrium", "a mode's shape")
     add_array(data, "displacement", moved)
     if isinstance(rotation, RotationStrain):

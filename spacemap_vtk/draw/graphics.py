@@ -1,4 +1,4 @@
-"""Whether this machine can draw, asked before VTK tries and crashes."""
+"""Check whether this machine can draw, because VTK would crash without OpenGL libraries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.parallel import loops
 
-#: Where there is an OpenGL library that draws nothing.
+#: Message for a machine whose OpenGL library has no working driver, and its cure.
 NO_DRIVER = "OpenGL draws nothing here: no driver of its library works"
 DRIVERS = (
     'On Debian or Ubuntu: "apt-get install libgl1-mesa-dri"; on Fedora: "dnf install '
@@ -17,18 +17,18 @@ DRIVERS = (
 )
 
 
-#: What VTK's wheel loads: libEGL for the window, libGL for the calls.
+#: Libraries that VTK's wheel loads: libEGL for the window, libGL for the OpenGL functions.
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 _INSTALL = (
     'On Debian or Ubuntu: "apt-get install libegl1 libgl1"; '
     'on Fedora: "dnf install mesa-libEGL mesa-libGL".'
 )
-#: Set to "never", it lets this program draw without OpenGL, as where there is none.
+#: Environment variable; with the value "never", this program draws without OpenGL.
 VARIABLE = "SPACEMAP_OPENGL"
 
 
 def missing_libraries() -> list[str]:
-    """Return the libraries without which OpenGL draws nothing; none where it can draw."""
+    """Return the names of missing OpenGL libraries; an empty list if OpenGL can draw."""
     if os.environ.get(VARIABLE) == "never":
         return list(_LIBRARIES)
     if not sys.platform.startswith("linux"):
@@ -38,18 +38,18 @@ def missing_libraries() -> list[str]:
 
 
 def prepare_offscreen() -> None:
-    """Choose VTK's offscreen window, and make sure that the libraries it loads are there.
+    """Choose VTK's offscreen window, and check that the libraries it loads are installed.
 
     Raises
     ------
     MissingLibraryError
-        On Linux, if there is neither EGL nor OSMesa: VTK's wheel would end in a segmentation
-        fault at its first window.
+        On Linux, if there is neither EGL nor OSMesa. VTK's wheel would crash with a segmentation
+        fault when it opens its first window.
     """
     require_opengl("pictures need")
     if sys.platform.startswith("linux"):
         found = all(map(can_load, _LIBRARIES))
-        # Otherwise VTK asks an X server first, and says that there is none.
+        # Otherwise VTK tries an X server first, and prints an error if there is none.
         os.environ.setdefault(
             "VTK_DEFAULT_OPENGL_WINDOW",
             "vtkEGLRenderWindow" if found else "vtkOSOpenGLRenderWindow",
@@ -57,7 +57,7 @@ def prepare_offscreen() -> None:
 
 
 def require_opengl(what: str) -> None:
-    """Refuse something where no OpenGL library can be loaded."""
+    """Raise MissingLibraryError if no OpenGL library can be loaded."""
     if missing := missing_libraries():
         raise MissingLibraryError(
             f"{' and '.join(missing)} not found: {what} an OpenGL library", cure=_INSTALL
@@ -65,7 +65,7 @@ def require_opengl(what: str) -> None:
 
 
 def draws_without_opengl() -> bool:
-    """Return whether pictures are drawn without OpenGL; refuse a machine that cannot draw."""
+    """Test whether pictures are drawn without OpenGL; raise an error if nothing can draw."""
     if (
         missing_libraries()
         and loops("spacemap_vtk.draw.software.raster_loops", many=True) is not None
@@ -75,7 +75,7 @@ def draws_without_opengl() -> bool:
     return False
 
 
-#: Said of a picture that is drawn without OpenGL.
+#: Warning about a picture that is drawn without OpenGL.
 WITHOUT_OPENGL = (
     "drawn without OpenGL, whose libraries were not found; cloths of very many yarns and "
     f'"spacemap serve" need them. {_INSTALL}'
@@ -87,7 +87,7 @@ def _osmesa() -> bool:
 
 
 def can_load(name: str) -> bool:
-    """Return whether the system finds a shared library."""
+    """Test whether the system can load a shared library."""
     try:
         ctypes.CDLL(name)
     except OSError:

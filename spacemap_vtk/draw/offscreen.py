@@ -1,10 +1,10 @@
-"""A window that nobody sees: what VTK draws, as arrays. Needs nothing but VTK."""
+"""Draw offscreen with OpenGL, and read colours and depths as arrays; needs only VTK."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-# VTK finds the classes that draw and that write letters once these modules are loaded.
+# VTK finds its implementations of rendering and text only after these modules are imported.
 import vtkmodules.vtkRenderingFreeType
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def open_offscreen(
     size: tuple[int, int], samples: int = 0, pixels: int = 1
 ) -> Offscreen | SoftwareWindow:
-    """Open a window that nobody sees: of OpenGL, or without it where its libraries are missing."""
+    """Open an offscreen window; it draws without OpenGL if OpenGL's libraries are missing."""
     if draws_without_opengl():
         from spacemap_vtk.draw.software.window import SoftwareWindow
 
@@ -38,7 +38,7 @@ def open_offscreen(
 
 
 class Offscreen:
-    """Draws one renderer, lit."""
+    """An offscreen window that draws one renderer with lights."""
 
     def __init__(self, size: tuple[int, int], samples: int = 0, pixels: int = 1) -> None:
         prepare_offscreen()
@@ -46,59 +46,60 @@ class Offscreen:
         self.size = size
         self.render_window = _window(size, samples, pixels)
         self.render_window.AddRenderer(self.renderer)
-        # New memory for each frame would have to be cleared first.
+        # The arrays are reused: new memory for each frame would have to be cleared first.
         self._pixels, self._depths = vtkUnsignedCharArray(), (vtkFloatArray(), vtkFloatArray())
-        #: Draws over all else; None while nothing is to be.
+        #: Renderer that draws in front of everything else; None until it is needed.
         self.front: vtkRenderer | None = None
 
     def add_in_front(self, prop: vtkProp) -> None:
-        """Add what is drawn over all else, wherever it stands."""
+        """Add a prop that is drawn in front of everything else."""
         if self.front is None:
             self.front = front_of(self.render_window, self.renderer)
         self.front.AddViewProp(prop)
 
     def leave_background(self) -> None:
-        """Draw no background: where nothing is, a pixel is covered by nothing."""
+        """Draw no background, so that empty pixels have a coverage of 0."""
         self.renderer.GradientBackgroundOff()
         self.renderer.SetBackground(0.0, 0.0, 0.0)
         self.renderer.SetBackgroundAlpha(0.0)
 
     def take_samples(self, samples: int) -> None:
-        """Take so many samples of each pixel."""
+        """Set the number of samples of each pixel."""
         self.render_window.SetMultiSamples(samples)
 
     @property
     def camera(self) -> vtkCamera:
-        """What the picture is seen through."""
+        """The active camera."""
         return self.renderer.GetActiveCamera()
 
     def draw(self) -> Bytes:
-        """Draw."""
+        """Draw the renderer and return red, green, blue and coverage of each pixel."""
         self.renderer.ResetCameraClippingRange()
         self.render()
         return self.pixels()
 
     def render(self, front: bool = True, over: bool = False) -> None:
-        """Draw within the camera's present range, over what was drawn before or in place of it."""
+        """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
         if self.front is not None:
             self.front.SetDraw(front)
         self.renderer.SetPreserveColorBuffer(over)
         self.renderer.SetPreserveDepthBuffer(over)
-        # One sample a pixel is read where it is drawn, and copied nowhere.
+        # With one sample per pixel, the picture is read from the buffer in which it is drawn, so no
+        # swap is needed.
         self.render_window.SetSwapBuffers(self._sampled)
         self.render_window.Render()
 
     def pixels(self) -> Bytes:
-        """Return red, green, blue, and how much is covered; until it is asked for again."""
+        """Return red, green, blue and coverage of each pixel; the next call overwrites them."""
         width, height = self.size
-        # Of several from the buffer in front: the one behind holds all, and whoever reads it gets a
-        # plain mean of them.
+        # With several samples the front buffer is read. The back buffer contains all samples, and
+        # reading it would return their plain mean.
         front = self._sampled
         self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
     def depths(self, over: bool = False) -> Singles:
-        """Return OpenGL's depths, 1 where nothing is; until they are asked for again."""
+        """Return OpenGL's depths, 1 where empty; the next call with this `over` overwrites them."""
         width, height = self.size
         self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[over])
         return vtk_to_numpy(self._depths[over]).reshape(height, width)[::-1]
@@ -108,18 +109,18 @@ class Offscreen:
         return self.render_window.GetMultiSamples() > 1
 
     def close(self) -> None:
-        """Free the window."""
+        """Close the window and free its resources."""
         self.render_window.Finalize()
 
 
 def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
     with silent_vtk() as said:
         window = vtkRenderWindow()
-    if "OSMesa not found" in said.GetOutput():  # the last that it tries; it would crash
+    if "OSMesa not found" in said.GetOutput():  # VTK's last attempt failed, and it would crash
         raise MissingLibraryError(NO_DRIVER, cure=DRIVERS)
     window.SetOffScreenRendering(True)
     if hasattr(window, "SetConnectContextToNSView"):
-        # macOS: otherwise a window is made, though nothing shows it.
+        # On macOS, a window would be created otherwise, although it is never shown.
         window.SetConnectContextToNSView(False)
     window.SetMultiSamples(samples)
     window.SetAlphaBitPlanes(True)

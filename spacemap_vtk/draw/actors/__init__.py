@@ -1,1 +1,1 @@
-"""What is drawn of a scene: surfaces, sheets, glyphs, shading."""
+"""Actors for the parts of a scene: surfaces, sheets, glyphs, shading."""

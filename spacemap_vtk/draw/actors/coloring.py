@@ -1,4 +1,4 @@
-"""The numbers that a surface's colours show, and their units."""
+"""Compute the numbers that a surface's colours show, and choose their units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spacemap_vtk.units import UNITS
 SHOWN = "shown"
 
 
-#: The units of scales, the smallest first.
+#: Units that a scale may use for each SI unit, the smallest first.
 _SCALES = {
     "m": ("nm", "µm", "mm", "m", "km"),
     "m/s": ("mm/s", "m/s"),
@@ -32,7 +32,7 @@ _SCALES = {
 
 
 def measure(surface: vtkPolyData, color: str) -> Singles | None:
-    """Return the number at each point of a surface that its colour shows."""
+    """Return the number that the colour shows at each point; None if it shows no numbers."""
     if color == "clearance":
         return _kept_clearances(surface)
     name, of_cells = COLORINGS[color].array, surface.GetCellData()
@@ -43,14 +43,14 @@ def measure(surface: vtkPolyData, color: str) -> Singles | None:
     if color in ("strain", "principal_stress"):
         return largest_principal(values).astype(np.float32)
     if color == "stress":
-        values = np.maximum(values, 0.0)  # of what lies outside the cage it is extrapolated
+        values = np.maximum(values, 0.0)  # extrapolation outside the cage can make it negative
     if values.ndim == 2 and values.shape[1] == 3:
         return np.sqrt(np.einsum("nk,nk->n", values, values)).astype(np.float32)
     return values.reshape(len(values)).astype(np.float32, copy=False)
 
 
 def add_measure(surface: vtkPolyData, color: str) -> None:
-    """Put on a surface what its colour shows, for `SurfaceActor`."""
+    """Add the numbers that a surface's colour shows as an array, for `SurfaceActor`."""
     values = measure(surface, color)
     surface.GetPointData().RemoveArray(SHOWN)
     if values is not None:
@@ -58,7 +58,7 @@ def add_measure(surface: vtkPolyData, color: str) -> None:
 
 
 def largest_principal(tensors: AnyFloats) -> Floats:
-    """Return the largest eigenvalue of symmetric tensors."""
+    """Compute the largest eigenvalue of symmetric tensors, (n, 6) or (n, 9)."""
     columns = np.asarray(tensors, np.float64).T
     if len(columns) == 9:
         columns = columns[[0, 4, 8, 1, 5, 2]]
@@ -73,21 +73,21 @@ def largest_principal(tensors: AnyFloats) -> Floats:
 
 
 def unit_of(color: str, largest: float) -> tuple[str, float]:
-    """Return the unit in which a scale is easy to read."""
+    """Return a unit in which a scale is easy to read, and its size in SI units."""
     unit = COLORINGS[color].unit
     if not unit:
         return ("%", 0.01) if largest < 0.5 else ("", 1.0)
     sizes = UNITS.get(unit, {unit: 1.0})
     best, *larger = _SCALES.get(unit, (unit,))
     for name in larger:
-        # 0.2 m itself is 200 mm: scales end there that have a little more than 100 mm to show
+        # 0.2 m is still shown as 200 mm: scales of slightly more than 100 mm end there.
         if largest > sizes[name] * (0.2 + 1e-6):
             best = name
     return best, sizes[best]
 
 
 def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
-    """Return round numbers within a scale, evenly spaced, zero among them where it is."""
+    """Return evenly spaced round numbers within a scale, including zero if it is in the scale."""
     span = high - low
     if not span > 0.0:
         return [low]
@@ -99,7 +99,7 @@ def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
 
 
 def round_between(low: float, high: float) -> list[float]:
-    """Return 1, 2 and 5 times powers of ten within a range; none where it begins at 0."""
+    """Return 1, 2 and 5 times powers of ten within a range; none if it begins at or below 0."""
     if not low > 0.0:
         return []
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
@@ -112,31 +112,31 @@ def _corners(surface: vtkPolyData) -> Ints:
 
 
 def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
-    """Return for each point what its patch has; no point belongs to two."""
+    """Return the value of its cell for each point; no point belongs to two cells."""
     of_cells = vtk_to_numpy(array)
     values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
     values[_corners(surface)] = of_cells[:, None]
     return values
 
 
-#: What was measured last, and when what it was measured of was made.
+#: Modification times of the surface that was measured last, and its clearances.
 _last: tuple[tuple[int, ...], Singles | None] = (), None
 
 
 def _kept_clearances(surface: vtkPolyData) -> Singles | None:
-    """Return the distances of a surface that others may have asked for: a scale, its picture."""
+    """Return the clearances of a surface; the last ones are kept for the scale and the picture."""
     global _last
-    # No two things of VTK's have been made or changed at one time of its clock.
+    # VTK's modification times are unique, so they identify points, normals and polygons.
     parts = surface.GetPoints(), surface.GetPointData().GetNormals(), surface.GetPolys()
     made = tuple(0 if part is None else part.GetMTime() for part in parts)
-    kept = _last  # another thread may put its own there
+    kept = _last  # read once: another thread may replace it
     if kept[0] != made:
         kept = _last = made, clearances(surface)
     return kept[1]
 
 
 def clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
-    """Return how far points are from the next yarn, infinite where no cell is asked."""
+    """Return the distance of each point to the next yarn; infinite outside the `asked` cells."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():
         return None
@@ -144,10 +144,11 @@ def clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | No
     points, wanted = points_of(surface).astype(np.float64), None
     number = 2 * vtk_to_numpy(yarns).astype(np.int64)
     if families is not None:
-        number += vtk_to_numpy(families)  # the lowest digit: all others are then of neighbours
+        number += vtk_to_numpy(families)  # lowest bit: `gaps` compares the families first
     yarn, reach = np.zeros(len(points), np.int64), np.zeros(len(points))
     yarn[corners] = number[:, None]
-    # Points of two patches lie at one place: they are each the first corner of one facet.
+    # Neighbouring patches have coincident points. Only one of these needs a reach, and a point that
+    # is the first corner of a facet gets one.
     reach[corners[:, 0]] = 0.5 * np.linalg.norm(
         points[corners[:, 0]] - points[corners[:, 2]], axis=1
     )

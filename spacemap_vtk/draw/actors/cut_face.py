@@ -1,4 +1,4 @@
-"""The face that a plane cuts through a closed surface: what is solid looks solid when it is cut."""
+"""Compute and draw the face that a plane cuts through a closed surface, so that it looks solid."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from spacemap_vtk.draw.actors.surface_actor import STUDIO, Span, SurfaceActor
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.scenes.styles import WHITE, Style
 
-#: Corners of a face that are nearer, as a share of its extent, are one; an outline goes on in
-#: another patch if that is nearer.
+#: Distances as shares of a face's extent. _SAME: nearer corners are merged. _SEAM: an outline
+#: continues in another patch that begins nearer than this.
 _SAME, _SEAM = 1e-6, 1e-3
-#: Share of the largest part's area below which a part of the face is rounding.
+#: A part of the face with less than this share of the largest part's area is rounding.
 _NOTHING = 1e-5
-#: How far beside the plane the cut is made, as a share of the whole's diagonal.
+#: Distance between the plane and the actual cut, as a share of the surface's diagonal.
 _BESIDE = 1e-6
-#: How far before the plane a face is drawn, as a share of the whole's diagonal.
+#: Distance at which a face is drawn in front of the plane, as a share of the surface's diagonal.
 _BEFORE = 2e-4
-#: How bright a face is, as a share of its colour: a little darker than what light falls on.
+#: Brightness of a face, as a share of its colour: slightly darker than a lit surface.
 BRIGHT = 0.78
 
 
 class CutFaceActor(SurfaceActor):
-    """The face of a cut, in the colours of what is cut, flat: no light falls into a cut."""
+    """The face of a cut, in the colours of the cut surface, without directed light."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -53,26 +53,26 @@ class CutFaceActor(SurfaceActor):
         span: Span | None,
         style: Style = STUDIO,
     ) -> None:
-        """Draw the face, if there is one."""
+        """Draw the face of a cut; hide the actor if there is none."""
         face = vtkPolyData() if cut is None else cut_face(surface, cut)
         self.SetVisibility(face.GetNumberOfCells() > 0)
         if cut is not None and face.GetNumberOfCells():
             self.show(face, color, plain, span, style=replace(style, outline=0.0, sheen=0.0))
-            # Before the plane that the mouse takes hold of, which lies in the same place.
+            # The plane that the user drags lies in the same place and would hide the face.
             way = np.array(cut[0]) / np.linalg.norm(cut[0])
             self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
 
 
 def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
-    """Return the face that a plane cuts through what a surface encloses."""
+    """Return the face that a plane cuts through the inside of a surface."""
     face = vtkPolyData()
     if not surface.GetNumberOfPolys():
         return face
     points = points_of(surface).astype(np.float64)
     normal = np.array(cut[0], np.float64)
     normal /= np.linalg.norm(normal)
-    # Planes mostly go through a middle, where patches meet whose points differ by rounding: a
-    # little beside it, all are on one side.
+    # Planes often pass through a centre, where patches meet whose points differ by rounding. With a
+    # small offset all these points are on the same side.
     height = (points - cut[1]) @ normal + _BESIDE * surface.GetLength()
     triangles, cells = _crossing(surface, height >= 0.0)
     if not len(triangles):
@@ -96,13 +96,13 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
     triangulated = vtkTriangleFilter()
     triangulated.SetInputData(face)
-    # Through the executive, which keeps Python's lock: see `Stage.update`.
+    # The executive's Update keeps Python's global lock: see `Stage.update`.
     triangulated.GetExecutive().Update()
     return triangulated.GetOutput()
 
 
 def _crossing(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
-    """Return the triangles on both sides of the plane, (n, 3), and the cells they are of."""
+    """Return the triangles that cross the plane, (n, 3), and the cell of each."""
     polygons = surface.GetPolys()
     offsets = vtk_to_numpy(polygons.GetOffsetsArray()).astype(np.int64)
     numbers = vtk_to_numpy(polygons.GetConnectivityArray())
@@ -117,20 +117,20 @@ def _crossing(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
             cells.append(of_size)
     found, of = np.concatenate(triangles), np.concatenate(cells)
     mixed = np.ptp(above[found].astype(np.int8), axis=1) > 0
-    # Where there are vertices and lines, cell data begins with theirs.
+    # Cell data begins with the vertices and lines, if there are any.
     before = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
     return found[mixed], of[mixed] + before
 
 
 def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
-    """Return the ends of the edges that are cut, (n, 2), and from which to which a face goes on."""
+    """Return the cut edges (n, 2), and for each triangle the edge where it begins and ends."""
     side = above[triangles]
     lone = np.argmax(side != (side.sum(axis=1) > 1)[:, None], axis=1)
     rows = np.arange(len(triangles))
     turned = triangles[rows[:, None], (lone[:, None] + [0, 1, 2]) % 3]
     edges = np.stack([turned[:, [0, 1]], turned[:, [0, 2]]], axis=1)
-    # Round each triangle, down through one edge and up through another: a neighbour that shares
-    # the edge goes through it the other way.
+    # Around each triangle, the outline crosses one edge downwards and another upwards. A neighbour
+    # that shares an edge crosses it in the opposite direction.
     rising = ~side[rows, lone]
     edges[rising] = edges[rising][:, ::-1]
     pairs, number = np.unique(np.sort(edges, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
@@ -138,7 +138,7 @@ def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
 
 
 def _loops(segments: Ints, corners: Floats, parts: NDArray[Any]) -> tuple[list[Ints], Ints]:
-    """Return the closed outlines of the face, and of each the number of a segment."""
+    """Return the closed outlines of the face, and the index of one segment of each."""
     follower = dict(zip(segments[:, 0].tolist(), segments[:, 1].tolist(), strict=True))
     of = dict(zip(segments[:, 0].tolist(), range(len(segments)), strict=True))
     extent = float(np.ptp(corners, axis=0).max())
@@ -162,13 +162,13 @@ def _loops(segments: Ints, corners: Floats, parts: NDArray[Any]) -> tuple[list[I
 
 
 def _seams(segments: Ints, corners: Floats, parts: NDArray[Any]) -> dict[int, int]:
-    """Return where the outline goes on in another patch: from which corner to which."""
-    from scipy.spatial import KDTree  # with all it brings
+    """Return pairs of corners where the outline continues from one patch into another."""
+    from scipy.spatial import KDTree  # imported here because it takes long
 
     last = np.nonzero(~np.isin(segments[:, 1], segments[:, 0]))[0]
     next_ = np.nonzero(~np.isin(segments[:, 0], segments[:, 1]))[0]
     found: dict[int, int] = {}
-    # Yarns touch: one never goes on in another, so each has a place of its own.
+    # Yarns touch, but an outline never continues in another yarn: the yarn is a fourth coordinate.
     places = [
         np.column_stack([corners[segments[rows, end]], parts[rows]])
         for rows, end in ((last, 1), (next_, 0))
@@ -189,13 +189,13 @@ def _seams(segments: Ints, corners: Floats, parts: NDArray[Any]) -> dict[int, in
 
 
 def _area(ring: Floats, normal: Floats) -> float:
-    """Return the area within a ring, below zero where it goes round clockwise."""
+    """Return the area inside a ring of points, negative if it is clockwise."""
     seen = ring - ring.mean(axis=0)
     return float(np.cross(seen, np.roll(seen, -1, axis=0)).sum(axis=0) @ normal) / 2
 
 
 def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
-    """Return the face of something that is hollow, without cell arrays."""
+    """Return the face of a hollow object, without cell arrays."""
     face.SetLines(to_rings([np.append(loop, loop[0]) for loop in loops]))
     filled = vtkContourTriangulator()
     filled.SetInputData(face)
@@ -204,7 +204,7 @@ def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
 
 
 def _interpolate(surface: vtkPolyData, face: vtkPolyData, ends: Ints, share: Floats) -> None:
-    """Put a surface's point arrays on the corners of a face, but for its normals."""
+    """Interpolate a surface's point arrays, except normals, at the corners of a face."""
     source = surface.GetPointData()
     for i in range(source.GetNumberOfArrays()):
         array: Any = source.GetArray(i)

@@ -1,4 +1,4 @@
-"""Loads as arrows: what acts on a cage at a time, where, and which way."""
+"""Convert the loads on a cage at a time into arrows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.mechanics.boundary import loads as forces
 from spacemap_vtk.ndarrays import Floats
 
-#: What an arrow stands for, and its colour.
+#: Colour of the arrows of each kind of load.
 KINDS = {
     "gravity": "#c8323a",
     "pressure": "#2f8f5b",
@@ -25,20 +25,21 @@ KINDS = {
     "base_acceleration": "#7a4fb5",
     "base_displacement": "#7a4fb5",
 }
-#: Lengths as shares of the cage's diagonal: of a load on the whole cage or at one place, and of
-#: those that many arrows stand for.
+#: Lengths of arrows as shares of the cage's diagonal. _LONG: loads with a single arrow, on the
+#: whole cage or at one point. _SHORT: loads with many arrows.
 _LONG, _SHORT = 0.24, 0.11
+#: Lengths of arrows by kind of load, as shares of the cage's diagonal; _LONG for other kinds.
 _LENGTHS = {"pressure": _SHORT, "traction": _SHORT, "array": _SHORT}
-#: What acts on all of a cage.
+#: Kinds of load that act on the whole cage.
 _WHOLE = ("gravity", "base_acceleration", "base_displacement")
-#: On a side no more arrows are drawn: a forest says no more than a row.
+#: Largest number of arrows on a side of the cage; more would only hide the view.
 _MOST = 48
-#: Times over which a load's largest factor is looked for.
+#: Number of times at which the largest factor of a load is searched.
 _SAMPLES = 200
 
 
 class Arrows(NamedTuple):
-    """Arrows, in m."""
+    """Arrows of loads, in m."""
 
     starts: Floats
     """(n, 3)"""
@@ -55,7 +56,7 @@ class Arrows(NamedTuple):
 def load_arrows(
     response: LoadParameters, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
 ) -> Arrows:
-    """Return what acts on a cage; dead loads, under which it hangs, always do."""
+    """Return the arrows of the loads on a cage; dead loads, of its equilibrium, act always."""
     rest = points_of(cage).astype(np.float64)
     moved = rest + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
@@ -90,7 +91,7 @@ def load_arrows(
 def _placed(
     load: Load, rest: Floats, moved: Floats, cage: vtkUnstructuredGrid
 ) -> Iterator[tuple[Floats, Floats, bool]]:
-    """Yield where a load acts, its direction there with a size up to 1, and if it starts there."""
+    """Yield places of a load, directions with sizes up to 1, and whether arrows start there."""
     action, value = load.action, getattr(load, load.action)
     if action in ("pressure", "traction"):
         where = forces.wall(rest, elements_of(cage), load.on)
@@ -102,7 +103,7 @@ def _placed(
             legs = np.diff(moved[where.faces[shown, :3]], axis=1)
             out = np.cross(legs[:, 0], legs[:, 1])
             ways = -np.sign(value) * out / np.linalg.norm(out, axis=1, keepdims=True)
-        # A pressure ends at the side that it pushes, a suction begins there.
+        # The arrows of a pressure end at the side that it pushes; those of a suction begin there.
         yield places, ways, action == "traction" or value < 0
     elif action == "force":
         nearest = forces.nearest(rest, load.at)
@@ -119,21 +120,20 @@ def _placed(
 
 
 def _leaving(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Floats:
-    """Return where a line from the middle of some points leaves their cage, (1, 3)."""
-    # Whatever does not cross the line in its own plane is left out; of the rest the farthest
-    # counts.
+    """Return the point where a line from the centre of the points leaves their cage, (1, 3)."""
+    # The line crosses several faces of tetrahedra; the farthest crossing is the result.
     middle, ahead = points.mean(axis=0), way[0]
     across = np.linalg.svd(way)[2][1:]
     aside, depth = (points - middle) @ across.T, (points - middle) @ ahead
     faces = elements_of(cage)[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].reshape(-1, 3)
     x, y = np.moveaxis(aside[faces], 2, 0)
-    # Barycentric coordinates of the line, times twice the area that a face shows along it.
+    # Barycentric coordinates of the line in each face, times twice the face's projected area.
     weights = x[:, [1, 2, 0]] * y[:, [2, 0, 1]] - x[:, [2, 0, 1]] * y[:, [1, 2, 0]]
     total = weights.sum(axis=1)
     crossed = (np.abs(total) > 1e-12 * np.abs(total).max()) & (
         weights * np.sign(total)[:, None] >= -1e-9 * np.abs(total)[:, None]
     ).all(axis=1)
-    if not crossed.any():  # a ring, whose middle is no part of it
+    if not crossed.any():  # the cage is a ring, and its centre is empty
         return middle[None]
     far = (weights[crossed] * depth[faces[crossed]]).sum(axis=1) / total[crossed]
     return (middle + ahead * max(0.0, far.max()))[None]
@@ -145,7 +145,7 @@ def _unit(vector: tuple[float, ...]) -> Floats:
 
 
 class _Factors(NamedTuple):
-    """A load's factor as shares of its largest size over the duration."""
+    """Factors of a load, divided by the largest absolute factor over the duration."""
 
     now: float
     least: float

@@ -1,1 +1,1 @@
-"""Scale bars, axes, times and labels over a picture."""
+"""Draw scale bars, axes, times and labels over a picture."""

@@ -1,4 +1,4 @@
-"""What tells the size and the turn of a picture: a round length, round numbers, the axes."""
+"""Measure scale and orientation of a view, and draw the key of a page: axes and scales."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from spacemap_vtk.units import format_quantity, pretty
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Digits that a round number begins with.
+#: Leading digits of a round length.
 _ROUND = (1.0, 2.0, 5.0, 10.0)
-#: Of the axes x, y and z, on light and on dark.
+#: Colours of the axes x, y and z, on a light and on a dark background.
 AXES = (("#c8372d", "#3f8f3f", "#2c5f9e"), ("#ff7b6b", "#79c879", "#6fb0f0"))
 
 
 class Measures(NamedTuple):
-    """How a picture is seen."""
+    """Scale and orientation of a view."""
 
     length: float
     """That a unit of the picture is in the plane of the focus, in m."""
@@ -36,26 +36,26 @@ class Measures(NamedTuple):
 
 
 def measures_of(camera: vtkCamera, height: float) -> Measures:
-    """Return how a picture of so many units in height is seen."""
+    """Return scale and orientation of a camera's view, for a picture of some height in units."""
     flat = bool(camera.GetParallelProjection())
     return Measures(1.0 / pixels_of(camera, height), axes_seen(camera), flat)
 
 
 def round_length(most: float) -> float:
-    """Return the largest round number that is not above another one."""
+    """Return the largest round number that is at most `most`."""
     size = 10.0 ** np.floor(np.log10(most))
     return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
 
 
 def axes_seen(camera: vtkCamera) -> Floats:
-    """Return where the axes point in a picture: right, up, towards the eye, (3, 3)."""
+    """Return the axes x, y and z in the camera's frame: right, up, towards the eye, (3, 3)."""
     turn = camera.GetModelViewTransformMatrix()
     seen = np.array([[turn.GetElement(row, k) for row in range(3)] for k in range(3)])
     return np.where(np.abs(seen) < 1e-12, 0.0, seen)
 
 
 def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | None) -> None:
-    """Draw axes, a round length and the scale of colours beside each other, for a page."""
+    """Draw axes, a scale bar and the colour scale side by side, for a page."""
     _draw_triad(axes, paper, seen.axes)
     _draw_scale(axes, paper, seen)
     if span is not None:

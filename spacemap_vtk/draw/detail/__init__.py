@@ -1,1 +1,1 @@
-"""Parts of large cloths, drawn as the level of detail asks."""
+"""Draw large cloths and parts of them at the level of detail that a view needs."""

@@ -1,7 +1,7 @@
-"""Tiles of a cloth that is too large to be made whole, with the clearances between its yarns.
+"""Measure clearances between yarns on tiles of a cloth that is too large to be made whole.
 
-The clearance of a point depends on the yarns close to it alone: a tile is made with some yarns
-beside it, and measured without them.
+The clearance at a point depends only on the yarns close to it. So a tile is made together with some
+yarns on each side, and only the tile itself is measured.
 """
 
 from __future__ import annotations
@@ -26,18 +26,21 @@ from spacemap_vtk.textile.geometry.partition import telling_parts
 from spacemap_vtk.textile.geometry.point_clearance import crossing_means, spread_over
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Yarns that are made on each side of a tile; of splines, which feel a cut from farther away.
+#: Number of yarns made on each side of a tile. Yarns whose axes are splines need more, because a
+#: cut changes a spline over a longer distance.
 _BESIDE, _BESIDE_SPLINES = 4, 16
-#: Where tiles end between two yarns: at no place where patches have their middle.
+#: Place between two yarns where a tile ends, as a share of their distance. No patch has its centre
+#: there, so each patch is clearly inside or outside.
 _CUT = 0.3137
-#: Crossings of tiles that hold all weaves at most; and side of a tile at some place of a cloth.
+#: _MOST: largest number of crossings in the tiles that contain all local weaves. _SIDE: crossings
+#: along each side of a tile at a sampled place.
 _MOST, _SIDE = 2500, 5
-#: So many such places along each side, and those that are strained most.
+#: Number of sampled places along each side of a cloth. The most strained cells are sampled too.
 _PLACES = 3
 
 
 class ClothTile(NamedTuple):
-    """Crossings of a cloth, and some beside them."""
+    """The surface of some crossings of a cloth, and of the crossings around them."""
 
     surface: vtkPolyData
     """Of all of them."""
@@ -54,7 +57,7 @@ class ClothTile(NamedTuple):
 
     @property
     def cut(self) -> vtkPolyData:
-        """The surface without what lies beside the tile."""
+        """The surface of the tile without the yarns around it."""
         made = copied(self.surface)
         made.SetPolys(to_cells(self.inner))
         kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
@@ -64,9 +67,9 @@ class ClothTile(NamedTuple):
 
     @property
     def facets(self) -> tuple[NDArray[Any], Floats, Floats]:
-        """What `crossing_means` takes of the facets within the tile."""
+        """Yarns, centres and areas of the facets inside the tile, for `crossing_means`."""
         corners, quads, (_, each, _) = self.corners[self.inside], self.inner, self.quads.shape
-        # At rest they lie in their patch as their parameters do.
+        # At rest, facets are evenly spaced in their patch, like their parameters.
         step = (np.arange(isqrt(each)) + 0.5) / isqrt(each)
         u, v = (way.ravel() for way in np.meshgrid(step, step))
         share = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
@@ -81,19 +84,19 @@ class ClothTile(NamedTuple):
 
     @property
     def inner(self) -> NDArray[Any]:
-        """(n, 4) Points of the facets within the tile."""
+        """Point indices of the facets inside the tile, (n, 4)."""
         return self.quads[self.inside].reshape(-1, 4)
 
 
 def yarns_beside(cloth: Cloth) -> int:
-    """Return how many yarns are made on each side of a tile."""
+    """Return the number of yarns made on each side of a tile."""
     return _BESIDE_SPLINES if cloth.axis == "spline" else _BESIDE
 
 
 def measured_tile(
     stages: PartStages, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
 ) -> ClothTile | None:
-    """Return the tile where some ends and picks cross; None if clearances cannot be measured."""
+    """Measure the tile where the given ends and picks cross; None if it cannot be measured."""
     cloth, beside = stages.cloth, yarns_beside(stages.cloth)
     part = Share(
         *(
@@ -125,7 +128,7 @@ def measured_tile(
 
 
 class Clearances(NamedTuple):
-    """How far the yarns of a cloth are from one another."""
+    """Clearances between the yarns of a cloth."""
 
     crossings: Singles
     """(2, picks, ends) The mean of what is seen of end and pick at each crossing, in m."""
@@ -134,19 +137,19 @@ class Clearances(NamedTuple):
 
 
 class SampledClearances:
-    """How far the yarns of a cloth are from one another, from tiles that hold all its weaves."""
+    """Clearances of a cloth, extrapolated from tiles that contain all its local weaves."""
 
     def __init__(self, scene: Scene, sides: int) -> None:
         self._stages = PartStages(scene)
         self._stages.surface.choose(sides)
         self._parts, self._weaves = telling_parts(self._stages.cloth, _MOST)
-        #: What was found last, and for which cage.
+        #: Vertices of the last cage (strains without a cage), and the clearances found for them.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None
 
     def at(
         self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
     ) -> Clearances | None:
-        """Return what is found where a cage takes the cloth, whose sheet is strained so."""
+        """Return the clearances of a cloth in a deformed cage; `strains` are those of its sheet."""
         asked = strains if cage is None else moved_points(cage)
         if self._last is None or not np.array_equal(self._last[0], asked):
             self._last = asked, self._find(cage, strains, crimp)
@@ -186,8 +189,8 @@ class SampledClearances:
 
 
 def strains_of(sheet: Floats, rest: Floats) -> Floats:
-    """Return how the cells of a sheet are strained along weft and warp, and sheared, (…, 3)."""
-    # Both (rows + 1, columns + 1, 3).
+    """Compute strains of a sheet's cells along weft and warp, and shear, (rows, columns, 3)."""
+    # `sheet` and `rest` have the shape (rows + 1, columns + 1, 3).
     along = []
     for axis in (1, 0):
         now, before = (np.diff(points, axis=axis) for points in (sheet, rest))
@@ -199,7 +202,7 @@ def strains_of(sheet: Floats, rest: Floats) -> Floats:
 
 
 def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """Return tiles where the cells of a sheet are strained most and least, and some others."""
+    """Return tiles at the cells with the largest and least strains, and on a coarse grid."""
     rows, columns, count = strains.shape
     flat = strains.reshape(-1, count)
     chosen = {int(k) for k in (*flat.argmin(axis=0), *flat.argmax(axis=0))}
@@ -217,12 +220,12 @@ def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]
 
 
 def _cells(yarns: int, cells: int) -> Ints:
-    """Return in which of the cells of a sheet each yarn of a family is."""
+    """Return the index of the sheet's cell that contains each yarn of a family."""
     return ((np.arange(yarns) + 0.5) * cells / yarns).astype(np.int64)
 
 
 def _edges(place: Floats, core: slice) -> tuple[float, float]:
-    """Return from where to where some yarns of a family are crossed by others."""
+    """Return the lowest and highest place that belongs to the given yarns of a family."""
     low, high = -np.inf, np.inf
     if core.start > 0:
         low = place[core.start - 1] + _CUT * (place[core.start] - place[core.start - 1])

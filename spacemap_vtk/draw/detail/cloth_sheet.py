@@ -1,4 +1,4 @@
-"""A cloth as a sheet that moves with its cage, in place of yarns too many to be in memory."""
+"""Move a cloth with its cage as a sheet, if its yarns are too many for the memory."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
+#: Largest number of cells along each side of a sheet: each covers a few pixels, and is fine enough
+#: for the bending of cages.
 _CELLS = 240
-#: More crossings take longer to be solved than a picture of the window that moves may take.
+#: With more crossings than this, solving them takes too long for a moving picture in the window.
 _MANY_CROSSINGS = 50_000
 
 
 class _SheetWarp(BarycentricWarp):
-    """Moves a sheet, of which some may lie outside though no yarn does."""
+    """Moves a sheet; it may warn of points outside the cage although no yarn is outside."""
 
     follows: bool = False
 
@@ -38,7 +39,7 @@ class _SheetWarp(BarycentricWarp):
 
 
 class Sheet:
-    """A scene's cloth as a sheet that moves with its cage: none of its patches is made."""
+    """The cloth of a scene as a sheet that moves with its cage, without making patches."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -47,13 +48,14 @@ class Sheet:
             self.cloth: Cloth = scene.woven.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
         self._flat = self.moved = sheet_of(self.cloth, self.cells)
-        #: Facets of a patch that is measured: those of the yarns that are drawn, if any are.
+        #: Subdivisions of a patch whose clearance is measured: those of drawn yarns, if any.
         self.sides = AUTOMATIC_SIDES
-        #: What the colours show at each crossing, (2 or 1, picks, ends); None: nothing of them.
+        #: Values that the colours show at each crossing, (2 or 1, picks, ends), or None.
         self.crossings: NDArray[Any] | None = None
-        #: Numbers that have the ends of the scale; None: those of the crossings.
+        #: Numbers with the extremes of the scale; None: use those of the crossings.
         self.ends: NDArray[Any] | None = None
-        #: The array that they are of; what finds clearances, and of which yarns.
+        #: Name of the array that `crossings` shows. Below: the clearances that are sampled, and the
+        #: settings of the yarns for which they were set up.
         self._array: str | None = None
         self._sampled: SampledClearances | None = None
         self._asked: object = None
@@ -61,54 +63,54 @@ class Sheet:
 
     @classmethod
     def if_many(cls, scene: Scene) -> Sheet | None:
-        """Return a scene's sheet if its yarns are too many to be drawn together; else None."""
+        """Return a scene's sheet if its yarns are too many to draw together; else None."""
         return cls(scene) if choose_level(scene).has_sheet else None
 
     def serves(self, scene: Scene) -> bool:
-        """Return whether it is still that of a scene, which may have changed."""
+        """Test whether this is still the sheet of a scene that may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
         return same and scene.woven is not None and scene.woven.cloth is self.cloth
 
     @property
     def one(self) -> Piece:
-        """A piece of one yarn, of which the stages above know what they ask of all."""
-        # but for a cage that fills the surface of all yarns
+        """A piece with a single yarn, which is enough for the stages above the yarns."""
+        # A cage that fills the surface of the yarns needs all yarns.
         cage = self._scene.cage
         filled = self._follows and cage.method == "tetwild" and cage.inflate == 0.0
         return WHOLE if filled else Piece(0, sum(self.cloth.size))
 
     @property
     def _follows(self) -> bool:
-        """Whether the cage follows the yarns, so that what lies between them may be outside."""
+        """Whether the cage follows the yarns, so that the sheet between them may be outside."""
         cage = self._scene.cage
         return cage.method in ("carved", "tetwild") and any(cage is s for s in self._scene.stages)
 
     def place(self, time: float) -> vtkPolyData:
-        """Return where the sheet is at a time [s]."""
+        """Return the deformed sheet at a time [s]."""
         scene = self._scene
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
         self._move(scene.deformed_cage if scene.moves else None)
         return self.moved
 
     def update(self, time: float) -> vtkPolyData:
-        """Return the sheet at a time [s], with what its crossings do."""
+        """Return the deformed sheet at a time [s], and update the values at crossings."""
         self.place(time)
         self._cross(self._scene.deformed_cage if self._scene.moves else None, coarse=False)
         return self.moved
 
     def ride(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
-        """Return the sheet where a cage takes it; without a cage it lies flat."""
+        """Return the sheet deformed by a cage; without a cage it is flat."""
         self._move(cage)
         self._cross(cage, coarse)
         return self.moved
 
     def _move(self, cage: vtkUnstructuredGrid | None) -> None:
         if cage is None:
-            # Not where it was last: the scene may have moved until just now.
+            # The last deformed sheet would be wrong: the scene may have moved until now.
             self.moved = self._flat
             return
         settings = dict(self._scene.warp.settings)
-        # A mode's cage has no velocity that could ride along.
+        # The cage of a mode has no velocity to interpolate, so missing arrays are left out.
         there = (cage.GetPointData(), cage.GetCellData())
         names = settings["carried"].replace(",", " ").split()
         settings["carried"] = " ".join(n for n in names if any(d.HasArray(n) for d in there))
@@ -121,7 +123,7 @@ class Sheet:
         add_directions(self.moved, self.cells)
 
     def _cross(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:
-        """Find what crossings do, where that is shown; while many move, it may be of before."""
+        """Update the values at crossings, if shown; a coarse update keeps values that take long."""
         scene, crimp = self._scene, self.crimp
         name = COLORINGS[scene.view.color].array
         if coarse and self.solves_long and name == self._array:
@@ -137,7 +139,7 @@ class Sheet:
             self.crossings, self.ends = found
 
     def _measured(self, cage: vtkUnstructuredGrid | None) -> Clearances | None:
-        """Return how far yarns are from one another."""
+        """Return the clearances between yarns, or None if they cannot be measured."""
         rows = self.cells[1] + 1, self.cells[0] + 1, 3
         points = points_of(self.moved).astype(np.float64).reshape(rows)
         asked = self.sides, yarn_settings(self._scene)
@@ -148,12 +150,12 @@ class Sheet:
 
     @property
     def solves_long(self) -> bool:
-        """Whether what crossings do is shown, and takes longer than a picture that moves may."""
+        """Whether values at crossings are shown that take too long for a moving picture."""
         return self._gaps or (self.crimp is not None and self.cloth.drawdown.size > _MANY_CROSSINGS)
 
     @property
     def crimp(self) -> CrimpInterchange | None:
-        """What knows the crossings that colours show, or by which yarns are as far apart."""
+        """The crimp interchange that colours or clearances depend on; None if there is none."""
         crimp, name = self._scene.stage("crimp"), COLORINGS[self._scene.view.color].array
         shown = self._gaps or name in CrimpInterchange.provides
         return crimp if shown and isinstance(crimp, CrimpInterchange) else None

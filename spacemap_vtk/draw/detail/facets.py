@@ -1,9 +1,9 @@
-"""As many facets of each patch as keep its outline and its shading smooth where a camera stands.
+"""Choose the facets of each patch so that outline and shading are smooth for a camera.
 
-A patch of which n × n facets are made is nowhere farther from them than the second derivatives of
-its parameters allow (D. Filip, R. Magedson, R. Markot, "Surface algorithms using bounds on
-derivatives", Computer Aided Geometric Design 3, 1986): these come from its control points, and what
-a metre is in pixels from its point that is nearest to the camera.
+The distance between a patch and its n × n facets is bounded by the second derivatives of the patch
+(D. Filip, R. Magedson, R. Markot, "Surface algorithms using bounds on derivatives", Computer Aided
+Geometric Design 3, 1986). The control points bound the derivatives. The point of the patch that is
+nearest to the camera gives the pixels per metre.
 """
 
 from __future__ import annotations
@@ -20,33 +20,34 @@ from spacemap_vtk.scenes.level_of_detail import LEAST_SIDES, LevelOfDetail
 from spacemap_vtk.textile.geometry.plies import sharpness
 from spacemap_vtk.textile.patches.bezier import quadrilateral_order
 
-#: How far facets may be from their patch, in pixels. An eye finds half a pixel in an outline.
+#: Largest distance between facets and their patch in pixels. Half a pixel is visible in an outline.
 _ERROR = 0.4
-#: Most facets along each side of a patch.
+#: Largest number of facets along each side of a patch.
 _MOST_SIDES = 128
-#: Sight, as a share of the picture: edges of coarse patches beside it must not reach into it.
+#: Size of the area that counts as in sight, as a share of the picture. Without the margin, edges of
+#: coarse patches outside would reach into the picture.
 _BEYOND = 1.03
-#: The nearest that anything is taken to be, as a share of the distance to the focus.
+#: Least distance from the camera that is assumed, as a share of the distance to the focus.
 _NEAREST = 1e-3
-#: Patches that tell how curved all are.
+#: Number of patches that are sampled for the largest curvature of all.
 _SAMPLE = 4000
 _ORDER = quadrilateral_order(3, 3)
 
 
 @dataclass(frozen=True)
 class Facets:
-    """The number of facets along each side of each patch, seen from one place."""
+    """Computes the number of facets along each side of each patch, for one view."""
 
     seen: Seen
-    #: Out of sight, and where nobody needs more.
+    #: Facets along each side of patches that are out of sight or need no more.
     least: int
-    #: Of all patches in sight together, at most.
+    #: Largest number of facets of all patches in sight together.
     most_quads: int
-    #: Plied yarns are more curved than their patches.
+    #: Number of plies: plied yarns are more curved than their patches.
     plies: int
 
     def __call__(self, points: AnyFloats, patches: AnyInts) -> Ints:
-        """Return the subdivisions of each patch, each a multiple of those below it."""
+        """Return the subdivisions of each patch; each number is a multiple of all smaller ones."""
         needed = self.needed(points, patches)
         levels = self._levels(needed)
         sight = needed > 0.0
@@ -59,7 +60,7 @@ class Facets:
         return levels
 
     def _levels(self, needed: Floats) -> Ints:
-        """Return at least as many subdivisions, in steps of two."""
+        """Round subdivisions up to one lowest number times powers of two."""
         top = math.ceil(min(float(needed.max(initial=0.0)), _MOST_SIDES))
         if top <= self.least:
             return np.full(len(needed), self.least)
@@ -69,7 +70,7 @@ class Facets:
         return lowest * 2 ** np.minimum(steps, doublings).astype(np.int64)
 
     def needed(self, points: AnyFloats, patches: AnyInts) -> Floats:
-        """Return how many subdivisions each patch needs; 0 out of sight."""
+        """Return the subdivisions that each patch needs; 0 out of sight."""
         found = np.zeros(len(patches))
         if patches.shape[1] != 16:
             return found
@@ -84,7 +85,7 @@ class Facets:
         return found
 
     def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
-        """Return which patches are in sight, and how near each of them is."""
+        """Return which patches are in sight, and the least distance of each of these."""
         width, height = self.seen.size
         x, y, _, w = projected(self.seen.camera, points, width / height).T
         seen = np.ones(len(patches), bool)
@@ -95,20 +96,20 @@ class Facets:
 
 
 def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: Seen) -> None:
-    """Let a stage make the facets of a level of detail."""
+    """Set the subdivisions of a stage to those of a level of detail, for a view."""
     facets = Facets(seen, level.sides, level.near_quads, level.plies)
     stage.choose(level.sides, level.fibres, facets if level.near_quads else None)
 
 
 def pixels_enough(plies: int, points: AnyFloats, patches: AnyInts) -> float:
-    """Return the pixels of a metre up to which patches of plied yarns need no more facets."""
+    """Return the pixels per metre up to which patches of plied yarns need only LEAST_SIDES."""
     some = patches[:: 1 + len(patches) // _SAMPLE]
     bent = sharpness(plies) * _bending(points, some).max(initial=0.0)
     return 8 * _ERROR * LEAST_SIDES**2 / max(float(bent), 1e-30)
 
 
 def _bending(points: AnyFloats, patches: AnyInts) -> Floats:
-    """Return bounds of the second derivatives of patches, weighed as they move facets off."""
+    """Return bounds of |S_uu| + |S_vv| + 2 |S_uv| of patches, which bounds their facets' error."""
     found = np.empty(len(patches))
     for begin in range(0, len(patches), 20_000):
         some = slice(begin, begin + 20_000)

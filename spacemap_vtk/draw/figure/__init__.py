@@ -1,1 +1,1 @@
-"""Pages for publications: figures, drafts, sections, plots, contact sheets."""
+"""Make pages for publications: figures, drafts, sections, plots, contact sheets."""

@@ -1,4 +1,4 @@
-"""A contact sheet: the pictures of a sweep side by side, each with the values that it is of."""
+"""Draw a contact sheet: the pictures of a sweep side by side, labelled with their values."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.runs import Sweep
 from spacemap_vtk.units import format_quantity
 
-#: Width that a sheet has about, and that of a cell at least and at most, in pixels.
+#: _WIDE: approximate width of a sheet in pixels. _NARROWEST, _WIDEST: limits of a cell's width.
 _WIDE, _NARROWEST, _WIDEST = 2200, 150, 520
-#: Cells that stand in one row, where nothing says how many.
+#: Up to this number, all cells of a single list are in one row.
 _ROW = 4
-#: Most pixels of a sheet's side.
+#: Largest side of a sheet in pixels.
 _LARGEST = 16_000
 _INK, _FAINT, _PAPER, _EMPTY = (40, 46, 54), (118, 126, 138), (255, 255, 255), (244, 245, 247)
 _LINE, _FAILED = (214, 219, 226), (150, 70, 40)
@@ -29,7 +29,7 @@ _Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 @dataclass(frozen=True)
 class _Axis:
-    """What changes from one cell to the next: names above, values of each below."""
+    """The names that label an axis of the sheet, and their values for each cell."""
 
     names: tuple[str, ...]
     values: list[tuple[str, ...]]
@@ -38,7 +38,7 @@ class _Axis:
 def contact_sheet(
     sweep: Sweep, title: str, files: Mapping[str, list[Path]], errors: Mapping[str, str]
 ) -> Bytes:
-    """Draw the pictures of runs: two lists down and across, one list in lines one after another."""
+    """Draw the pictures of runs: two or more lists as a table, a single list row by row."""
     axes = _axes(sweep)
     shots = max((len(each) for each in files.values()), default=1)
     cells = [
@@ -68,7 +68,7 @@ def _axes(sweep: Sweep) -> list[_Axis]:
 
 
 def name_of(sweep: Sweep, number: int) -> str:
-    """Return what people call that which goes through a list of values."""
+    """Return the label of a swept parameter; its full name if two parameters have the same."""
     labels = [each.parameter.label for each in sweep.axes]
     return labels[number] if labels.count(labels[number]) == 1 else sweep.axes[number].name
 
@@ -139,7 +139,7 @@ def _size(path: Path) -> tuple[int, int]:
 
 
 def _shrunk(path: Path, room: tuple[int, int]) -> Image.Image:
-    """Return a picture no larger than a cell."""
+    """Return a picture scaled to fit into a cell."""
     with Image.open(path) as picture:
         share = min(room[0] / picture.width, room[1] / picture.height)
         size = max(1, round(share * picture.width)), max(1, round(share * picture.height))
@@ -154,7 +154,7 @@ def _two(
     font: _Font,
     small: _Font,
 ) -> None:
-    """Write a name, and in ink its value, centred together."""
+    """Write a name and its value side by side, centred together."""
     size = getattr(font, "size", 12)
     before, after = small.getlength(name) + size / 2, font.getlength(value)
     x, base = place[0] - (before + after) / 2, place[1] + size
@@ -165,7 +165,7 @@ def _two(
 def _empty(
     pen: ImageDraw.ImageDraw, box: tuple[int, int, int, int], error: str, font: _Font
 ) -> None:
-    """Draw a cell that has no picture, and say why."""
+    """Draw a cell without a picture, with the error."""
     pen.rectangle(box, fill=_EMPTY)
     size = getattr(font, "size", 12)
     room = max(8, int((box[2] - box[0]) / (0.56 * size)))

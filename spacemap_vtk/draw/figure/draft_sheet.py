@@ -1,7 +1,8 @@
-"""A draft on paper: threading, tie-up, treadling or liftplan, and the drawdown, as the cloth lies.
+"""Draw a draft on a page: threading, tie-up, treadling or liftplan, and drawdown.
 
-Ends are counted from the left and picks from below, as the cloth is seen from its front; shaft 1 is
-next to the cloth. Black is where an end lies over the pick, or a mark.
+The drawdown shows the front of the cloth: ends are counted from the left and picks from below.
+Shaft 1 is next to the drawdown. A black square is a mark; in the drawdown, the end lies over the
+pick.
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ from spacemap_vtk.scenes.shown import Shown
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Room between the grids, where numbers stand; of a strip of colours, and before it: in cells, the
-#: first at least so many mm.
+#: _GAP: gap between the grids, for numbers, in cells, but at least _LEAST mm. _STRIP: width of a
+#: strip of yarn colours, in cells. _NEAR: gap before a strip, in cells.
 _GAP, _STRIP, _NEAR, _LEAST = 0.9, 0.7, 0.25, 3.0
-#: Largest cell, in mm; cells that are smaller have no lines between them.
+#: LARGEST: largest side of a cell in mm. _LINED: cells smaller than this have no lines between
+#: them, in mm.
 LARGEST, _LINED = 4.5, 0.7
-#: A heavier line after so many cells.
+#: Every line with a multiple of this number is heavier.
 _GROUP = 4
 
 
 def draft_tile(shown: Shown, caption: str) -> Tile:
-    """Return the drawing of a draft."""
+    """Return a tile with the drawing of a draft."""
     rows = shown.size[1] + _GAP + shown.loom.shafts + _NEAR + _STRIP
     across = shown.size[0] + _GAP + shown.columns + _NEAR + _STRIP
 
@@ -78,7 +80,7 @@ def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> No
 def _grid(
     axes: Axes, paper: Paper, name: str, marks: Bools, corner: tuple[float, float], cell: float
 ) -> None:
-    """Draw a grid of black squares, which are one shape, its first row at the bottom."""
+    """Draw a grid whose black squares are a single shape; the first row is at the bottom."""
     from matplotlib.collections import LineCollection
     from matplotlib.patches import PathPatch, Rectangle
     from matplotlib.path import Path
@@ -123,7 +125,7 @@ def _strip(
 
 
 def _numbered(count: int, cell: float) -> list[int]:
-    """Return numbers with enough room between them."""
+    """Return the numbers that are written along a grid, with enough room between them."""
     step = 1
     while step * cell < 1.15 * SMALL * POINT * len(str(count)):
         step *= 2 if step > 1 else _GROUP

@@ -1,1 +1,1 @@
-"""Drawing without OpenGL, on the processor."""
+"""Draw on the processor, without OpenGL."""
