@@ -1,7 +1,8 @@
-"""The formats that come with the program: each module here registers its own, by being here.
+"""Formats that come with the program: each module in this folder registers its own.
 
-A module's head imports neither numpy nor VTK, which lists of formats need not; its functions do.
-The formats of other packages come after these (`spacemap_vtk.extensions`).
+A module imports neither numpy nor VTK at its top, because lists of formats do not need them; its
+functions import them. Formats of other packages are registered after these
+(`spacemap_vtk.extensions`).
 """
 
 from importlib import import_module
@@ -9,8 +10,8 @@ from pkgutil import iter_modules
 
 from spacemap_vtk import extensions
 
-# VTK's own come first wherever formats are listed, those that all of its programs know before the
-# others: they hold all that a scene has.
+# In all lists of formats VTK's own come first, because they store everything that a scene has. The
+# XML formats, which all programs based on VTK know, come before the other ones.
 for _name in sorted(
     (module.name for module in iter_modules(__path__)),
     key=lambda name: (name != "vtk_xml", not name.startswith("vtk"), name),

@@ -1,8 +1,9 @@
-"""Input files of CalculiX and Abaqus (.inp): a cage's modes, and its static state under loads.
+"""Write input files of CalculiX and Abaqus (.inp): modes of a cage, and its state under loads.
 
-CalculiX integrates the consistent mass of linear tetrahedra with one point, of quadratic ones with
-four: too few, so that its frequencies come near ours only as the cage is made finer. A lumped mass
-is written as point masses, and there they are the same. It reads no number beyond 20 characters.
+CalculiX integrates the consistent mass of linear tetrahedra with one point, and of quadratic ones
+with four. These are too few, so its frequencies approach ours only as the cage is refined. A lumped
+mass is written as point masses; then the frequencies are equal. CalculiX reads no number of more
+than 20 characters.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
     from spacemap_vtk.datasets.modal_model import InputDeck
     from spacemap_vtk.mechanics.modal.model import Model
 
-#: Nodes of a tetrahedron whose first two corners are swapped, which turns it inside out.
+#: Node order that swaps the first two corners of a tetrahedron, which turns it inside out.
 _TURNED = {4: [1, 0, 2, 3], 10: [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]}
-#: Share of the density that the tetrahedra keep where their mass lies on the vertices: none at all
-#: is refused.
+#: Share of the density that tetrahedra keep if their mass is at the vertices; CalculiX refuses a
+#: density of zero.
 _NO_MASS = 1e-12
 _AXES = "*ORIENTATION, NAME=FABRIC\n1., 0., 0., 0., 1., 0."
 
@@ -36,7 +37,7 @@ _MASS = (
 
 
 def _modes(analysis: InputDeck) -> int:
-    # CalculiX solves in five times as many vectors, and there may not be so many.
+    # CalculiX computes with five times as many vectors as modes, and a small cage has too few.
     return min(analysis.modes, max(1, int(analysis.model.free.sum()) // 6))
 
 
@@ -49,7 +50,7 @@ def _left_out(analysis: InputDeck) -> list[str]:
 
 @writes(".inp", label="CalculiX and Abaqus", holds=("analysis",), loses=_left_out)
 def write_inp(file: Path, analysis: InputDeck) -> None:
-    """Write mesh, materials, supports and loads, and the steps that solve for them."""
+    """Write mesh, materials, supports and loads, and the steps that compute modes and statics."""
 
     write(file, (f"{line}\n".encode() for line in _lines(analysis)))
 
@@ -88,7 +89,7 @@ def _lines(analysis: InputDeck) -> Iterator[str]:
 
 
 def _elements(model: Model) -> Iterator[str]:
-    """Yield tetrahedra and materials, one for each pair of factors of stiffness and density."""
+    """Yield tetrahedra, and a material for each pair of factors of stiffness and density."""
     import numpy as np
 
     cells, nodes = model.cells.copy(), model.cells.shape[1]
@@ -113,7 +114,7 @@ def _elements(model: Model) -> Iterator[str]:
         yield f"*DENSITY\n{heavy * density:.13g}"
         yield f"*SOLID SECTION, ELSET=PART{kind}, MATERIAL=MATERIAL{kind}, ORIENTATION=FABRIC"
     if model.lumped:
-        # A set for each size that occurs: CalculiX looks through all of them for each.
+        # Equal masses share a set, because CalculiX searches all sets for each one.
         sizes, which = np.unique([f"{mass:.13g}" for mass in model.nodal_mass], return_inverse=True)
         for kind, size in enumerate(sizes, 1):
             yield f"*ELEMENT, TYPE=MASS, ELSET=MASS{kind}"

@@ -1,7 +1,7 @@
-"""The middles of yarns as a table (.csv), for spreadsheets and other programs' curves.
+"""Write the axes of yarns as a table (.csv), for spreadsheets and for curves in other programs.
 
-A table has no comments that every program skips: how it was made stands in a file beside it, as the
-W3C's "CSV on the Web" has it.
+No kind of comment in a table is skipped by every program. The record of how the table was made is
+therefore in a second file, as the W3C's "CSV on the Web" describes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _COLUMNS = "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
 
 @writes(".csv", label="Table", holds=("yarns",))
 def write_csv(file: Path, curves: YarnCurves | None) -> None:
-    """Write a row for each control point of each yarn's cubic Bézier curves, end to end."""
+    """Write a row for each control point of the joined cubic Bézier curves of each yarn."""
 
     if curves is None:
         raise InputError("there are no yarns to write", key="what", cure="Write a .vtu.")
@@ -35,7 +35,7 @@ def write_csv(file: Path, curves: YarnCurves | None) -> None:
 
 
 def _texts(curves: YarnCurves) -> Iterator[str]:
-    """Yield the lines, a yarn's together."""
+    """Yield the lines of the table, all lines of a yarn together."""
     yield _COLUMNS
     begin = 0
     for yarn, count in enumerate(curves.counts.tolist()):
@@ -54,6 +54,6 @@ def _beside(file: Path) -> Path:
 
 @tells(".csv")
 def told_beside(path: Path) -> str | None:
-    """Find the record in the file that tells of a table."""
+    """Find the record in the file that describes a table."""
     found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
     return found if isinstance(found, str) else None

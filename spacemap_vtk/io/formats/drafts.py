@@ -1,4 +1,4 @@
-"""Weavers' drafts: WIF, rows of text, black-and-white pictures."""
+"""Read and write weavers' drafts: WIF, rows of text, black-and-white pictures (only read)."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ def write_wif(file: Path, draft: Draft) -> None:
     ".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("drafts.draft_file", "rows_lose")
 )
 def write_rows(file: Path, draft: Draft) -> None:
-    """Write a row for each pick."""
+    """Write a drawdown as text, with a row for each pick."""
     write(file, [of("drafts.draft_file", "format_rows")(draft)])

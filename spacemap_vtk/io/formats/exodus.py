@@ -1,4 +1,4 @@
-"""Exodus: the finite elements of Sandia's programs, in netCDF, with all their times."""
+"""Read Exodus files: finite elements of Sandia's programs, in netCDF, with all their times."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
 
 _ENDINGS = (".e", ".ex2", ".exo", ".exii")
+#: Bytes of a number, by netCDF's code of its type.
 _BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
 
 
 def _check(path: Path) -> None:
-    """Refuse a file that is none, of which its library prints at length, or is truncated."""
+    """Refuse a truncated file, or one that is not Exodus: its library would print at length."""
     with path.open("rb") as file:
         magic = file.read(4)
     if magic[:3] != b"CDF" and magic != b"\x89HDF":
@@ -25,7 +26,7 @@ def _check(path: Path) -> None:
         raise truncated(path)
 
 
-# Of the steps the first one.
+# As a mesh, only the first step is read.
 reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)(
     of("formats.other_programs", "read_with_pyvista")
 )
@@ -33,7 +34,7 @@ reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)(
 
 @reads(*_ENDINGS, label="Exodus", holds="motion", check=_check, names=of("named", "in_hdf"))
 def open_exodus(path: Path) -> MeshSeries:
-    """Open all steps."""
+    """Open a file with all its steps."""
     from vtkmodules.vtkIOExodus import vtkExodusIIReader
 
     from spacemap_vtk.io.series import ReaderSeries
@@ -41,7 +42,7 @@ def open_exodus(path: Path) -> MeshSeries:
     reader = vtkExodusIIReader()
 
     def take_all() -> None:
-        # It would move the points itself, and calls that array by another name.
+        # The reader would move the points itself, and give this array another name.
         reader.SetApplyDisplacements(0)
         for i in range(reader.GetNumberOfPointResultArrays()):
             reader.SetPointResultArrayStatus(reader.GetPointResultArrayName(i), 1)
@@ -50,7 +51,7 @@ def open_exodus(path: Path) -> MeshSeries:
 
 
 def is_cut_off(path: Path) -> bool:
-    """Return whether a classic netCDF file ends early: its library reads on as zeros."""
+    """Return whether a classic netCDF file is truncated; its library reads zeros beyond the end."""
     size = path.stat().st_size
     with path.open("rb") as file:
         magic = file.read(4)
@@ -58,7 +59,7 @@ def is_cut_off(path: Path) -> bool:
             return False
         try:
             return _Header(file, magic[3], size).end() > size
-        except (EOFError, IndexError):  # an axis that is not there
+        except (EOFError, IndexError):  # IndexError: an axis that does not exist
             return True
 
 
@@ -91,9 +92,9 @@ class _Header:
             self.skip(self.count() * _BYTES.get(kind, 1))
 
     def end(self) -> int:
-        """Return where the last variable ends."""
+        """Return the position at which the last variable ends."""
         records = self.count()
-        if records == 256**self.count_bytes - 1:  # still being written
+        if records == 256**self.count_bytes - 1:  # the file is still being written
             records = 0
         self.number()
         lengths = []
@@ -108,7 +109,7 @@ class _Header:
             axes = [self.count() for _ in range(self.count())]
             self.attributes()
             size = _BYTES.get(self.number(), 1)
-            self.count()  # its size, which is wrong for large ones
+            self.count()  # the stored size is wrong for large variables
             begin = self.number(self.offset_bytes)
             repeated = bool(axes) and lengths[axes[0]] == 0
             for axis in axes[repeated:]:

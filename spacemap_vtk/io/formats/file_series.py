@@ -1,4 +1,4 @@
-"""Series of files, one or several for each time, as ParaView lists them."""
+"""Read and write series of files, one or several for each time, as ParaView lists them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @reads(".pvd", label="ParaView collection", holds="motion", names=of("named", "in_xml"))
 def open_collection(file: Path) -> MeshSeries:
-    """Open the files that a collection names."""
+    """Open the files that a ParaView collection names."""
     from xml.etree import ElementTree
 
     from spacemap_vtk.io.series import FileSeries
@@ -45,7 +45,7 @@ def open_collection(file: Path) -> MeshSeries:
     require=check_folder,
 )
 def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
-    """Write a file for each time, in a folder beside, and the list of them."""
+    """Write a file for each time into a folder next to the list of them, and the list."""
     from xml.sax.saxutils import quoteattr
 
     folder = file.with_suffix("")
@@ -75,7 +75,7 @@ def _names(file: Path) -> list[str]:
 
 @reads(".series", label="ParaView file series", holds="motion", names=_names)
 def open_file_series(file: Path) -> MeshSeries:
-    """Open the files that a file series names."""
+    """Open the files that a ParaView file series names."""
     from spacemap_vtk.io.series import FileSeries
 
     return FileSeries(file, [(time, [file.parent / name]) for time, name in _entries(file)])

@@ -1,4 +1,4 @@
-"""Films."""
+"""Write films (.gif, .mp4)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def require_encoder(file: Path) -> None:
-    """Refuse a film for which there is no encoder, before any work is done for it."""
+    """Refuse a film whose encoder is not installed, before any work is done for it."""
     try:
         import imageio_ffmpeg
 
@@ -43,18 +43,18 @@ def write_film(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     Parameters
     ----------
     file : Path
-        Ending in .gif or .mp4.
+        Name that ends in .gif or .mp4.
     images : iterable of ndarray, shape (height, width, 3)
-        The frames, taken one at a time.
+        The frames, requested one at a time.
     rate : float
         Frames per second.
 
     Raises
     ------
     MissingLibraryError
-        If .mp4 is asked for without the extra ``[movie]``.
+        If the file is an .mp4 and the extra ``[movie]`` is not installed.
     OSError
-        If the disk does not take it.
+        If the disk cannot store the file.
     SpacemapError
         If ffmpeg fails for another reason.
     """
@@ -69,8 +69,8 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
 
     frames = (Image.fromarray(image) for image in images)
     first = next(frames)
-    # One palette for the whole film, of the first frame's colours: palettes of their own make
-    # still parts flicker. GIF counts time in hundredths of a second.
+    # The whole film uses one palette, made of the first frame's colours; a palette for each frame
+    # would make still parts flicker. GIF counts time in hundredths of a second.
     palette = first.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     about: dict[str, Any] = {"comment": f"{NAME}: {told()}".encode()} if told() else {}
     rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
@@ -95,7 +95,7 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     import numpy as np
     from imageio_ffmpeg import get_ffmpeg_exe
 
-    # H.264 takes even sizes only.
+    # H.264 accepts only even sizes.
     even = (image[: len(image) // 2 * 2, : image.shape[1] // 2 * 2] for image in images)
     first = next(even)
     height, width, _ = first.shape
@@ -108,7 +108,7 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
             [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), *words, str(file)],
             stdin=subprocess.PIPE,
             stderr=said,
-            start_new_session=True,  # Ctrl-C is not for it: it would end the film there, and well
+            start_new_session=True,  # otherwise Ctrl-C makes ffmpeg end a short film without error
         )
         assert process.stdin is not None
         try:
@@ -116,19 +116,19 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
                 try:
                     process.stdin.write(np.ascontiguousarray(image).data)
                 except BrokenPipeError:
-                    break  # it has ended, and its status tells how
+                    break  # ffmpeg has ended, and its exit status says how
             process.communicate()
         finally:
             process.kill()
             process.wait()
-            with suppress(BrokenPipeError):  # of what it has not been given
+            with suppress(BrokenPipeError):  # there may be data that ffmpeg has not read
                 process.stdin.close()
         if process.returncode:
             _try_on(file)
             said.seek(0)
             why = " ".join(said.read().decode(errors="replace").split())
             raise SpacemapError(f"{file.name}: ffmpeg failed: {why[-200:]}")
-    with file.open("rb") as stream:  # boxes, each of which says how long it is; the list comes last
+    with file.open("rb") as stream:  # boxes that begin with their lengths; the last one is "moov"
         end, begin, box = file.stat().st_size, 0, b""
         while begin < end:
             stream.seek(begin)
@@ -143,7 +143,7 @@ def _require_end(file: Path, there: bool) -> None:
 
 
 def _try_on(file: Path) -> None:
-    """Write more to a file that another program has broken off: the disk tells its reason."""
+    """Append to a file that another program could not finish, so that the disk raises its error."""
     with file.open("ab") as torn:
         torn.write(bytes(2**20))
         torn.flush()

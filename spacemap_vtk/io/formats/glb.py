@@ -1,7 +1,7 @@
-"""glTF in one file (.glb): triangles with materials, morph targets, animations of their weights.
+"""Write glTF in one file (.glb): triangles, materials, morph targets and animated weights.
 
-By the specification of glTF 2.0 of the Khronos Group. It is written here and not by a library:
-those that there are (pygltflib) hold its JSON, and leave all that is in the buffer to their user.
+Source: glTF 2.0 specification, Khronos Group. No library is used, because the existing ones
+(pygltflib) store the JSON and leave the content of the buffer to their user.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface
 
-#: Of yarn: light is scattered, and glances off a little.
+#: Roughness of yarn, which scatters light and has a faint highlight.
 _ROUGHNESS = 0.75
-#: Turns z up into y up.
+#: Quaternion that turns z up into y up.
 _LYING = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
-#: Numbers of glTF: of components, and of what a buffer's part is for.
+#: Codes of glTF: for types of components, and for the use of a part of the buffer.
 _COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123, "<i2": 5122, "|i1": 5120}
 _VERTICES, _INDICES = 34962, 34963
 
 
 @writes(".glb", label="glTF", holds=("moving", "modes"))
 def write_glb(file: Path, moving: MovingSurface) -> None:
-    """Write a surface, its targets and their animations."""
+    """Write a surface with its targets and their animations."""
     import numpy as np
 
     from spacemap_vtk.datasets.moving_surface import linear
@@ -91,7 +91,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         "materials": materials,
     }
     animations = []
-    for clip in moving.clips if len(moving.targets) else ():  # of what does not move none
+    for clip in moving.clips if len(moving.targets) else ():  # no animation without targets
         sampler = {"input": buffer.add(clip.times, target=None, bounds=True)}
         sampler["output"] = buffer.add((clip.weights * factors).reshape(-1), target=None)
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
@@ -111,10 +111,11 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
 
 
 class _Buffer:
-    """All arrays of a file, one after another, and what glTF says of each."""
+    """All arrays of a file, one after another, with their descriptions in glTF."""
 
     def __init__(self) -> None:
-        #: Each makes an array when it is written: all together would be the file once more.
+        #: Functions that make an array when it is written; all arrays would need as much memory as
+        #: the file.
         self.parts: list[Callable[[], NDArray[Any]]] = []
         self.views: list[dict[str, Any]] = []
         self.accessors: list[dict[str, Any]] = []
@@ -128,7 +129,7 @@ class _Buffer:
         bounds: bool = False,
         normalized: bool = False,
     ) -> int:
-        """Add an array, or some of its rows, and return its number."""
+        """Add an array, or some of its rows, and return the number of its accessor."""
         part = partial(_packed, values, rows)
         table = part()
         view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes}
@@ -152,18 +153,18 @@ class _Buffer:
 
 
 def _packed(values: NDArray[Any], rows: NDArray[Any] | None) -> NDArray[Any]:
-    """Return an array as it stands in the file, of four bytes or eight: the next begins there."""
+    """Return an array as it is stored: rows of a multiple of four bytes, so all are aligned."""
     import numpy as np
 
     kind = "<f4" if values.dtype.kind == "f" else values.dtype.str
     table = np.ascontiguousarray(values if rows is None else values[rows], kind)
-    # of small integers each row begins at a multiple of four bytes
+    # glTF requires that each row of small integers begins at a multiple of four bytes.
     return np.pad(table, ((0, 0), (0, 1))) if table.dtype.kind == "i" else table
 
 
 @tells(".glb")
 def told_in_glb(path: Path) -> str | None:
-    """Find the record among what the asset has beside."""
+    """Find the record in the extras of the asset."""
     with path.open("rb") as stream:
         head = stream.read(20)
         length = min(int.from_bytes(head[12:16], "little"), path.stat().st_size)

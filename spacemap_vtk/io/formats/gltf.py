@@ -1,4 +1,4 @@
-"""glTF: surfaces with their materials, in a text with parts beside it or in one binary file."""
+"""Read glTF: surfaces with materials, as a text with further files or as one binary file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _named(path: Path) -> list[dict[str, Any]]:
-    """Return what a file says of its parts that lie beside it."""
+    """Return the descriptions of parts that are stored in other files."""
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
         if content[:4] != b"glTF":
@@ -44,7 +44,7 @@ def _number(said: Any) -> float:
 
 
 def _check(path: Path) -> None:
-    """Refuse a file that is not whole, or whose parts beside it are not."""
+    """Refuse a file if it, or another file that it names, is not whole."""
     for part, name in zip(_named(path), _names(path), strict=True):
         file = path.parent / name
         if not os.path.isfile(file):
@@ -59,7 +59,7 @@ def _check(path: Path) -> None:
 
 @reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check, names=_names)
 def read_gltf(path: Path) -> Painted:
-    """Read a file, and its materials when they are asked for."""
+    """Read a file; its materials are read when they are requested."""
     from spacemap_vtk.io.reading import leaves, vtk_reader
     from spacemap_vtk.io.texture_atlas import Painted
 
@@ -79,7 +79,7 @@ def _materials(blocks: list[vtkPolyData], reader: Any) -> Paint:
 
     from spacemap_vtk.io.texture_atlas import Material, Paint, pixels_of
 
-    # glTF counts v downwards, VTK upwards
+    # glTF counts v downwards, VTK upwards.
     pictures = [
         pixels_of(reader.GetTexture(i).GetVTKTexture().GetInput())[::-1]
         for i in range(reader.GetNumberOfTextures() if hasattr(reader, "GetTexture") else 0)
@@ -103,7 +103,7 @@ def _materials(blocks: list[vtkPolyData], reader: Any) -> Paint:
 
 
 def _color_points(block: vtkPolyData, factor: tuple[float, float, float]) -> None:
-    """Turn glTF's colours of points into bytes, which are drawn as they are."""
+    """Convert glTF's point colours to bytes, which VTK draws without a colour map."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

@@ -1,8 +1,8 @@
-"""A web page (.html) that shows a surface with its motion: one file, opened by a double click.
+"""Write a web page (.html) that shows a surface in motion: one file, opened by a double click.
 
-Places, shapes and normals are integers: multiples of a length that the tolerance allows, so that
-most of their bytes are zeros or alike, and packed they take a fifth of what a .glb does. What draws
-them is in `spacemap_vtk/io/page`.
+Points, shapes and normals are stored as integers, in units of a length that the tolerance allows.
+Most of their bytes are then zero or equal, and compressed they take a fifth of a .glb. The scripts
+that draw them are in `spacemap_vtk/io/page`.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
 
 _PAGE = Path(__file__).parent.parent / "page"
 _SCRIPTS = ("data.js", "drawing.js", "viewer.js")
-#: Shares of the tolerance that rounding takes, and may take where shapes have left it less.
+#: Share of the tolerance that rounding uses: usually, and at least, where the shapes leave less.
 _USUAL, _LEAST = 0.2, 0.02
-#: Steps of a normal's length, and of a scale.
+#: Number of steps in the length of a normal, and in the range of a scale.
 _NORMAL, _SCALE = 1024, 1024
-#: Bytes that a page's arrays take, of each point, and each of a target.
+#: Bytes of a page's arrays per point, and per point of each target.
 _POINT, _OF_TARGET = 150, 18
-#: Bytes of packed data in one element of the page, and numbers that are rounded at once.
+#: Bytes of compressed data in one element of the page, and number of values rounded at once.
 _PART, _AT_ONCE = 3 * 2**21, 2**18
 
 
-# In single precision, as it is counted, twice as much as on the page: browsers give one page's
-# arrays, and its textures, 2 GiB at most, and many less.
+# The limit counts single precision, which takes twice the bytes of the page. Browsers limit the
+# arrays of a page, and its textures, to 2 GiB, and many browsers to less.
 @writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
-    """Write a page with a surface, its shapes and how much there is of each over time."""
+    """Write a page with a surface, its shapes and the weight of each shape over time."""
     from spacemap_vtk.memory import require
 
     require(
@@ -70,10 +70,11 @@ def write_html(file: Path, moving: MovingSurface) -> None:
 
 
 def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return what the page says of its arrays, and these: rows of integers, columns last."""
+    """Return the description of the page's arrays, and the arrays: rows of integers."""
     middle = 0.5 * (moving.points.min(axis=0) + moving.points.max(axis=0)).astype(float)
     left = 1.0 - moving.about.get("largest_error", 0.0) / moving.tolerance
-    # each place and each shape is off by half of it along each axis, and no shape counts twice
+    # Each point and each shape is rounded by up to half a unit along each axis, and no weight of a
+    # shape exceeds 1.
     most = max(min(left, _USUAL), _LEAST) * moving.tolerance
     unit = most / (0.5 * 3**0.5 * (1 + len(moving.targets)))
     arrays = {
@@ -116,12 +117,12 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
 
 
 def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:
-    """Return multiples of a unit, in two bytes if they are small."""
+    """Round values to multiples of a unit, in two bytes if they are small enough."""
     import numpy as np
 
     from spacemap_vtk.parallel import blocks
 
-    # a piece at a time: in double precision all are more than there is of anything else
+    # One block at a time: all values in double precision would need more memory than all else.
     flat = values.reshape(-1)
     largest = max(values.max(initial=0.0), -values.min(initial=0.0)) / unit
     found = np.empty(flat.shape, np.int16 if np.rint(largest) < 2**15 else np.int32)
@@ -131,7 +132,7 @@ def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[An
 
 
 def _figures(moving: MovingSurface, rounding: float) -> list[str]:
-    """Return what a person may want to know."""
+    """Return figures of the surface that the page shows."""
     from spacemap_vtk.units import UNITS, format_quantity
 
     lengths = moving.points.max(axis=0) - moving.points.min(axis=0)
@@ -150,12 +151,12 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
 
 
 def _json(value: Any) -> str:
-    """Return JSON that ends no element of a page."""
+    """Return JSON without "<", which could end an element of the page."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
-    """Yield elements with all arrays, packed."""
+    """Yield elements of the page with all arrays, compressed."""
     kept = b""
     for part in _packed(arrays):
         kept += part
@@ -166,9 +167,10 @@ def _elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
 
 
 def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
-    """Yield "raw deflate" of all arrays, and at last nothing."""
-    # Of each column there is the step from row to row, of all of these the first bytes, then the
-    # second ones: neighbours are alike, and what is alike takes no room.
+    """Yield "raw deflate" of all arrays, and finally an empty string."""
+    # Each column is stored as differences from row to row: first the first bytes of all of them,
+    # then the second bytes. Neighbouring values are similar, so equal bytes follow each other and
+    # compress well.
 
     import numpy as np
 
@@ -186,7 +188,7 @@ def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
 
 @tells(".html")
 def told_in_page(path: Path) -> str | None:
-    """Find the record in what a page says of its scene, which comes before its data."""
+    """Find the record in the page's description of its scene, which precedes the data."""
     with path.open("rb") as stream:
         begin = stream.read(2**24)
     found = re.search(rb'<script type="application/json" id="scene">(.*?)</script>', begin, re.S)

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: polygons, and the materials that a file beside them describes."""
+"""Read and write Wavefront OBJ: polygons, with materials in a second file."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from spacemap_vtk.datasets.moving_surface import MovingSurface, Shade
     from spacemap_vtk.io.texture_atlas import Material, Paint, Painted
 
-#: Rows whose text is made together.
+#: Rows whose text is made at once.
 _AT_ONCE = 2**14
 
 
 def _names(path: Path) -> list[str]:
-    """Return the libraries of materials, and the pictures that these name."""
+    """Return the material libraries of a file, and the pictures that these name."""
     from spacemap_vtk.parameters import require_near
 
     found = named.words(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
@@ -46,7 +46,7 @@ def _said(library: Path) -> list[list[str]]:
 
 @reads(".obj", label="Wavefront OBJ", holds="mesh", names=_names)
 def read_obj(path: Path) -> Painted:
-    """Read a file, and its materials when they are asked for."""
+    """Read a file; its materials are read when they are requested."""
     from spacemap_vtk.io.reading import read_with_vtk
     from spacemap_vtk.io.texture_atlas import Painted
 
@@ -55,7 +55,7 @@ def read_obj(path: Path) -> Painted:
 
 
 def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Paint]:
-    """Return a file's mesh cut by its materials, and these."""
+    """Return a file's mesh, cut into one block per material, and the materials."""
     import numpy as np
 
     from spacemap_vtk.io.polygons import part_of
@@ -75,7 +75,7 @@ def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Paint]
     blocks = [data] if len(names) == 1 else [part_of(data, of_face == i) for i in range(len(names))]
     for name, block in zip(names, blocks, strict=True):
         made, table = known.get(name, Material()), block.GetPointData()
-        # VTK calls the coordinates by the material
+        # VTK names the texture coordinates after the material.
         found = table.GetArray(name) or table.GetTCoords()
         made.coordinates = found.GetName() if found is not None else ""
         paint.materials.append(made)
@@ -83,7 +83,7 @@ def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Paint]
 
 
 def _used(path: Path) -> tuple[list[str], list[str]]:
-    """Return the libraries that a file names, and the material of each face."""
+    """Return the material libraries that a file names, and the material of each face."""
     libraries, faces, current = [], [], ""
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
@@ -97,7 +97,7 @@ def _used(path: Path) -> tuple[list[str], list[str]]:
 
 
 def _picture(words: list[str]) -> str:
-    # options such as "-s 1 1 1" stand before the name
+    # Options such as "-s 1 1 1" come before the name.
     name = " ".join(words) if not words[0].startswith("-") else words[-1]
     return name.replace("\\", "/")
 
@@ -131,7 +131,7 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
             except InputError as error:
                 paint.notes.append(f"{error}: drawn without")
     for material in found.values():
-        # many programs write a black or grey Kd beside a picture, and mean the picture
+        # Many programs write a black or grey Kd with a picture, and mean the picture only.
         if material.picture is not None:
             material.color = (1.0, 1.0, 1.0)
     return found
@@ -139,7 +139,7 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
 
 @writes(".obj", label="Wavefront OBJ", holds=("painted",))
 def write_obj(file: Path, surface: MovingSurface) -> None:
-    """Write triangles in a group for each part, and a file of materials beside it."""
+    """Write triangles, in a group for each part, and a second file with the materials."""
     library, looks = file.with_suffix(".mtl"), []
     for shade in surface.materials:
         color = surface.colors[shade.points][0] / 255.0
@@ -150,7 +150,7 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
 
 
 def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
-    """Yield the lines, some together: all would take ten times what the surface does."""
+    """Yield lines, many at once; all at once would need ten times the memory of the surface."""
     import numpy as np
 
     from spacemap_vtk.parallel import blocks
@@ -161,7 +161,7 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
     points = len(surface.points)
     for part in blocks(points, _AT_ONCE):
         rows = surface.points[part]
-        if surface.painted:  # as MeshLab and Blender read them
+        if surface.painted:  # in the form that MeshLab and Blender read
             rows = np.hstack([rows, surface.colors[part] / 255.0])
         yield "\n".join("v " + " ".join(f"{x:.9g}" for x in row) for row in rows.tolist())
     corner = "{0}"

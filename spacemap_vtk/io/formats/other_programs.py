@@ -1,4 +1,4 @@
-"""Meshes of other programs, read by VTK or, with pyvista, by meshio."""
+"""Read meshes of other programs with VTK or, through pyvista, with meshio."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.io.named import in_hdf, in_xml, words
 from spacemap_vtk.io.registry import endings, reads, truncated
 
-#: Where a text names others; the last word of what EnSight says is no file's often, and no matter.
+#: Patterns of file names in text formats. The last word of an EnSight line is often no file, which
+#: does no harm.
 _NAMING = {
     ".case": rb"(?m)^[^#\n]*:.*?(\S+|\"[^\"\n]*\")\s*$",
     ".inp": rb"(?im)^\*INCLUDE\s*,.*?INPUT\s*=\s*([^,\n]*)",
@@ -23,8 +24,9 @@ _NAMING = {
     **dict.fromkeys((".mha", ".mhd"), rb"(?m)^\s*ElementDataFile\s*=(.*)$"),
     **dict.fromkeys((".nrrd", ".nhdr"), rb"(?im)^data ?file:(.*)$"),
 }
-#: The other half of what TetGen writes.
+#: TetGen writes two files that belong together.
 _BESIDE = {".ele": ".node", ".node": ".ele"}
+#: Formats in XML.
 _XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 
@@ -33,7 +35,7 @@ def _names(path: Path) -> list[str]:
     found = words(_NAMING[ending])(path) if ending in _NAMING else []
     if ending in _XML:
         found = in_xml(path)
-    if ending == ".inp":  # looked for where the program runs, first
+    if ending == ".inp":  # a name is looked up in the working folder first
         found += [str(Path(word).absolute()) for word in found if os.path.isfile(word)]
     if ending in _BESIDE:
         found += [f"{path.stem}{_BESIDE[ending]}"]
@@ -43,7 +45,7 @@ def _names(path: Path) -> list[str]:
 
 
 def _case(folder: Path) -> list[Path]:
-    """Return what OpenFOAM's reader looks for beside a file that says nothing."""
+    """Return the files that OpenFOAM's reader looks for next to a .foam file, which is empty."""
     places = "system/controlDict", "constant/polyMesh/*", "[0-9]*/*"
     return sorted(file for place in places for file in folder.glob(place))
 
@@ -60,14 +62,14 @@ def _case(folder: Path) -> list[Path]:
     names=_names,
 )
 def read_with_pyvista(path: Path) -> Any:
-    """Read a file, with errors in words in place of what pyvista and meshio print."""
+    """Read a file; raise clear errors in place of what pyvista and meshio print."""
     from spacemap_vtk.datasets.quiet import quiet_vtk
     from spacemap_vtk.io.reading import check_numbers, read_with_vtk
     from spacemap_vtk.io.trial import try_in_child
 
     other = _other_format(path)
     if path.suffix.lower() in (".xdmf", ".xmf") and not other:
-        # what pyvista makes of one without times is an error
+        # pyvista raises an error if such a file has no times
         return read_with_vtk(path, "vtkIOXdmf2", "vtkXdmfReader")
     try:
         import pyvista as pv
@@ -78,14 +80,14 @@ def read_with_pyvista(path: Path) -> Any:
     said = StringIO()
     try:
         try_in_child(path, f"{__name__}:read_with_pyvista")
-        # meshio prints, and ends the program where it cannot read
+        # meshio prints messages, and ends the program if it cannot read a file
         with (
             quiet_vtk(path),
             redirect_stdout(said),
             redirect_stderr(said),
             _quiet_logging(),
         ):
-            # Whole: of a relative one pyvista takes a first folder "~" for the user's own.
+            # Absolute, because pyvista expands a relative path that begins with a folder "~".
             made = pv.read(path.absolute(), **other)
     except InputError:
         raise
@@ -94,7 +96,7 @@ def read_with_pyvista(path: Path) -> Any:
             f"{path}: {error}", cure=f'Run "pip install {error.name}".' if error.name else None
         ) from None
     except (Exception, SystemExit) as error:
-        # pyvista's and meshio's own: unknown endings, broken headers, missing parts
+        # pyvista and meshio raise many types: for unknown endings, broken headers, missing parts
         why = said.getvalue() if isinstance(error, SystemExit) else str(error)
         meshes = endings("mesh")
         raise InputError(
@@ -104,20 +106,20 @@ def read_with_pyvista(path: Path) -> Any:
             key="file",
             allowed="a whole file of a format that pyvista reads: " + ", ".join(meshes),
         ) from None
-    if "not closed" in said.getvalue():  # meshio goes on with what there is
+    if "not closed" in said.getvalue():  # meshio continues with what it has read
         raise truncated(path)
     check_numbers(made, path)
     return made
 
 
-#: VTK's readers of whole scenes, of which the surfaces are wanted.
+#: VTK's importers of whole scenes, of which only the surfaces are used.
 _IMPORTERS = {".3ds": "vtk3DSImporter", ".wrl": "vtkVRMLImporter", ".vrml": "vtkVRMLImporter"}
 
 
 @reads(*_IMPORTERS, label="Scenes of other programs", holds="mesh", common=False)
 def read_scene(path: Path) -> Any:
-    """Read the surfaces of a scene, where no window can be opened, too."""
-    # pyvista opens a plotter for that, which crashes where there are no OpenGL libraries.
+    """Read the surfaces of a scene, also where no window can be opened."""
+    # pyvista would open a plotter, which crashes where there are no OpenGL libraries.
     from spacemap_vtk.datasets.quiet import quiet_vtk
     from spacemap_vtk.io.reading import check_numbers
     from spacemap_vtk.io.trial import try_in_child
@@ -129,7 +131,7 @@ def read_scene(path: Path) -> Any:
         from vtkmodules.vtkRenderingCore import vtkRenderer
         from vtkmodules.vtkRenderingOpenGL2 import vtkGenericOpenGLRenderWindow
 
-        # An importer fills a window. This one has no OpenGL of its own, and is never drawn.
+        # An importer needs a window to fill. This one has no OpenGL context and is never drawn.
         window, renderer = vtkGenericOpenGLRenderWindow(), vtkRenderer()
         window.AddRenderer(renderer)
         importer = getattr(vtkIOImport, _IMPORTERS[path.suffix.lower()])()
@@ -148,7 +150,7 @@ def read_scene(path: Path) -> Any:
 
 @contextmanager
 def _quiet_logging() -> Iterator[None]:
-    """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
+    """Suppress what pyvista logs about VTK's errors, which are raised as exceptions."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -158,16 +160,16 @@ def _quiet_logging() -> Iterator[None]:
 
 
 def _other_format(path: Path) -> dict[str, str]:
-    """Return pyvista's option for a format that has the ending of another one."""
+    """Return pyvista's option for a file that has the ending of another format."""
     with path.open("rb") as file:
         begin = file.read(256).lstrip()
     ending = path.suffix.lower()
     if ending == ".msh":
-        # Not meshio's reader of ANSYS, which comes first there and takes Gmsh's for its own.
+        # meshio tries its reader of ANSYS first, which takes Gmsh's files for its own.
         gmsh = begin.startswith(b"$MeshFormat")
         return {"file_format": "gmsh"} if gmsh else {"force_ext": ".cas"}
     if ending == ".inp" and begin.startswith(b"*"):
-        return {"file_format": "abaqus"}  # and not VTK's AVS
+        return {"file_format": "abaqus"}  # otherwise VTK reads it as AVS
     if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
-        return {"file_format": "xdmf"}  # VTK's reader knows the second version
+        return {"file_format": "xdmf"}  # VTK's reader knows version 2 only
     return {}

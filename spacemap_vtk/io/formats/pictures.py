@@ -1,4 +1,4 @@
-"""Pictures: one, a film's numbered frames, plots."""
+"""Read and write pictures, numbered frames and plots."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL.Image import Image as PillowImage
 
-#: Of zlib. Of a picture of yarns, 6 makes files a tenth smaller, in more than twice the time.
+#: Level of zlib. For a picture of yarns, level 6 makes a file a tenth smaller in more than twice
+#: the time.
 _COMPRESSION = 3
-#: What is decoded, in Pillow's words. Not PostScript, which is a program, and runs as one.
+#: Formats that are decoded, by Pillow's names. PostScript is excluded: it is a program and is run.
 _DECODED = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM", "TGA", "DDS", "JPEG2000", "PCX")
-#: Bytes of a comment in a JPEG, at most.
+#: Most bytes of one comment in a JPEG.
 _SEGMENT = 60_000
 
 
@@ -46,13 +47,13 @@ def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
 
 
 def write_png(file: Path, image: NDArray[np.uint8]) -> None:
-    """Write a picture, in half the time that Pillow takes, which tries five filters on each row."""
+    """Write a PNG in half the time of Pillow, which tries five filters on each row."""
     import numpy as np
 
-    height, width, depth = image.shape  # the third number: four with how much is covered
+    height, width, depth = image.shape  # depth is 3, or 4 with coverage
     rows = np.ascontiguousarray(image).reshape(height, -1)
     lines = np.empty((height, 1 + depth * width), np.uint8)
-    # Each row is that of the differences to the pixel before: filter 1 of the format.
+    # Each row holds the differences to the pixel before: filter 1 of the PNG format.
     lines[:, 0] = 1
     lines[:, 1 : 1 + depth] = rows[:, :depth]
     np.subtract(rows[:, depth:], rows[:, :-depth], out=lines[:, 1 + depth :])
@@ -67,12 +68,12 @@ def _chunk(kind: bytes, data: bytes) -> list[bytes]:
 
 
 def _text_chunk() -> list[bytes]:
-    """Return the record as PNG has it; nothing where there is none."""
+    """Return the record as a chunk of a PNG, or nothing without a record."""
     return _chunk(b"tEXt", f"{NAME}\0{told()}".encode("latin-1")) if told() else []
 
 
 def _comments() -> bytes:
-    """Return the record as JPEG has it: in as many segments as it takes."""
+    """Return the record as comments of a JPEG, in as many segments as it needs."""
     text = told().encode()
     parts = [text[begin : begin + _SEGMENT] for begin in range(0, len(text), _SEGMENT)]
     heads = [b"\xff\xfe" + (2 + len(NAME) + 1 + len(part)).to_bytes(2, "big") for part in parts]
@@ -80,30 +81,30 @@ def _comments() -> bytes:
 
 
 def add_record(png: bytes) -> list[bytes]:
-    """Return a PNG that has been made without its record."""
+    """Add the record to a PNG that was made without it."""
     return [png[:33], *_text_chunk(), png[33:]]
 
 
 def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
-    """Return a picture's pixels, once its width and height have been checked."""
+    """Decode a picture after `check` has accepted its width and height."""
     from PIL import Image
 
     from spacemap_vtk.datasets.quiet import quiet_stderr
 
-    # From memory, which gives no more than it has: Pillow believes a length that a file says.
+    # Pillow trusts the lengths in a file. Read from memory, a file gives no more than it has.
     try:
         with (
             warnings.catch_warnings(),
             quiet_stderr(),
             Image.open(BytesIO(content), formats=_DECODED) as picture,
         ):
-            warnings.simplefilter("ignore")  # of what a camera has added
+            warnings.simplefilter("ignore")  # Pillow warns about what cameras have added
             check(*picture.size)
             picture.load()
             return picture
     except InputError:
         raise
-    except Exception:  # what its decoders raise of damaged files, they do not list
+    except Exception:  # Pillow does not list what its decoders raise for damaged files
         raise InputError(
             "no picture, or a damaged one",
             allowed="a .png, .jpg, .bmp, .tif or other picture",
@@ -113,12 +114,12 @@ def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
 
 @tells(".png", ".jpg", ".jpeg")
 def told_in_picture(path: Path) -> str | None:
-    """Find the record among a picture's texts."""
+    """Find the record among a picture's texts or comments."""
     from PIL import Image
 
     with Image.open(
         BytesIO(path.read_bytes()), formats=("PNG", "JPEG")
-    ) as image:  # of its pixels nothing is read
+    ) as image:  # its pixels are not read
         if path.suffix.lower() == ".png":
             return getattr(image, "text", {}).get(NAME)
         begin = f"{NAME}\0".encode()
@@ -129,7 +130,7 @@ def told_in_picture(path: Path) -> str | None:
 
 @writes(".png", label="numbered frames, as in frames/%04d.png", holds=("frames",), alpha=True)
 def write_frames(file: Path, images: Iterable[NDArray[np.uint8]], rate: float = 0.0) -> None:
-    """Write numbered pictures; they know of no rate."""
+    """Write numbered pictures, which store no rate."""
     for number, image in enumerate(images):
         write_picture(file.with_name(file.name % number), image)
 
@@ -138,19 +139,19 @@ def write_frames(file: Path, images: Iterable[NDArray[np.uint8]], rate: float = 
 @writes(".pdf", label="document", holds=("plot",))
 @writes(".png", ".jpg", ".jpeg", label="picture", holds=("plot",))
 def write_figure(file: Path, figure: Figure, **more: Any) -> None:
-    """Write a figure of matplotlib."""
+    """Write a figure of matplotlib's."""
     from matplotlib import rc_context
 
-    # matplotlib leaves a file open that it cannot write
+    # The figure is made in memory, because matplotlib leaves a file open that it cannot write.
     ending, made, record = file.suffix[1:].lower(), BytesIO(), told()
     if ending in ("jpg", "jpeg"):
         more["pil_kwargs"] = {"extra": _comments()}
     elif ending == "png":
         more["metadata"] = {NAME: record} if record else {}
-    else:  # the same figure is the same file: no date, and names of its parts not by chance
+    else:  # the same figure must give the same bytes: no date, and no random names of its parts
         key, date = ("Description", "Date") if ending == "svg" else ("Keywords", "CreationDate")
         more["metadata"] = {date: None, **({key: f"{NAME}: {record}"} if record else {})}
-    # Letters stay letters, to be found, read aloud and edited.
+    # Text stays text, so that it can be found, read aloud and edited.
     with rc_context({"svg.hashsalt": NAME, "svg.fonttype": "none", "pdf.fonttype": 42}):
         figure.savefig(made, format=ending, **more)
     write(file, [made.getbuffer()])
@@ -158,7 +159,7 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
 
 @tells(".svg", ".pdf")
 def told_in_figure(path: Path) -> str | None:
-    """Find the record among a drawing's, or a document's, own words."""
+    """Find the record in a drawing's description or a document's keywords."""
     content, name = path.read_bytes(), NAME.encode()
     if path.suffix.lower() == ".svg":
         found = re.search(rb"<dc:description>%s: (.*?)</dc:description>" % name, content)

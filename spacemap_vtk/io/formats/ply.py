@@ -1,7 +1,7 @@
 """PLY: polygons with normals and texture coordinates, or triangles with normals and colours.
 
-VTK's writer writes nowhere but to a disk, and does not tell when that is full; this one makes the
-file in memory.
+VTK's writer can write only to a disk, and does not report that it is full; this one makes the file
+in memory.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface
 
-#: Bytes that making the file takes beside the surface: of a point six numbers, of a polygon's
-#: corner its number there, and in the copy whose polygons face the same side.
+#: Bytes that are needed, besides the surface, to make the file. Per point: six numbers. Per corner
+#: of a polygon: its number in the file, and in the copy with all polygons oriented alike.
 _POINT, _CORNER = 24, 14
 _SIZES = {"u1": "uchar", "<i4": "int"}
 _TYPES = {
@@ -34,13 +34,13 @@ _TYPES = {
 
 
 def _check(path: Path) -> None:
-    """Refuse a file that is shorter than its header says: VTK's reader crashes on it."""
+    """Refuse a file that is shorter than its header says; VTK's reader would crash on it."""
     content = path.read_bytes()
     header, end, body = content.partition(b"end_header")
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
         raise damaged(path, "no PLY file: its header is missing or cut off")
-    # how many of each, and the types of its properties: of a list two
+    # For each element: its number, and the types of its properties. A list has two types.
     elements: list[tuple[int, list[list[str]]]] = []
     named: list[tuple[str, ...]] = []
     for words in lines:
@@ -68,7 +68,7 @@ def _check(path: Path) -> None:
 
 
 def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: str) -> int | None:
-    """Return where the last element of a binary PLY file ends; None if the file ends before."""
+    """Return where the last element of a binary PLY file ends, or None if the file ends before."""
     import numpy as np
 
     at = 0
@@ -79,7 +79,7 @@ def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: st
             size, counts = _ply_row(body, at, types)
             if at + size > len(body):
                 return None
-            # all that follow with lists of the same lengths at once
+            # Skip all following elements with lists of the same lengths at once.
             rows = min(left, (len(body) - at) // size)
             if counts:
                 table = np.frombuffer(body, np.uint8, rows * size, at).reshape(rows, size)
@@ -95,7 +95,7 @@ def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: st
 def _ply_row(
     body: bytes, at: int, types: list[list[np.dtype[Any]]]
 ) -> tuple[int, list[tuple[int, int]]]:
-    """Return the bytes of one element, and place and width of the counts of its lists."""
+    """Return the bytes of one element, and the place and width of the counts of its lists."""
     import numpy as np
 
     size, counts = 0, []
@@ -106,7 +106,7 @@ def _ply_row(
             if len(text) < width:
                 return len(body) + 1, []
             length = np.frombuffer(text, kinds[0])[0]
-            if not 0 <= length <= len(body):  # not so for NaN
+            if not 0 <= length <= len(body):  # also for NaN
                 return len(body) + 1, []
             counts.append((size, width))
             size += width + int(length) * kinds[1].itemsize
@@ -145,17 +145,17 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     for names, values in given:
         at = columns.index(names[0])
         vertices[:, at : at + len(names)] = values[:, : len(names)]
-    # A polygon is the number of its corners, in one byte if that can hold it, then which they are.
+    # A polygon is its number of corners, in one byte if possible, and then the corners.
     size = "u1" if counts.max(initial=0) < 256 else "<i4"
     properties = [f"property float {name}" for name in columns]
     head = _head(len(vertices), properties, len(counts), size)
     write(file, [head, vertices, _faces(counts, numbers, size)])
 
 
-# The last to be registered: what is written where nothing else is asked for.
+# This writer is registered last, so it is used if nothing else is requested.
 @writes(".ply", label="PLY", holds=("painted",))
 def write_painted_ply(file: Path, surface: MovingSurface) -> None:
-    """Write triangles in binary, of which each point has its colour."""
+    """Write triangles in binary, with a colour for each point."""
     import numpy as np
 
     kinds: list[Any] = [("point", "<f4", 3), ("normal", "<f4", 3), ("color", "u1", 3)]
@@ -193,7 +193,7 @@ def _head(vertices: int, properties: list[str], faces: int, size: str, note: str
 
 
 def _faces(counts: NDArray[Any], corners: NDArray[Any], size: str) -> NDArray[Any]:
-    """Return polygons as .ply files have them: how many corners, and which, one after another."""
+    """Return polygons in the layout of .ply: for each the number of corners, then the corners."""
     import numpy as np
 
     kinds = np.unique(counts)

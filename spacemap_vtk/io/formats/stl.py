@@ -1,6 +1,6 @@
-"""STL: triangles, with nothing but their corners.
+"""Read and write STL: triangles, of which only the corners are stored.
 
-VTK's writer writes nowhere but to a disk; this one makes the file in memory.
+VTK's writer can write only to a disk; this one makes the file in memory.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from spacemap_vtk.io.registry import of, reads, truncated, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-#: Triangles that are worked on together: more would take memory, not less time.
+#: Triangles that are processed together; more would need more memory, and no less time.
 _AT_ONCE = 2**16
-#: Bytes that making the file takes beside the surface, of each of its points and triangles: what
-#: VTK needs to let these face the same side is more than their records, of 50.
+#: Bytes per point and per triangle that making the file needs besides the surface. To orient the
+#: triangles alike VTK needs more than their records take, which have 50 bytes each.
 _POINT, _TRIANGLE = 20, 117
 
 
 def _check(path: Path) -> None:
-    """Refuse a binary file that has fewer triangles than it says, a text without its end."""
+    """Refuse a binary file with fewer triangles than it states, or a text without its end."""
     with path.open("rb") as file:
         head = file.read(84)
         if head[:5].lower() == b"solid":
@@ -69,5 +69,5 @@ def write_stl(file: Path, surface: vtkPolyData) -> None:
         normals = np.cross(second - first, third - first)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         part["normal"] = np.divide(normals, lengths, out=normals, where=lengths > 0)
-    head = b"Binary STL by spacemap_vtk".ljust(80, b"\0")  # "solid" would stand for a text file
+    head = b"Binary STL by spacemap_vtk".ljust(80, b"\0")  # "solid" would mean a text file
     write(file, [head, np.array(len(records), "<u4"), records])

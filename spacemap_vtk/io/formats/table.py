@@ -1,4 +1,4 @@
-"""Numbers in text files: a column of times and one of factors, or a single column."""
+"""Read numbers from text files: a column of times and one of factors, or a single column."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import reads
 
 _BETWEEN = re.compile(r"\s*[,;\t]\s*|\s+")
-#: 1,5 and 0,2 in a line that has semicolons, as spreadsheets of half the world write numbers.
+#: A decimal comma, as in 1,5; spreadsheets of many countries write it, with semicolons between
+#: columns.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 
 

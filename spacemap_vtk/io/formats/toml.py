@@ -1,4 +1,4 @@
-"""Scene files, in TOML."""
+"""Read and write scene files in TOML."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import endings, reads
 
-#: Bytes of a scene, and names in one key: to take longer ones apart takes hours.
+#: Most bytes of a scene, and most names in one dotted key; parsing longer ones takes hours.
 _LONGEST, _NAMES = 2**24, 16
 
 
 def parsed(text: str) -> dict[str, Any]:
-    """Return what a text in TOML says; a ValueError says what ails it."""
-    import tomllib  # Python 3.10, which some ParaViews bring, has none
+    """Parse a text in TOML; raise a ValueError that describes its fault."""
+    import tomllib  # missing in Python 3.10, which some versions of ParaView bring
 
     name = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
     if re.search(rf"(?<![\w\"'-])(?:{name}[ \t]*\.[ \t]*){{{_NAMES}}}", text):
@@ -28,13 +28,13 @@ def parsed(text: str) -> dict[str, Any]:
         raise ValueError("brackets in brackets, too deep") from None
     except tomllib.TOMLDecodeError:
         raise
-    except ValueError:  # Python's advice is for programs
+    except ValueError:  # Python's own message gives advice for programmers
         raise ValueError("a number of thousands of digits") from None
 
 
 @reads(".toml", label="Space mapping scene", holds="scene", rest=True)
 def read_scene(path: Path) -> dict[str, Any]:
-    """Return a scene's values as its file has them."""
+    """Return a scene's values as they are in its file."""
     try:
         if path.stat().st_size > _LONGEST:
             raise ValueError(f"it has more than {_LONGEST} bytes")
@@ -62,7 +62,7 @@ def read_scene(path: Path) -> dict[str, Any]:
 
 
 def format_value(value: Any) -> str:
-    """Return a value as TOML in one line; tables too."""
+    """Return a value as TOML in one line; a mapping becomes an inline table."""
     if isinstance(value, Mapping):
         pairs = ", ".join(f"{key} = {format_value(item)}" for key, item in value.items())
         return f"{{{pairs}}}"
@@ -73,7 +73,7 @@ def format_value(value: Any) -> str:
 
 
 def format_scene(values: Mapping[str, Any], comment: str) -> str:
-    """Return a scene's values as a file, below a line that says where they come from."""
+    """Return the text of a scene file, which begins with a comment on its origin."""
     lines = [f"# {comment}"]
     for section, said in values.items():
         if isinstance(said, Mapping):

@@ -1,8 +1,8 @@
-"""Universal Scene Description (.usdc, .usda): a mesh with blend shapes, and their animation.
+"""Write Universal Scene Description (.usdc, .usda): a mesh with animated blend shapes.
 
-UsdSkel's blend shapes are glTF's morph targets by another name; a skeleton of a single joint, which
-stays where it is, carries them. Pixar's library writes nowhere but to a disk, and hardly tells when
-that is full: it makes the file among the system's temporary ones.
+UsdSkel's blend shapes correspond to glTF's morph targets. They need a skeleton; here it has one
+joint that does not move. Pixar's library can write only to a disk, and hardly reports that it is
+full. It therefore writes into the system's temporary folder, and the file is copied from there.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from spacemap_vtk.io.registry import SMALLER, needs, writes
 if TYPE_CHECKING:
     from spacemap_vtk.datasets.moving_surface import MovingSurface, YarnCurves
 
-#: Of yarn, as in glTF.
+#: Roughness of yarn, as in glTF.
 _ROUGHNESS = 0.75
-#: Bytes that a layer takes, of each point, and each of a target: place and normal.
+#: Bytes of a layer per point, and per point of each target (place and normal).
 _POINT, _OF_TARGET = 110, 24
 _require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb.")
 
@@ -34,7 +34,7 @@ _require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or wr
     require=_require,
 )
 def write_usd(file: Path, moving: MovingSurface) -> None:
-    """Write a surface, its targets and their animations."""
+    """Write a surface with its targets and their animations."""
     from pxr import Sdf, Tf, Usd
 
     from spacemap_vtk.memory import require
@@ -55,7 +55,7 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
             raise SpacemapError(f"{file.name}: usd-core could not make it: {error}") from None
         if not done:
             raise SpacemapError(f"{file.name}: usd-core could not make it in {folder}")
-        del layer  # and with it all that is in the file
+        del layer  # frees the memory of the whole file
         with made.open("rb") as stream:
             write(file, iter(partial(stream.read, 2**24), b""))
 
@@ -88,7 +88,8 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners))
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateDoubleSidedAttr(True)
-    # where the targets may take it: what is out of sight is not drawn
+    # The extent contains every place that the targets can reach: a mesh whose extent is out of
+    # sight is not drawn.
     reach = sum(map(np.abs, moving.targets), 0.0)
     ends = (moving.points - reach).min(axis=0), (moving.points + reach).max(axis=0)
     mesh.CreateExtentAttr(_vectors(np.array(ends)))
@@ -121,7 +122,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
         part = binding.CreateMaterialBindSubset(f"Part_{number}", Vt.IntArray.FromNumpy(faces))
         UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(look)
-    # a frame for each of the times, where they are equally far from each other
+    # One frame for each time, if the times are equally spaced.
     seconds = moving.clips[0].times if moving.clips else np.zeros(1)
     rate = (len(seconds) - 1) / float(seconds[-1]) if len(seconds) > 1 else 24.0
     if moving.curves is not None:
@@ -160,7 +161,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         for second, row in zip(clip.times, clip.weights, strict=True):
             code = Usd.TimeCode(rate * float(second))
             weights.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(row, np.float32)), code)
-        # Each can be chosen, as a variant.
+        # Each animation is a variant that can be selected.
         choice.AddVariant(f"motion_{number}")
         choice.SetVariantSelection(f"motion_{number}")
         with choice.GetVariantEditContext():
@@ -169,7 +170,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
 
 
 def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
-    """Add yarns, plies or fibres, and what chooses whether they or the surface are drawn."""
+    """Add yarns, plies or fibres as curves, and a variant that selects curves or surface."""
     import numpy as np
     from pxr import Usd, UsdGeom, Vt
 
@@ -201,7 +202,7 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
 
 @tells(".usdc", ".usda")
 def told_in_usd(path: Path) -> str | None:
-    """Find the record among what the layer has beside."""
+    """Find the record in the layer's metadata."""
     _require(path)
     from pxr import Sdf, Tf
 

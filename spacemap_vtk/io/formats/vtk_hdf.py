@@ -1,7 +1,7 @@
-"""VTK's files in HDF5, with one time or many.
+"""Read and write VTK's HDF5 files, with one time or many.
 
-VTK's own writer repeats what stays the same at each time, knows times in single precision only, and
-must not be let near a disk (`spacemap_vtk.io.output`).
+VTK's own writer repeats constant data at each time, stores times in single precision only, and must
+not write to a disk (`spacemap_vtk.io.output`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: The cells of polygonal data, in the order in which the format counts them.
 _CELLS = {"Vertices": "Verts", "Lines": "Lines", "Polygons": "Polys", "Strips": "Strips"}
-#: What may be another at another time; cells may not.
+#: Data that may change with time; cells may not.
 _MOVING = ("Points", "PointData/", "CellData/")
 _require = needs("h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.")
 
@@ -37,7 +37,7 @@ reads(".vtkhdf", label="VTK HDF5", holds="mesh", names=of("named", "in_hdf"))(
 
 @reads(".vtkhdf", label="VTK HDF5", holds="motion", names=of("named", "in_hdf"))
 def open_hdf(path: Path) -> MeshSeries:
-    """Open all steps."""
+    """Open a file with all its steps."""
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
     from spacemap_vtk.io.series import ReaderSeries
@@ -47,22 +47,22 @@ def open_hdf(path: Path) -> MeshSeries:
 
 @writes(".vtkhdf", label="VTK HDF5", holds=("surface", "cage"), times=True, require=_require)
 def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
-    """Write points, cells and their arrays at some times; what stays the same is there once."""
+    """Write points, cells and their arrays at some times; constant data are stored once."""
     import h5py
     import numpy as np
 
     with _Sink(file, "w+") as sink:
         try:
             with h5py.File(sink, "w") as made:
-                if told():  # not in the field data: of a text in there VTK's reader dies
+                if told():  # not in the field data: a text there crashes VTK's reader
                     made[NAME] = np.bytes_(told())
                 _fill(made, file.name, steps, sink)
         finally:
-            sink.check()  # the first reason of all
+            sink.check()  # the first error is the cause of all later ones
 
 
 class _Sink(FileIO):
-    """A file that says when asked that its disk is full: HDF5 ends Python where a write fails."""
+    """A file that stores a write error until `check`; HDF5 would end Python if a write failed."""
 
     error: OSError | None = None
 
@@ -102,10 +102,10 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
         times.append(time)
         for place, rows in _tables(data):
             begin.setdefault(place, []).append(_add(root, digests, place, rows))
-        made.flush()  # whoever counts what it takes finds it
+        made.flush()  # the size on the disk is then right for whoever measures it
         sink.check()
     surface, normals = data.IsA("vtkPolyData"), data.GetPointData().GetNormals()
-    # as VTK's reader asks for it
+    # VTK's reader requires these attributes.
     root.attrs["Version"] = np.array([2, 0])
     root.attrs["Type"] = np.bytes_("PolyData" if surface else "UnstructuredGrid")
     if normals is not None:
@@ -133,12 +133,12 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
 
 
 def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
-    """Add rows to a table, unless they are its last ones; return the first one's number."""
+    """Add rows to a table unless they equal its last rows; return the index of the first."""
     import numpy as np
 
     digest = blake2b(np.ascontiguousarray(rows).data).digest()
     if name not in root:
-        # a piece of the table is what is read of it: a time
+        # A reader reads one time at once, so a chunk of the table holds one time.
         shape = len(rows) or 1, *rows.shape[1:]
         root.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=shape)
     elif digest != digests[name]:
@@ -159,7 +159,7 @@ def _place(table: str, array: vtkDataArray) -> str:
 
 
 def _bytes(data: vtkDataSet) -> int:
-    """Return what the largest table takes: HDF5's copy, and of cells numbers of eight bytes."""
+    """Return the bytes of the largest table as HDF5 copies it; cells need numbers of 8 bytes."""
     cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
     numbers, table = cells.GetNumberOfConnectivityIds(), data.GetPointData()
     arrays = data.GetPoints().GetData(), *map(table.GetArray, range(table.GetNumberOfArrays()))
@@ -168,7 +168,7 @@ def _bytes(data: vtkDataSet) -> int:
 
 
 def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield what there is at a time, by its place in the file."""
+    """Yield the arrays of one time, each with its place in the file."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -182,13 +182,13 @@ def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
             yield from _cells(f"{kind}/", getattr(data, f"Get{name}")())
     else:
         yield from _cells("", data.GetCells())
-        (type_,) = cell_types(data)  # a cage's are all of one
+        (type_,) = cell_types(data)  # all cells of a cage have the same type
         yield "Types", np.full(data.GetNumberOfCells(), type_, np.uint8)
     for kind in ("PointData", "CellData"):
         table = getattr(data, f"Get{kind}")()
         for number in range(table.GetNumberOfArrays()):
             array = table.GetArray(number)
-            if array is not None:  # of numbers
+            if array is not None:  # None: an array of texts
                 yield _place(kind, array), vtk_to_numpy(array)
 
 
@@ -207,7 +207,7 @@ def _cells(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]
 
 @tells(".vtkhdf")
 def told_in_hdf(path: Path) -> str | None:
-    """Find the record beside the data."""
+    """Find the record next to the data."""
     _require(path)
     import h5py
 

@@ -1,4 +1,7 @@
-"""VTK's legacy files, whose reader takes what is missing from wild memory."""
+"""Read VTK's legacy files if they are whole; VTK's reader reads wild memory where data are missing.
+
+`is_cut_off` finds this out by reading a file's keywords.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import of, reads, truncated
 
-#: VTK's own numbers are written as four bytes; "long" has four on Windows, and eight elsewhere.
+#: Bytes of each type. VTK's ids are written as four; "long" has four on Windows, eight elsewhere.
 _BYTES = {
     **dict.fromkeys(("char", "unsigned_char", "signed_char"), 1),
     **dict.fromkeys(("short", "unsigned_short"), 2),
@@ -17,10 +20,11 @@ _BYTES = {
     **dict.fromkeys(("vtktypeint32", "vtktypeuint32"), 4),
     **dict.fromkeys(("vtktypeint64", "vtktypeuint64"), 8),
 }
+#: Components of attributes whose line does not state them.
 _COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1}
 _COMPONENTS |= {"PEDIGREE_IDS": 1, "EDGE_FLAGS": 1}
 _CELLS = {"CELLS", "POLYGONS", "LINES", "VERTICES", "TRIANGLE_STRIPS"}
-#: Lines that only say what follows.
+#: Keywords that no numbers follow in the next lines.
 _PLAIN = {"DATASET", "DIMENSIONS", "SPACING", "ORIGIN", "ASPECT_RATIO"}
 
 
@@ -35,11 +39,11 @@ reads(".vtk", label="VTK legacy", holds="mesh", check=_check)(
 
 
 def is_cut_off(path: Path) -> bool:
-    """Return whether a legacy .vtk file ends before its last array does."""
+    """Return whether a legacy .vtk file ends before its last array is complete."""
     content = path.read_bytes()
     if not content.startswith(b"# vtk"):
         raise InputError(f"{path}: no legacy .vtk file: it does not begin with that line")
-    # what is not understood with one size of "long" is with the other
+    # With the wrong size of "long" a file may be unreadable; that result does not count.
     ends = [_ends_early(content, size) for size in (8, 4)]
     return True in ends and False not in ends
 
@@ -59,7 +63,7 @@ class _Unknown(Exception):
 
 
 class _Walk:
-    """Goes from keyword to keyword, over the numbers between them."""
+    """A walk through a file from keyword to keyword, which skips the numbers between them."""
 
     def __init__(self, content: bytes, long: int) -> None:
         self.content, self.at, self.rows = content, 0, 1
@@ -77,7 +81,7 @@ class _Walk:
         return text
 
     def words(self) -> list[str]:
-        """Return the words of the next line that has some; none at the end."""
+        """Return the words of the next line that is not empty; none at the end."""
         while self.at < len(self.content):
             words = self.line().split()
             if words:
@@ -145,7 +149,7 @@ class _Walk:
     def cells(self, first: int, second: int) -> None:
         before = self.at
         words = self.words()
-        if words[:1] != ["OFFSETS"]:  # before version 5: sizes and numbers together
+        if words[:1] != ["OFFSETS"]:  # before version 5: sizes and numbers in one list
             self.at = before
             self.numbers(second, "int")
             return
@@ -157,9 +161,9 @@ class _Walk:
 
 
 def _numbers(content: bytes, begin: int, count: int) -> tuple[int, int]:
-    """Return how many words follow, at most `count`, and where the last one ends."""
+    """Return the number of words that follow, at most `count`, and where the last one ends."""
     done, at = 0, begin
-    # in pieces, so that not all of a large file is in words at once
+    # The file is split in pieces: all of its words at once would need too much memory.
     while done < count and at < len(content):
         piece = content[at : at + 2**22]
         if at + len(piece) < len(content):

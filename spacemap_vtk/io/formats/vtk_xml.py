@@ -1,4 +1,4 @@
-"""VTK's XML files: they hold all that a data set has."""
+"""Read and write VTK's XML files, which store everything that a data set has."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from spacemap_vtk.io.registry import of, reads, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
 
-#: Bytes that VTK packs together, and how many of these of an array say how long it becomes.
+#: Bytes that VTK compresses together, and how many of these blocks of an array are sampled to
+#: estimate its compressed length.
 _BLOCK, _SAMPLES = 2**15, 5
 _READERS = {
     ".vtu": "vtkXMLUnstructuredGridReader",
@@ -34,7 +35,7 @@ _READERS = {
 }
 
 
-#: Of these VTK reads what they name.
+#: Formats whose files name further files, which VTK reads with them.
 _NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".vtpd")
 
 
@@ -49,7 +50,7 @@ def read_xml(path: Path) -> Any:
 
 @writes(".vtu", label="VTK XML", holds=("patches", "cage"))
 def write_vtu(file: Path, data: vtkDataSet) -> None:
-    """Write any data set."""
+    """Write any data set as an unstructured grid."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
@@ -72,17 +73,17 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
 @writes(".pvtp", label="VTK XML in pieces", holds=("surface",), pieces=True, require=check_folder)
 @writes(".pvtu", label="VTK XML in pieces", holds=("patches",), pieces=True, require=check_folder)
 def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
-    """Write a file for each piece, in a folder beside, and one that names them."""
+    """Write a file for each piece into a folder, and a file that names them."""
     from xml.sax.saxutils import quoteattr
 
     folder, ending = file.with_suffix(""), f".{file.suffix[2:].lower()}"
     folder.mkdir()
     lines: list[str] = []
     names: list[str] = []
-    with recorded(None):  # a piece is not made anew
+    with recorded(None):  # a single piece cannot be made again from a record
         for number, piece in enumerate(pieces):
             if not piece.GetNumberOfCells():
-                continue  # of more pieces than yarns; it lacks the others' arrays
+                continue  # more pieces than yarns; an empty one lacks the others' arrays
             one = folder / f"{folder.name}_{number:04d}{ending}"
             (write_vtp if ending == ".vtp" else write_vtu)(one, piece)
             names.append(quoteattr(f"{folder.name}/{one.name}"))
@@ -103,7 +104,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
 
 
 def _described(data: vtkDataSet) -> Iterator[str]:
-    """Yield what arrays there are, as a reader asks before it opens a piece."""
+    """Yield descriptions of the arrays, which a reader needs before it opens a piece."""
     from xml.sax.saxutils import quoteattr
 
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -136,19 +137,19 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
     from spacemap_vtk.memory import require
 
     require(
-        2 * _text_bytes(data),  # VTK's own and Python's
+        2 * _text_bytes(data),  # VTK's copy and Python's
         f"to write {data.GetNumberOfCells()} cells as {file.suffix.lower()}",
         cure="Lower surface.subdivisions, or use fewer ends and picks.",
     )
     writer.SetDataModeToBinary()
-    writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
+    writer.SetCompressorTypeToZLib()  # of level 5; the writer's first compressor has level 6
     writer.SetInputData(_with_record(data))
     writer.WriteToOutputStringOn()
     done = writer.Write()
     text = writer.GetOutputString()
     fault = writer.GetErrorCode()
-    del writer  # and with it another copy
-    # Bytes where a name in the data is no UTF-8.
+    del writer  # frees another copy
+    # VTK returns bytes if a name in the data is not UTF-8.
     made = text if isinstance(text, bytes) else text.encode()
     del text
     if not done or fault or not made.endswith(b"</VTKFile>\n"):
@@ -160,7 +161,7 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
 
 
 def _text_bytes(data: vtkDataSet) -> int:
-    """Return about how long data are as text, by how some blocks of each array are packed."""
+    """Estimate the length of data as text, by compressing some blocks of each array."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -170,17 +171,17 @@ def _text_bytes(data: vtkDataSet) -> int:
         arrays += [table.GetArray(number) for number in range(table.GetNumberOfArrays())]
     size = 0.0
     for array in arrays:
-        if array is not None:  # of numbers
+        if array is not None:  # None: an array of texts
             content = np.ascontiguousarray(vtk_to_numpy(array)).reshape(-1).view(np.uint8).data
             begins = range(0, len(content), max(_BLOCK, len(content) // _SAMPLES))
             taken = [content[begin : begin + _BLOCK] for begin in begins]
             packed = sum(len(zlib.compress(block, 5)) for block in taken)
             size += len(content) * packed / max(1, sum(map(len, taken)))
-    return int(4 / 3 * size)  # as letters, three bytes are four
+    return int(4 / 3 * size)  # base64 writes three bytes as four letters
 
 
 def _with_record(data: vtkDataSet) -> vtkDataSet:
-    """Return data with the record among its field data: as bytes, for meshio reads no text."""
+    """Add the record to the field data, as bytes because meshio reads no text there."""
     import numpy as np
 
     from spacemap_vtk.datasets.arrays import add_array, copied
@@ -188,7 +189,7 @@ def _with_record(data: vtkDataSet) -> vtkDataSet:
     if not (data.GetFieldData().HasArray(NAME) or told()):
         return data
     copy = copied(data)
-    copy.GetFieldData().RemoveArray(NAME)  # of the file that an object is from
+    copy.GetFieldData().RemoveArray(NAME)  # of the file from which an object was read
     if told():
         add_array(copy.GetFieldData(), NAME, np.frombuffer(told().encode(), np.uint8))
     return copy
@@ -196,7 +197,7 @@ def _with_record(data: vtkDataSet) -> vtkDataSet:
 
 @tells(".vtu", ".vtp")
 def told_in_xml(path: Path) -> str | None:
-    """Find the record among the field data."""
+    """Find the record in the field data."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     array = read_xml(path).GetFieldData().GetArray(NAME)

@@ -13,7 +13,7 @@ from spacemap_vtk.io.registry import of, reads, writes
 if TYPE_CHECKING:
     from spacemap_vtk.textile.drafts.draft import Draft
 
-#: The file in a .twa, which is a ZIP archive, that holds the draft as a WIF.
+#: Name of the file with the WIF in a .twa, which is a ZIP archive.
 _WIF_IN_TWA = "twamain.waf"
 
 reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("drafts.dtx", "read_dtx"))
@@ -22,13 +22,13 @@ reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("drafts.wpo", "read
 
 @writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("drafts.dtx", "losses"))
 def write_dtx(file: Path, draft: Draft) -> None:
-    """Write a draft of Fiberworks."""
+    """Write a Fiberworks draft."""
     write(file, [of("drafts.dtx", "format_dtx")(draft)])
 
 
 @reads(".twa", label="Draft of TempoWeave", holds="draft")
 def read_twa(path: Path) -> Draft:
-    """Read the WIF in a draft of TempoWeave."""
+    """Read the WIF in a TempoWeave draft."""
     from spacemap_vtk.io.drafts.draft_bytes import unreadable
     from spacemap_vtk.io.drafts.wif import parse_wif
     from spacemap_vtk.io.drafts.wif_text import MAX_LENGTH
@@ -42,7 +42,7 @@ def read_twa(path: Path) -> Draft:
         raise
     except OSError as error:
         raise unreadable(error) from None
-    except Exception as error:  # zipfile and its decoders document no list of what they raise
+    except Exception as error:  # zipfile and its decoders do not document what they raise
         raise InputError(
             f"there is no {_WIF_IN_TWA} in it",
             allowed="a .twa of TempoWeave",
