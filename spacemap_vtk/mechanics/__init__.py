@@ -1,1 +1,1 @@
-"""Vibration modes and their closed-form response. numpy and scipy only."""
+"""Mechanics of a cage: modes, response, equilibrium and time steps. numpy and scipy only."""

@@ -264,7 +264,7 @@ class _Block(NamedTuple):
 
 
 def six_motions(points: Floats, places: Bools | None = None) -> Floats:
-    """Compute three translations and three rotations about the middle, (3V, 6), scaled to 1."""
+    """Compute three translations and three rotations about the middle, (3V, 6), of similar size."""
     # Nodes that are not positions, such as half thicknesses, only turn.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
     away = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)

@@ -169,7 +169,7 @@ class EnergyTerm(ABC):
 
 
 class TermState:
-    """A term at fixed positions, which computes each expensive result only once."""
+    """Energy term at fixed positions; each expensive result is computed only once."""
 
     def __init__(self, term: EnergyTerm, positions: Floats) -> None:
         self.term, self._positions = term, positions
@@ -196,7 +196,7 @@ class TermState:
         return np.asarray(blocks - firm * negative)
 
     def predicted(self, move: Floats, curve: Floats | None = None) -> Any:
-        """Predict the state that the tangent may use after a move and a curve; None: its state."""
+        """Predict data for the tangent after a move and a curve; None: it uses the new state."""
         return None
 
 

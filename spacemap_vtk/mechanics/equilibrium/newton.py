@@ -66,19 +66,19 @@ EARLY = 1e-6
 #: Rounding error of an eigenvalue, as a share of |v| · |K| |v|.
 ROUNDING = 1e-14
 
-#: A tangent is taken to change in proportion to the load up to this share of the largest admissible
-#: step.
+#: Up to this share of the largest admissible step, the tangent is assumed to change in proportion
+#: to the load.
 STRAIGHT = 0.2
 
 #: Number of steps after which a smaller share of the load is tried, and the least such share.
 ATTEMPT, LEAST = 400, 1 / 64
 
-#: Share of the load in directions that nothing resists which is still rounding of a balanced load.
+#: Largest share of a load in directions that nothing resists; in a balanced load it is rounding.
 FREE = 0.01
 
 
 class Equilibrium(NamedTuple):
-    """A stable state."""
+    """Stable equilibrium of a body."""
 
     positions: Floats
     """Nodal vectors (V, 3)."""

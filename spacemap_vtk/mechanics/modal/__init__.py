@@ -1,1 +1,1 @@
-"""Vibration modes of a cage, and what a few of them leave out."""
+"""Vibration modes of a cage, their damping, and residual vectors."""

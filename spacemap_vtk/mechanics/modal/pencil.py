@@ -251,7 +251,7 @@ class Pencil:
 
     @cached_property
     def motions(self) -> Floats:
-        """Rigid motions of a component that move nothing which is held."""
+        """Rigid motions of a component in which nothing moves that is held."""
         from scipy import linalg as la
 
         # The vertices alone decide this. Energy cannot: if a thin clamped sheet turns about its
@@ -292,7 +292,7 @@ class Pencil:
 
 def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, Floats]:
     """Solve for static displacements, (n, m), and estimate their shares of rounding, (m,)."""
-    # The factors that serve the modes suffice unless many eigenvalues lie below σ. In the bending
+    # The factors computed for the modes suffice unless many eigenvalues lie below σ. In the bending
     # of a thin sheet many do, and K is factorised again with a shift closer to zero.
     solve = component.factors.solve
     u, settled = _conjugate_gradients(component, solve, forces, rigid)

@@ -87,8 +87,8 @@ def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balanc
 class Account:
     """Energies of a motion of mass-normalised modes, at any time."""
 
-    # The work up to the start of each piece is kept, so evaluating a late time a second time costs
-    # no more than an early one.
+    # The work up to the start of each piece is kept. A late time that is evaluated again therefore
+    # costs no more than an early one.
 
     def __init__(self, motion: ModalMotion) -> None:
         self._motion = motion
@@ -96,7 +96,7 @@ class Account:
         #: For each start of a piece: time, state, and work done until then.
         self._marks, self._states = [0.0], [first]
         self._works = [float(_stored(motion, first))]
-        #: Number of the last piece that was evaluated, and the load and its slope at its start.
+        #: Piece that was evaluated last: its number, its load at the start, and the load's slope.
         self._last: tuple[int, Floats, Floats] | None = None
         self._lossless = not motion.half.any()
         functions = [drive.function for drive in motion.drives]
@@ -139,7 +139,7 @@ class Account:
             for start in _starts(drive.function, last, time)
         ]
         found.sort()
-        # Of starts that differ only by rounding keep the last, when all jumps have happened.
+        # If starts differ only by rounding, the last is kept: all jumps have happened by then.
         starts = [
             start
             for start, following in pairwise([*found, math.inf])

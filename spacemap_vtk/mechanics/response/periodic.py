@@ -54,7 +54,7 @@ class Linear:
     ) -> None:
         self._stiffness, self._half, self._times = stiffness, half, times.tolist()
         self._values, self._slopes, self._gains = values, slopes, gains
-        #: Number of the piece that was evaluated last, its load, and the slope of the load.
+        #: Piece that was evaluated last: its number, its load at the start, and the load's slope.
         self._last: tuple[int, Floats, Floats] | None = None
         count, size = len(times), len(stiffness)
         self._starts = np.empty((count, 2, size))

@@ -14,9 +14,9 @@ Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). Its periods are too long by (
 stages they are too long by (ω h)⁴/720.
 
 Terms other than strains (`EnergyTerm`) are integrated by a quadrature over the step (Hairer, JNAIAM
-5 (2010) 73). What it misses of the change of their energy, at a contact for example, is put into
-the equations as a force along M ẋ (Gonzalez, J. Nonlinear Sci. 6 (1996) 449), so that the energy is
-conserved for any term.
+5 (2010) 73). The part of their energy change that the quadrature misses, for example at a contact,
+is added to the equations as a force along M ẋ (Gonzalez, J. Nonlinear Sci. 6 (1996) 449). The
+energy is thus conserved for any term.
 
 The damping β resists rates of strain, and therefore not rotation; about an unstrained state it is
 Rayleigh's β K.
@@ -95,7 +95,7 @@ class Acting(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The state at the end of a step, and the energy exchanged in it."""
+    """State at the end of a step, and the energy exchanged in the step."""
 
     position: Floats
     """q, (N,)."""
@@ -127,7 +127,7 @@ class _Stages(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A factorised tangent, with the step length and position it was computed for."""
+    """Factorised tangent, with the step length and position for which it was computed."""
 
     span: float
     position: Floats
@@ -135,7 +135,7 @@ class _Kept(NamedTuple):
 
 
 class Gauss:
-    """The equations of motion of a body; forces and energies are divided by its modulus."""
+    """Equations of motion of a body; forces and energies are divided by its modulus."""
 
     # Terms of the body that are not conservative do external work. Each is multiplied by a factor
     # that may change with time, see `Acting`.
