@@ -1,1 +1,1 @@
-"""Points in tetrahedra: location, barycentric weights, interpolation. numpy and scipy only."""
+"""Points in tetrahedra: location, barycentric weights, interpolation. No VTK."""

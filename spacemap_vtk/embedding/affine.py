@@ -1,9 +1,9 @@
-"""Points that ride along with linear tetrahedra: the map of each tetrahedron is affine.
+"""Embed points in linear tetrahedra: the map of each tetrahedron is affine.
 
-Equation (8) of Furukawa, Kitagawa and Shimizu is the sum of four weights of a point times what the
-corners have. Within a tetrahedron that is one affine function of the place, so nothing is kept of a
-point but the number of its tetrahedron: 4 bytes in place of four weights, and a step reads each
-point once. The sum is over few maps, which stay in the cache.
+Equation (8) of Furukawa, Kitagawa and Shimizu is the sum of a point's four weights times the values
+at the corners. Within a tetrahedron this is one affine function of position. So only the number of
+its tetrahedron is stored for a point: 4 bytes instead of four weights, and a step reads each point
+once. The maps are few and stay in the cache.
 """
 
 from __future__ import annotations
@@ -20,32 +20,34 @@ from spacemap_vtk.memory import is_streamed
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import WORTHWHILE, blocks, loops
 
-# Points that are worked on together. NumPy's share of the tables of maps stays in the cache, and
-# calls are few; a compiled loop needs neither, and is only to be shared among threads.
+# Number of points in one block, for NumPy and for compiled loops. With NumPy, a block's part of the
+# tables of maps must stay in the cache, while calls stay few. Compiled loops only need blocks to
+# share among threads.
 _BLOCK, _COMPILED_BLOCK = 2**13, 2**17
-#: As `spacemap_vtk.embedding.frames` has it: a flatter tetrahedron has no map.
+#: As in `spacemap_vtk.embedding.frames`: a flatter tetrahedron has no map.
 _FLAT = 1e-12
 
 
 class AffineInterpolation(Riding):
-    """Interpolation in linear tetrahedra to fixed points, for any values at the vertices.
+    """Interpolation from the vertices of linear tetrahedra to fixed points.
 
-    An affine function of the vertices is reproduced within rounding, inside and outside.
+    Affine functions of position are reproduced up to rounding, inside and outside.
 
     Parameters
     ----------
     points : (N, 3) float32 or float64
-        The points that were located, in m. They are kept, not copied.
+        Located points, in m. The array is kept, not copied.
     location : Location
-        Where they lie; its weights are not needed.
+        Result of `locate` for the points; weights are not needed.
     vertices : (V, 3) float64
-        At rest, in m.
+        Vertices at rest, in m.
     tetrahedra : (T, 4) int
         Vertex numbers.
     clamp : bool, optional
-        Points outside move as the nearest point of the cage does; otherwise as the affine map of
-        their tetrahedron goes on.
+        Whether points outside move like the nearest point of the cage; otherwise the affine map of
+        their tetrahedron is continued.
     threads : int, optional
+        Number of threads; by default one for each processor.
         Threads to work in; all processors if not given.
 
     Examples
@@ -83,7 +85,7 @@ class AffineInterpolation(Riding):
         if len(self._beyond):
             self._feet = locate(points[self._beyond], vertices, tetrahedra, "clamp").weights
         many = len(points) > WORTHWHILE
-        self._threads = threads or (None if many else 1)  # which would cost more than they save
+        self._threads = threads or (None if many else 1)  # for few points, threads cost more
         self._loops: ModuleType | None = loops("spacemap_vtk.embedding.ride_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = blocks(len(points), width)
@@ -91,7 +93,7 @@ class AffineInterpolation(Riding):
     def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
         if self._loops is None:
             return super()._mover(table, points, moved, shift)
-        # Of each map the origin, the displacement there and its slopes, four numbers each.
+        # For each map: origin, displacement there, and its slopes, four numbers each.
         maps = np.zeros((len(self._cells), 5, 4))
         maps[:, 0, :3] = self._origins
         maps[:, 1, :3] = table[self._cells[:, 0]]
@@ -119,33 +121,33 @@ class AffineInterpolation(Riding):
         return result
 
     def gradients(self, displacement: ArrayLike) -> Floats:
-        """Return the gradient F of the map of each tetrahedron.
+        """Compute the deformation gradient F of each tetrahedron.
 
         Parameters
         ----------
         displacement : (V, 3) array_like
-            In m.
+            Displacement of the vertices, in m.
 
         Returns
         -------
         (T, 3, 3) float64
-            dx'/dx; the identity in a flat tetrahedron, which has no map.
+            dx'/dx; the identity for a flat tetrahedron, which has no map.
         """
         table = displacement_table(displacement, self.vertex_count)
         return np.eye(3) + self._slopes(table).transpose(0, 2, 1)
 
     def _slopes(self, columns: Floats) -> Floats:
-        """Return what each column gains along x, y and z, (T, 3, k)."""
+        """Compute the slopes of each column along x, y and z, (T, 3, k)."""
         values = columns[self._cells]
         gained = values[:, 1:] - values[:, :1]
         gained[self._flat] = 0.0
         slopes = self._inverse @ gained
-        # One step of refinement: the inverse of a sliver has few digits, its edges have all.
+        # One step of refinement: the inverse of a sliver has few correct digits, its edges all.
         slopes += self._inverse @ (gained - self._edges @ slopes)
         return slopes
 
     def _maps(self, columns: Floats) -> Floats:
-        """Return first corners, each column's values there and its slopes, (T, 3 + 4k)."""
+        """Return first corners, and for each column its value there and its slopes, (T, 3 + 4k)."""
         result = np.empty((len(self._cells), 3 + 4 * columns.shape[1]))
         result[:, :3] = self._origins
         each = result[:, 3:].reshape(len(result), -1, 4)
@@ -154,7 +156,7 @@ class AffineInterpolation(Riding):
         return result
 
     def _at_feet(self, columns: Floats) -> Floats:
-        """Return the values of the clamped points."""
+        """Compute the values at the clamped points."""
         corners = self._cells[self._tetrahedron[self._beyond]]
         return np.einsum("na,na...->n...", self._feet, columns[corners])
 
@@ -163,11 +165,11 @@ class AffineInterpolation(Riding):
         if self._loops is not None:
             carry = self._loops.carry
             return lambda block: carry(maps, self._tetrahedron[block], points[block], out[block])
-        # One row a coefficient, so that each operation runs over contiguous memory.
+        # One row for each coefficient, so that each operation runs over contiguous memory.
         rows = np.ascontiguousarray(maps.T)
 
         def write(block: slice) -> None:
-            # "clip" is the mode without a buffered copy; every number is in range
+            # "clip" is the mode without a buffered copy; every number is in range.
             found = rows.take(self._tetrahedron[block], axis=1, mode="clip")
             away = np.ones((4, found.shape[1]))
             np.subtract(points[block].T, found[:3], out=away[1:])

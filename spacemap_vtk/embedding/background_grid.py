@@ -1,4 +1,4 @@
-"""A background grid that tells in which tetrahedra a point may lie."""
+"""A background grid that lists, for each cell, the tetrahedra in which a point may lie."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import for_each
 
 _CELLS_PER_TETRAHEDRON = 4.0
-_FEWEST_CELLS = 4096.0  # a coarse cage meets many points: fewer trials pay for more cells
-_PAIRS = 2**16  # pairs of a tetrahedron and a cell that are looked at together
-_SLACK = 1e-6  # of a cell: more than the rounding of where a face cuts a row
-_FAR = 1e9  # more cells than any grid has along a side
+_FEWEST_CELLS = 4096.0  # a coarse cage is used for many points, so more cells save more trials
+_PAIRS = 2**16  # number of pairs of a tetrahedron and a cell in one block
+_SLACK = 1e-6  # in cells: exceeds the rounding of the position where a face cuts a row
+_FAR = 1e9  # in cells: exceeds the number of cells along any side
 
 
 class Grid:
@@ -27,7 +27,7 @@ class Grid:
         self._frames = frames
         self._threads = threads
         usable = np.flatnonzero(frames.usable)
-        # wider by more than any tolerance, so that it bounds what counts as inside
+        # Wider than any tolerance, so that the grid contains all points that count as inside.
         margin = 2.0 * frames.distance + 1e-8 * (frames.high[usable] - frames.low[usable]).max()
         low, high = frames.low[usable] - margin, frames.high[usable] + margin
         self._low, self._high = low.min(axis=0), high.max(axis=0)
@@ -38,14 +38,14 @@ class Grid:
         self._start, self._candidates = self._fill(usable, first, last - first + 1)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
-        """Return the lowest numbered tetrahedron that holds each point."""
+        """Find the lowest numbered tetrahedron that contains each point."""
         found = np.full(len(points), -1, dtype=np.int32)
         near = ((points >= self._low) & (points <= self._high)).all(axis=1)
         open_ = np.flatnonzero(near)
         cell = self._number(self._indices(points[open_]))
         here, end = self._start[cell], self._start[cell + 1]
-        # Each round tries every open point with its next candidate. Candidates are in ascending
-        # order: the first that fits is the lowest.
+        # Each round tries the next candidate of every open point. Candidates are in ascending
+        # order, so the first that fits is the lowest.
         while True:
             cancel.check()
             left = here < end
@@ -70,9 +70,9 @@ class Grid:
     def _fill(
         self, usable: NDArray[np.intp], first: Ints, extent: Ints
     ) -> tuple[Ints, NDArray[np.int32]]:
-        """Return (cells + 1,) starts and the candidates of each cell, ascending."""
-        # Boxes of needles cover many cells that the needle misses: in blocks, and sieved at once,
-        # row by row.
+        """Compute (cells + 1,) starts and the candidates of each cell, ascending."""
+        # The bounding box of a needle covers many cells that the needle misses. So boxes are
+        # processed in blocks, and cells are filtered immediately, row by row.
         ends = np.cumsum(extent.prod(axis=1))
         blocks: list[tuple[int, slice]] = []
         begin = 0
@@ -99,9 +99,9 @@ class Grid:
 
         for_each(blocks, lambda: do, self._threads)
         cells, tetrahedra = (np.concatenate(part) for part in zip(*found, strict=True))
-        from scipy.sparse import coo_matrix  # with all it brings: a tenth of a second
+        from scipy.sparse import coo_matrix  # imported here: it takes a tenth of a second
 
-        # rows of cells, each with its tetrahedra in the order given: a sort by counting
+        # Conversion to CSR sorts by counting: rows of cells, each with its tetrahedra in order.
         there = np.ones(len(cells), dtype=np.int8)
         shape = int(prod(self._shape.tolist())), int(usable[-1]) + 1
         table = coo_matrix((there, (cells, tetrahedra)), shape=shape).tocsr()
@@ -109,7 +109,7 @@ class Grid:
 
     @staticmethod
     def _rows(first: Ints, extent: Ints) -> tuple[list[Ints], Ints]:
-        """Return y, z of every row of some boxes of cells, and the box that each is of."""
+        """List y and z of every row of some boxes of cells, and the box of each row."""
         counts = extent[:, 1] * extent[:, 2]
         box = np.repeat(np.arange(len(first)), counts)
         within = np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -118,9 +118,8 @@ class Grid:
 
     @staticmethod
     def _reach(planes: Floats, which: AnyInts, row: list[Ints]) -> tuple[Ints, Ints]:
-        """Return the cells from begin to end of rows that no face of a tetrahedron cuts off."""
-        # Each face leaves half of a row, so that one division says what else a test for each cell
-        # would.
+        """Find the range of cells in each row that no face of a tetrahedron cuts off."""
+        # Each face cuts a row once, so one division replaces a test of every cell.
         low = np.full(len(which), -_FAR)
         high = np.full(len(which), _FAR)
         for plane in planes:
@@ -128,7 +127,7 @@ class Grid:
             rest = offset + along_y * row[0] + along_z * row[1]
             with np.errstate(divide="ignore", invalid="ignore"):
                 bound = -rest / slope
-            # without a slope all of the row is in, or nothing
+            # Without a slope the whole row is inside, or none of it.
             bound = np.where(slope == 0.0, np.where(rest >= 0.0, -_FAR, _FAR), bound)
             np.maximum(low, bound, out=low, where=slope >= 0.0)
             np.minimum(high, bound, out=high, where=slope < 0.0)
@@ -142,7 +141,7 @@ class Grid:
 
 
 def _shape(size: Floats, cells: float) -> Ints:
-    """Return counts of about cubic cells along a box; a thin side gets one."""
+    """Choose numbers of nearly cubic cells along a box; a thin side gets one."""
     shape = np.ones(3, dtype=np.int64)
     remaining = cells
     for done, axis in enumerate(np.argsort(size)):

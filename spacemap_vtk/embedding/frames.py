@@ -1,7 +1,7 @@
 """Barycentric coordinates in many tetrahedra.
 
-Only element by element arithmetic is used, no BLAS and no einsum: what they return for a point can
-depend on which other points come with it, and a point must get the same tetrahedron in any company.
+Only element-wise arithmetic is used, no BLAS and no einsum. Their result for a point can depend on
+the other points in the array, but a point must always get the same tetrahedron.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from spacemap_vtk.embedding.triangles import cross, dot
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 
-# A tetrahedron whose volume is less than this part of its longest edge cubed is flat: the rounding
-# error of its volume alone is a part in 10**15.
+# A tetrahedron whose volume is less than this share of its longest edge cubed is flat. The rounding
+# error of its volume alone is one part in 10**15.
 _FLAT = 1e-12
-# What counts as inside, in barycentric coordinates ...
+# Tolerance of the inside test in barycentric coordinates.
 _TOLERANCE = 1e-9
-# ... and in units of the rounding of the coordinates themselves.
+# Further tolerance of the inside test, in units of the rounding of the coordinates.
 _ROUNDINGS = 4.0
 
 
 class Frames:
-    """The affine frames of tetrahedra, prepared once."""
+    """Affine frames of tetrahedra, computed once."""
 
     def __init__(self, vertices: Floats, tetrahedra: AnyInts, rounding: float) -> None:
         corners = vertices[tetrahedra]  # (T, 4, 3)
@@ -45,24 +45,24 @@ class Frames:
         self.positive = volume > 0
         self.low, self.high = corners.min(axis=1), corners.max(axis=1)
         self.distance = _ROUNDINGS * rounding * float(np.abs(vertices[tetrahedra]).max())
-        # flat ones stay in the table, so that numbers are kept, and are never asked for
+        # Flat ones stay in the table so that numbers are unchanged, but they are never used.
         gradients /= np.where(self.usable, volume, 1.0)
         last = -gradients.sum(axis=0)
         steepness = np.sqrt([dot(last, last), *(dot(g, g) for g in gradients)])
         self.tolerance = (_TOLERANCE + self.distance * steepness).T  # (T, 4)
-        # one row a tetrahedron, so that a gather touches one place
+        # One row for each tetrahedron, so that a lookup reads contiguous memory.
         self._table = np.concatenate(
             (first, gradients.transpose(2, 0, 1).reshape(-1, 9), self.tolerance), axis=1
         )
         self._edges = edges.reshape(-1, 9)
 
     def weights(self, points: Floats, which: AnyInts) -> Floats:
-        """Return barycentric coordinates that reproduce the points."""
+        """Compute barycentric coordinates that reproduce the points."""
         rows = self._table[which]
         away = (points - rows[:, :3]).T
         weights = _transform(rows[:, 3:12].T, away)
-        # One step of refinement: in a sliver the inverse has few digits, the product with the
-        # edges has all.
+        # One step of refinement: in a sliver the inverse has few correct digits, while the product
+        # with the edges has all.
         edges = self._edges[which].T.reshape(3, 3, -1)
         rest = [
             away[i]
@@ -78,7 +78,7 @@ class Frames:
         return result
 
     def inside(self, points: Floats, which: AnyInts) -> Bools:
-        """Return whether points lie in tetrahedra, boundary and tolerance included."""
+        """Check whether points lie in tetrahedra, including boundary and tolerance."""
         rows = np.take(self._table, which, axis=0)
         away = [points[:, i] - rows[:, i] for i in range(3)]
         x, y, z = _transform(rows[:, 3:12].T, away)
@@ -90,7 +90,7 @@ class Frames:
         return result
 
     def planes(self, low: Floats, size: Floats) -> Floats:
-        """Return when no face of a tetrahedron separates it from a box of a grid."""
+        """Compute planes that show whether a face separates a tetrahedron from a grid cell."""
         gradients = self._table[:, 3:12].T.reshape(3, 3, -1)
         slopes = np.concatenate((-gradients.sum(axis=0, keepdims=True), gradients))
         away = (low + 0.5 * size)[:, None] - self._table[:, :3].T
@@ -98,7 +98,7 @@ class Frames:
         for i, slope in enumerate(slopes):
             np.multiply(slope, size[:, None], out=result[i, :3])
             reach = 0.5 * np.abs(result[i, :3]).sum(axis=0)
-            # a little more, for the rounding of this very sum
+            # Slightly more, to allow for the rounding of this sum.
             spare = 2.0 * self.tolerance[:, i] + 1e-12
             result[i, 3] = dot(slope, away) + (i == 0) + reach * (1 + 1e-9) + spare
         return result

@@ -1,4 +1,4 @@
-"""How a deformed mesh turns and stretches: in its tetrahedra, and at its vertices."""
+"""Deformation gradients of a mesh in its tetrahedra and at its vertices, and turned normals."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from spacemap_vtk.parallel import blocks
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-#: Weight of second derivatives against the data, where these are of order 1.
+#: Weight of second derivatives relative to the data, where these are of order 1.
 _DAMPING = 1e-2
-#: Vertices that are fitted together; bounds the scratch memory.
+#: Number of vertices that are fitted in one block; it limits the temporary memory.
 _FITS = 2**9
 
 
 class QuadraticGradients:
-    """The gradient of the map at each point in quadratic tetrahedra, where it varies.
+    """Deformation gradients at points in quadratic tetrahedra, where they vary in space.
 
     Parameters
     ----------
     location : Location
-        Where the points lie.
+        Result of `locate` for the points.
     vertices : (V, 3) float64
-        At rest, in m.
+        Vertices at rest, in m.
     elements : (T, 10) int
-        Corners, which are joined by straight edges, and midpoints.
+        Corners, joined by straight edges, and midpoints.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class QuadraticGradients:
 
     def __init__(self, location: Location, vertices: Floats, elements: AnyInts) -> None:
         corners = vertices[elements[location.tetrahedron, :4]]
-        # outside, the map goes on as its tangent does
+        # Outside, the map continues along its tangent.
         inside = np.maximum(location.weights, 0.0)
         inside /= inside.sum(axis=1, keepdims=True)
         slopes = shape_slopes(inside)
@@ -65,12 +65,12 @@ class QuadraticGradients:
         ]
 
     def at(self, displacement: NDArray[Any]) -> Floats:
-        """Return the gradient F at each point.
+        """Compute the deformation gradient F at each point.
 
         Parameters
         ----------
         displacement : (V, 3)
-            In m.
+            Displacement of the vertices, in m.
 
         Returns
         -------
@@ -82,38 +82,38 @@ class QuadraticGradients:
 
 
 def cofactors(gradients: Floats) -> Floats:
-    """Return the cofactor matrix, det(F) F^-T, by which the normals of surfaces change.
+    """Compute the cofactor matrices det(F) F^-T, which transform surface normals.
 
     Parameters
     ----------
     gradients : (n, 3, 3) float64
-        F.
+        Deformation gradients F.
 
     Returns
     -------
     (n, 3, 3) float64
-        Exists for singular F too.
+        Defined for singular F too.
     """
     a, b, c = gradients[:, 0], gradients[:, 1], gradients[:, 2]
     return np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)), axis=1)
 
 
 def turned_normals(normals: NDArray[Any], cofactor: Floats, which: AnyInts) -> NDArray[np.float32]:
-    """Return unit normals of a deformed surface.
+    """Compute unit normals of a deformed surface.
 
     Parameters
     ----------
     normals : (n, 3)
-        At rest.
+        Normals at rest.
     cofactor : (T, 3, 3) float64
         `cofactors` of each tetrahedron.
     which : (n,) int
-        The tetrahedron of each point.
+        Tetrahedron of each point.
 
     Returns
     -------
     (n, 3) float32
-        Of length 1; a normal that has no direction any more stays as it was.
+        Of length 1; a normal that loses its direction keeps its value at rest.
     """
     turned = np.einsum("nij,nj->ni", cofactor[which], normals)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
@@ -122,15 +122,15 @@ def turned_normals(normals: NDArray[Any], cofactor: Floats, which: AnyInts) -> N
 
 
 def vertex_averages(vertices: ArrayLike, elements: ArrayLike) -> csr_matrix:
-    """Return the matrix that averages values of tetrahedra at the vertices, weighted by volume.
+    """Build the matrix that averages values of tetrahedra at vertices, weighted by volume.
 
-    The stress of linear tetrahedra jumps from one to the next; averaged at the vertices it is what
-    finite element programs show.
+    The stress of linear tetrahedra jumps from one to the next. Finite element programs show its
+    average at the vertices.
 
     Parameters
     ----------
     vertices : (V, 3) array_like of float
-        In m.
+        Vertices, in m.
     elements : (T, 4) or (T, 10) array_like of int
         Linear or quadratic tetrahedra, corners first.
 
@@ -146,7 +146,7 @@ def vertex_averages(vertices: ArrayLike, elements: ArrayLike) -> csr_matrix:
     >>> (average @ [3.0, 6.0]).tolist()
     [5.0, 5.0, 5.0, 3.0, 6.0]
     """
-    from scipy.sparse import csr_matrix, diags  # with all it brings: a tenth of a second
+    from scipy.sparse import csr_matrix, diags  # imported here: it takes a tenth of a second
 
     points, cells = np.asarray(vertices, np.float64), np.asarray(elements)
     edges = points[cells[:, 1:4]] - points[cells[:, :1]]
@@ -161,17 +161,17 @@ def vertex_averages(vertices: ArrayLike, elements: ArrayLike) -> csr_matrix:
 
 
 def has_volume(vertices: Floats, tetrahedra: AnyInts) -> Bools:
-    """Return which tetrahedra are not flat."""
+    """Check which tetrahedra are not flat."""
     corners = vertices[tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
     return np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
 
 
 def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
-    """Return the operator that gives the gradient at each vertex."""
-    # A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
-    # tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
-    from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
+    """Build the operator that computes the gradient at each vertex."""
+    # A quadratic is fitted to the neighbours and their neighbours. A mean over tetrahedra would be
+    # one-sided at the boundary, where a coarse cage has most of its vertices.
+    from scipy.sparse import csr_matrix  # imported here: it takes a tenth of a second
 
     count = len(vertices)
     cells = np.asarray(tetrahedra)[has_volume(vertices, tetrahedra)]
@@ -206,15 +206,15 @@ def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
 
 
 def _fit(offsets: Floats) -> Floats:
-    """Return factors (n, 3, m) of the differences to m neighbours, which give the gradient."""
+    """Compute factors (n, 3, m) that turn differences to m neighbours into the gradient."""
     length = np.linalg.norm(offsets, axis=2)
     size = length.mean(axis=1)
     x, y, z = (offsets / size[:, None, None]).transpose(2, 0, 1)
     weight = (size[:, None] / length) ** 2
     terms = [x, y, z, x * x / 2, y * y / 2, z * z / 2, x * y, y * z, z * x]
     matrix = weight[:, :, None] * np.stack(terms, axis=2)
-    # Where the neighbours do not tell, as through a single layer, second derivatives are zero.
-    # First ones are free, so that affine functions stay exact.
+    # Where the neighbours do not determine them, as through a single layer, second derivatives are
+    # zero. First derivatives are not damped, so that affine functions stay exact.
     damping = np.zeros((len(offsets), 6, 9))
     damping[:, range(6), range(3, 9)] = _DAMPING
     inverse = np.linalg.pinv(np.concatenate((matrix, damping), axis=1))

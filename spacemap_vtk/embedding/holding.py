@@ -1,9 +1,9 @@
-"""Cages round an object's surface that hold its points, and how much of them it fills.
+"""Move the vertices of a cage outwards until it contains all points of an object.
 
-fTetWild leaves the surface by a tolerance, and its faces are chords: of what is round, most points
-lie just outside. So the vertices of the faces before them go outward, by the least that takes them
-in. Such a cage is as much too large as a polyhedron round a ball is: its material is spread over
-all of it, and it weighs as much as the object.
+fTetWild deviates from the surface by a tolerance, and its faces are chords, so most points of a
+round surface lie just outside. The vertices of the nearest faces are moved outwards by the least
+amount that encloses the points. The cage is then too large, like a polyhedron around a ball. Its
+material is spread over the whole cage, and it has the mass of the object.
 """
 
 from __future__ import annotations
@@ -14,43 +14,43 @@ from spacemap_vtk.cage.split import volumes_of
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.ndarrays import AnyInts, Floats
 
-#: Steps that go some share of the way: what a vertex does for one point, it does for others. The
-#: last ones go all of it, and a little more.
+#: Shares of the required move in each step. The first are small, because a vertex that moves for
+#: one point helps others too; the last ones go slightly too far.
 _STEPS = (0.6,) * 6 + (1.02,) * 10
-#: As many times as far as a point is away a vertex may go for it.
+#: Largest move of a vertex, as a multiple of the distance of the point that requires it.
 _MOST = 10.0
-#: No tetrahedron keeps less of its volume.
+#: Least share of its volume that each tetrahedron keeps.
 _LEAST = 0.2
 
 
 def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float) -> Floats:
-    """Return the vertices of a cage, some of them moved outward so that it holds points.
+    """Move vertices of a cage outwards so that it contains points.
 
     Parameters
     ----------
     points : (N, 3) float64
-        What it is to hold, in m.
+        Points to enclose, in m.
     vertices : (V, 3) float64
-        In m.
+        Vertices of the cage, in m.
     tetrahedra : (T, 4) int
-        Of positive volume, and so they stay.
+        Tetrahedra; their volumes are positive and stay positive.
     reach : float
-        Points further away than this, in m, are left outside.
+        Points further away than this, in m, stay outside.
 
     Returns
     -------
     (V, 3) float64
-        In m. Those that no point outside asks to move stay where they are, and none leaves the box
-        of the points.
+        Vertices in m. Those that no outside point needs to move stay in place, and none leaves the
+        box of the points.
 
     Notes
     -----
-    A point at :math:`g` from the nearest place :math:`\\sum_i w_i v_i` of the cage lies on it when
-    :math:`\\sum_i w_i d_i = g`, of which :math:`d_i = w_i g / \\sum_j w_j^2` is the least. Each
-    vertex follows the point that asks most of it.
+    A point at :math:`g` from the nearest point :math:`\\sum_i w_i v_i` of the cage lies on it if
+    :math:`\\sum_i w_i d_i = g`. The least such moves are :math:`d_i = w_i g / \\sum_j w_j^2`. Each
+    vertex follows the point that requires its largest move.
     """
     volumes = volumes_of(vertices, tetrahedra)
-    # No further than the points' box, so that flat sides stay flat, by which cages are held.
+    # Vertices stay in the points' box, so that flat sides, at which cages are supported, stay flat.
     low = np.minimum(points.min(axis=0), vertices)
     high = np.maximum(points.max(axis=0), vertices)
     for share in _STEPS:
@@ -62,13 +62,13 @@ def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float)
         if not near.any():
             break
         corners, weights, gaps = corners[near], weights[near], gaps[near, None]
-        # Who stands at a side of the box leaves it to the others.
+        # A vertex at a side of the box cannot move further, so the others must move instead.
         gone = np.clip(vertices[corners] + gaps, low[corners], high[corners]) - vertices[corners]
         weights = weights * (gone * gaps).sum(axis=2) / (gaps**2).sum(axis=2)
         most = np.maximum((weights**2).sum(axis=1), weights.max(axis=1) / _MOST)
         most[most == 0.0] = 1.0
         asked = (weights / most[:, None])[:, :, None] * gaps
-        order = np.argsort((asked**2).sum(axis=2).ravel())  # the last one is kept
+        order = np.argsort((asked**2).sum(axis=2).ravel())  # the largest move is written last
         moves = np.zeros_like(vertices)
         moves[corners.ravel()[order]] = share * asked.reshape(-1, 3)[order]
         moves = np.clip(vertices + moves, low, high) - vertices
@@ -81,30 +81,31 @@ def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float)
 def share_filled(
     points: Floats, triangles: AnyInts, inside: float, volume: float, tolerance: float
 ) -> float:
-    """Return how much of a cage is what the object's surface encloses.
+    """Compute the share of a cage that the object's surface encloses.
 
     Parameters
     ----------
     points : (N, 3) float64
-        In m.
+        Points of the surface, in m.
     triangles : (F, 3) int
-        A closed surface's; none of an open one.
+        Triangles of a closed surface; empty for an open one.
     inside : float
         Volume of the tetrahedra that were made inside the surface, in m³.
     volume : float
-        Of the cage, in m³.
+        Volume of the cage, in m³.
     tolerance : float
-        How far those may be from the surface, in m.
+        Largest distance of these tetrahedra from the surface, in m.
 
     Returns
     -------
     float
-        1 where both are as large.
+        1 if both volumes are equal.
 
     Notes
     -----
-    The divergence theorem knows the volume, but counts twice where a surface crosses itself:
-    there it is further from the tetrahedra's than their tolerance explains, and theirs is taken.
+    The divergence theorem gives the enclosed volume, but counts twice where a surface crosses
+    itself. Then it differs from the volume of the tetrahedra by more than their tolerance explains,
+    and the volume of the tetrahedra is used.
     """
     if len(triangles):
         a, b, c = (points - points[triangles[0, 0]])[triangles].transpose(1, 0, 2)

@@ -1,10 +1,10 @@
-"""Values at the vertices of a tetrahedral mesh, carried over to points that ride along.
+"""Interpolate values at the vertices of a tetrahedral mesh to embedded points.
 
-Equation (8) of Furukawa, Kitagawa and Shimizu, by a weight for each node of a point's tetrahedron:
-four or ten, sixteen of the spline. One compiled loop does all of many points; small dense products,
-one for each run of points in a tetrahedron, do few ones, and all where there is no Numba. Either is
-bound by the memory that the weights take, and gains by a second thread. Many points in linear
-tetrahedra need none (see `spacemap_vtk.embedding.affine`).
+Implements equation (8) of Furukawa, Kitagawa and Shimizu, with a weight for each node of a point's
+tetrahedron: four, or ten, or sixteen for the spline. For many points one compiled loop does the
+work. For few points, or without Numba, small dense products do it, one for each run of points in a
+tetrahedron. The speed of both is limited by reading the weights, and a second thread helps. Many
+points in linear tetrahedra need no weights (see `spacemap_vtk.embedding.affine`).
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each, loops
 from spacemap_vtk.units import format_quantity
 
-_BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
-_ROW = 32  # points of a tetrahedron that are one product: twice and half as many take longer
+_BLOCK = 2**17  # points in one block: its product stays in the cache until it is copied
+_ROW = 32  # points of a tetrahedron in one product: half and twice as many are slower
 
-#: In single or double precision.
+#: Coordinates in single or double precision.
 Points = NDArray[Any]
-#: Does what is to be done for a block of points.
+#: Function that processes one block of points.
 Work = Callable[[slice], None]
-#: Writes the values at the points of a block, (n, k), of those at the vertices, (V, k).
+#: Function that writes the values at the points of a block, (n, k), from those at vertices, (V, k).
 _Write = Callable[[Floats, Points], None]
 
 
 class Riding:
-    """Fixed points that ride along with a mesh, whatever is known at its vertices.
+    """Fixed points embedded in a mesh, for any values at its vertices.
 
     Notes
     -----
-    Results lie in memory that is used again once the last array over it is gone; they may be kept
-    as long as one likes.
+    Results may be kept for any time. Their memory is reused only after the last array on it is
+    gone.
     """
 
     _threads: int | None
@@ -52,11 +52,11 @@ class Riding:
         self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
 
     def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
-        """Return what writes the values at a block of points."""
+        """Make the function that computes the values at a block of points."""
         raise NotImplementedError
 
     def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
-        """Return what moves a block of points."""
+        """Make the function that moves a block of points."""
         write = self._writer(table, shift, points)
 
         def move(block: slice) -> None:
@@ -66,7 +66,7 @@ class Riding:
         return move
 
     def apply(self, values: ArrayLike) -> Floats:
-        """Interpolate to the points that were located.
+        """Interpolate values at the vertices to the located points.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class Riding:
         Raises
         ------
         InputError
-            There are not as many rows as vertices, or more than two axes.
+            The number of rows is not the number of vertices, or there are more than two axes.
         """
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.ndim not in (1, 2) or len(table) != self.vertex_count:
@@ -101,7 +101,7 @@ class Riding:
         Parameters
         ----------
         points : (N, 3) float32 or float64
-            The points that were located, in m; or others in their places.
+            The located points, in m, or others that replace them.
         displacement : (V, 3) array_like
             Displacement of the vertices in m.
 
@@ -110,12 +110,12 @@ class Riding:
         moved : (N, 3) of the points' type
             Points plus displacement, in m.
         displacement : (N, 3) of the points' type
-            In m.
+            Displacement of the points, in m.
 
         Raises
         ------
         InputError
-            The points are not as many as were located, or the displacement is not (V, 3).
+            The number of points differs from the located ones, or the displacement is not (V, 3).
         """
         table = displacement_table(displacement, self.vertex_count)
         if points.shape != (self.point_count, 3):
@@ -130,26 +130,26 @@ class Riding:
 
 
 class Interpolation(Riding):
-    """Barycentric interpolation to fixed points, for any values at the vertices.
+    """Barycentric interpolation from the vertices of a mesh to fixed points.
 
-    An affine function of the vertices is reproduced within rounding, inside and outside; in
-    quadratic tetrahedra a quadratic one too, inside.
+    Affine functions of position are reproduced up to rounding, inside and outside. Quadratic
+    tetrahedra also reproduce quadratic functions inside.
 
     Parameters
     ----------
     location : Location
-        Where the points lie.
+        Result of `locate` for the points.
     tetrahedra : (T, 4) or (T, 10) array_like of int
-        The tetrahedra that they were located in, with their midpoints if they are quadratic.
+        Tetrahedra in which they were located, with midpoints if they are quadratic.
     vertex_count : int
         Number of vertices of that mesh.
     threads : int, optional
-        Threads to work in; all processors if not given.
+        Number of threads; by default one for each processor.
 
     Notes
     -----
-    The weights are those of the geometry at the time of `locate`; when points or vertices have
-    changed they are stale, which nothing here can notice.
+    The weights belong to the geometry at the time of `locate`. If points or vertices change later,
+    they are outdated, and this class cannot notice it.
 
     Examples
     --------
@@ -185,7 +185,7 @@ class Interpolation(Riding):
 
 
 def displacement_table(values: ArrayLike, vertex_count: int) -> Floats:
-    """Return displacements of vertices as a table."""
+    """Convert displacements of vertices to a checked table."""
     table = np.ascontiguousarray(values, dtype=np.float64)
     if table.shape != (vertex_count, 3):
         raise InputError(
@@ -206,12 +206,13 @@ def _writer(
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
 ) -> _Write:
-    """Prepare some points."""
-    # Views of the location where it can be, and 32 bits for vertex numbers: what is read counts.
+    """Prepare the interpolation to one block of points."""
+    # Views of the location where possible, and 32-bit vertex numbers: reading memory limits speed.
     if ride is not None:
         return partial(ride.apply, np.ascontiguousarray(weights), tetrahedron, corners)
-    # Points of a tetrahedron stand together, in rows of equal length, padded by weights of zero: a
-    # product of many small matrices takes half the time of a sparse one, and needs no SciPy.
+    # Points of a tetrahedron are sorted together, in rows of equal length, padded with zero
+    # weights. A product of many small matrices takes half the time of a sparse one, and needs no
+    # SciPy.
     owners, counts = np.unique(tetrahedron, return_counts=True)
     length = min(len(tetrahedron) // len(owners), _ROW)
     rows = -(-counts // length)
@@ -234,10 +235,10 @@ def _writer(
 
 
 def quadratic_weights(weights: Floats) -> Floats:
-    """Return the weights of a quadratic tetrahedron's ten nodes from those of its corners."""
-    # Inside they are the shape functions. Outside, a quadratic would turn back on itself before
-    # long: there the field goes on from the border as its tangent does, so that an affine motion is
-    # reproduced at any distance.
+    """Compute the weights of a quadratic tetrahedron's ten nodes from those of its corners."""
+    # Inside, they are the shape functions. Outside, a quadratic function would soon turn back. So
+    # the field continues along its tangent at the boundary, and affine motions are reproduced at
+    # any distance.
     outside = np.flatnonzero((weights < 0).any(axis=1))
     if not len(outside):
         return shape_functions(weights)
@@ -251,7 +252,7 @@ def quadratic_weights(weights: Floats) -> Floats:
 
 
 def point_weights(points: Floats, cells: Ints, place: Floats) -> Floats:
-    """Return how much each vertex of a cage counts in the motion of a point.
+    """Compute the weights of a cage's vertices in the motion of a point.
 
     Parameters
     ----------
@@ -265,12 +266,12 @@ def point_weights(points: Floats, cells: Ints, place: Floats) -> Floats:
     Returns
     -------
     ndarray of float64, shape (V,)
-        That sum to one.
+        Weights with the sum 1.
 
     Raises
     ------
     InputError
-        If it lies outside the cage.
+        The point lies outside the cage.
     """
     where = locate([place], points, cells[:, :4], threads=1)
     if where.outside:

@@ -1,9 +1,9 @@
-"""Points in a lattice of hexahedra of five tetrahedra each, found by arithmetic alone.
+"""Locate points in a lattice of hexahedra of five tetrahedra each by arithmetic.
 
-The "efficient calculation" of Furukawa, Kitagawa and Shimizu: the quotient of a coordinate and the
-edge length names the hexahedron, signs of four sums name the tetrahedron in it, and the sums are
-the barycentric coordinates. No table of the mesh is looked at, so the cost of a point does not
-depend on the number of tetrahedra.
+This is the "efficient calculation" of Furukawa, Kitagawa and Shimizu. The quotient of coordinate
+and edge length gives the hexahedron, the signs of four sums give the tetrahedron in it, and the
+sums are the barycentric coordinates. The mesh is not read, so the time for a point does not depend
+on the number of tetrahedra.
 """
 
 from __future__ import annotations
@@ -17,38 +17,39 @@ from numpy.typing import NDArray
 from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 
-# What counts as inside, in units of a hexahedron's edges, as in spacemap_vtk.embedding.frames ...
+# Tolerance of the inside test, in edges of a hexahedron, as in spacemap_vtk.embedding.frames.
 _TOLERANCE = 1e-9
-# ... and in units of the rounding of the coordinates.
+# Further tolerance of the inside test, in units of the rounding of the coordinates.
 _ROUNDINGS = 4.0
-# How far a vertex may be from its place, in roundings of the coordinates.
+# Largest distance of a vertex from its lattice position, in roundings of the coordinates.
 _VERTEX_ROUNDINGS = 8.0
-# A table of all hexahedra of the box may be this much larger than the mesh itself.
+# Largest table of the hexahedra of the box: the first number times those of the mesh, or the second
+# number if that is larger.
 _SPARSEST, _SMALL = 64, 2**20
 
 
 @dataclass(frozen=True)
 class LatticePattern:
-    """A mesh known to be a lattice, or the part of one that a carved cage keeps."""
+    """A mesh that is a lattice, or the part of a lattice that a carved cage keeps."""
 
     #: (3,) Lowest corner of the box in m.
     origin: Floats
-    #: (3,) Edges of a hexahedron in m.
+    #: (3,) Edge lengths of a hexahedron in m.
     spacing: Floats
-    #: (3,) Hexahedra along x, y and z of the box.
+    #: (3,) Number of hexahedra of the box along x, y and z.
     divisions: Ints
-    #: 1 where the hexahedron at the origin is an odd one.
+    #: 1 if the hexahedron at the origin is an odd one.
     parity: int
-    #: (cells,) For each hexahedron of the box, x fastest, its number in the mesh, -1 where it is
-    #: carved away; None where all are there.
+    #: (cells,) Number in the mesh of each hexahedron of the box, x fastest; -1 where it is carved
+    #: away. None if all are present.
     slots: NDArray[np.int32] | None
-    #: Size of the largest coordinate in m.
+    #: Largest absolute coordinate in m.
     rounding: float
 
     def find(
         self, points: Floats, epsilon: float, tetrahedron: NDArray[np.int32], weights: Floats
     ) -> None:
-        """Fill in the tetrahedron of each point, and the weights of its corners."""
+        """Write the tetrahedron of each point, and the weights of its corners."""
         distance = _ROUNDINGS * epsilon * self.rounding
         number: Any = 0
         odd: Any = self.parity
@@ -62,7 +63,7 @@ class LatticePattern:
             x *= 1.0 / self.spacing[axis]
             if x.size and (x.min() < -tolerance or x.max() > count + tolerance):
                 there = there & (x >= -tolerance) & (x <= count + tolerance)
-            # A point on a face between two hexahedra belongs to the lower one, as in a search.
+            # As in a search, a point on a face between two hexahedra belongs to the lower one.
             cell = np.ceil(x - tolerance)
             cell -= 1.0
             np.clip(cell, 0.0, count - 1.0, out=cell)
@@ -73,12 +74,12 @@ class LatticePattern:
             number = number + (index if stride == 1 else index * np.int32(stride))
             stride *= count
         odd = odd & 1
-        # Odd hexahedra are even ones seen in a mirror.
+        # Odd hexahedra are mirror images of even ones.
         x, y, z = local
         mirror = odd.astype(np.float64)
         x *= 1.0 - 2.0 * mirror
         x += mirror
-        # Coordinates in the middle tetrahedron, of which at most one is negative.
+        # Coordinates in the middle tetrahedron; at most one of them is negative.
         half = 0.5 * (x + y + z)
         inner = [1.0 - half, half - y, half - z, half - x]
         edge = _TOLERANCE + distance / self.spacing.min()
@@ -92,7 +93,8 @@ class LatticePattern:
             total = total + negative
             below.append(negative)
         for coordinate, negative in zip(inner, below, strict=True):
-            # In the tetrahedron that the face cuts off, the corner beyond it takes the place.
+            # In the tetrahedron behind a face, the corner beyond the face replaces that of the
+            # middle tetrahedron opposite the face.
             negative *= -4.0
             coordinate += total
             coordinate += negative
@@ -110,13 +112,13 @@ class LatticePattern:
 
 
 def recognise(vertices: Floats, tetrahedra: AnyInts) -> LatticePattern | None:
-    """Return the lattice that a mesh is, if it is one."""
-    # Nothing but the mesh itself is believed: every vertex of every tetrahedron must be in its
-    # place to within rounding, so that a lattice that was moved, refined or renumbered is none.
+    """Recognise a lattice from its mesh; return None for other meshes."""
+    # Only the mesh itself decides: every vertex of every tetrahedron must be at its position up to
+    # rounding. So a lattice that was moved, refined or renumbered is not recognised.
     if len(tetrahedra) == 0 or len(tetrahedra) % TETRAHEDRA_PER_CELL:
         return None
     groups = np.asarray(tetrahedra).reshape(-1, TETRAHEDRA_PER_CELL, 4)
-    # The middle tetrahedron spans its hexahedron, so the first one tells the size of all.
+    # The middle tetrahedron spans its hexahedron, so the first one gives the size of all.
     step = np.ptp(vertices[groups[0, 0]], axis=0)
     used = vertices[groups[:, 0].ravel()]
     low, high = used.min(axis=0), used.max(axis=0)

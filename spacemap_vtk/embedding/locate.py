@@ -1,8 +1,9 @@
 """Find the tetrahedron of each point, and the weights of its corners.
 
 Equations (6) to (9) of Furukawa, Kitagawa and Shimizu, "Deformation of Flexible Objects Based on
-Space Mapping"; (9) is taken with the tetrahedron's orientation, so that any will do. What the paper
-leaves open, points outside the cage, is decided by the true distance.
+Space Mapping". In (9) the orientation of the tetrahedron is included, so any orientation works. The
+paper does not define points outside the cage; they belong to the nearest tetrahedron, by exact
+distance.
 """
 
 from __future__ import annotations
@@ -21,23 +22,23 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import blocks, for_each
 
-_BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
+_BLOCK = 2**14  # points in one block; it limits the temporary memory
 
 
 @dataclass(frozen=True)
 class Location:
-    """Where points lie in a tetrahedral mesh.
+    """Positions of points in a tetrahedral mesh.
 
     Parameters
     ----------
     tetrahedron : (N,) int32
-        Tetrahedron that each point belongs to.
+        Tetrahedron of each point.
     weights : (N, 4) float64
-        Weights of its corners, of sum 1; negative ones extrapolate. (0, 4) where not asked for.
+        Weights of its corners, with the sum 1; negative ones extrapolate. (0, 4) if not requested.
     is_outside : (N,) bool
         True for points outside every tetrahedron.
     outside : int
-        How many these are.
+        Number of these points.
     largest_distance : float
         Their largest distance from the mesh, in the unit of the points; 0 if there are none.
     """
@@ -60,9 +61,9 @@ def locate(
 ) -> Location:
     """Find the tetrahedron that each point belongs to, and the weights of its corners.
 
-    A point on a face that several share belongs to the one with the lowest number, whatever other
-    points come with it and in whatever order. A point outside every tetrahedron belongs to the
-    nearest one, by exact distance.
+    A point on a face that several tetrahedra share belongs to the one with the lowest number. This
+    depends neither on other points nor on their order. A point outside every tetrahedron belongs
+    to the nearest one, by exact distance.
 
     Parameters
     ----------
@@ -71,35 +72,35 @@ def locate(
     vertices : (V, 3) array_like
         Vertices of the mesh in m.
     tetrahedra : (T, 4) array_like of int
-        Vertices of each tetrahedron, in any orientation. Flat ones hold no points.
+        Vertices of each tetrahedron, in any orientation. Flat ones contain no points.
     outside : {"extrapolate", "clamp", "error"}
-        What becomes of points outside: they get the weights of their own place, some of them
-        negative; or those of the nearest point of the mesh; or are refused.
+        Treatment of points outside: weights of their position, some of them negative; weights of
+        the nearest point of the mesh; or an error.
     weighted : bool, optional
-        Whether weights are kept.
+        Whether weights are returned.
     threads : int, optional
-        Threads to work in; all processors if not given.
+        Number of threads; by default one for each processor.
 
     Returns
     -------
     Location
-        Tetrahedron, weights, and what lies outside.
+        Tetrahedra, weights, and points outside.
 
     Raises
     ------
     GeometryError
         A coordinate is not finite, a shape or vertex number is wrong, there are no tetrahedra or
-        all are flat; with ``outside="error"`` if points lie outside.
+        all are flat; with ``outside="error"``, points lie outside.
     InputError
-        `outside` is none of the three.
+        `outside` is not one of the three values.
 
     Notes
     -----
-    In a lattice (see `spacemap_vtk.embedding.lattice_locate`) a point is found by arithmetic;
-    elsewhere, and outside, by a search in a grid of cells.
+    In a lattice (see `spacemap_vtk.embedding.lattice_locate`) points are found by arithmetic.
+    Elsewhere, and outside, they are searched in a grid of cells.
 
-    Inside means barycentric coordinates of at least -1e-9, or not further out than the rounding of
-    the coordinates (in the precision in which points are passed).
+    A point is inside if its barycentric coordinates are at least -1e-9, or if it is outside by less
+    than the rounding of the coordinates (in the precision in which points are passed).
 
     Examples
     --------
@@ -124,10 +125,10 @@ def locate(
     weights = np.empty((len(places) if weighted else 0, 4))
 
     def part(which: slice | NDArray[np.intp]) -> Floats:
-        return np.asarray(places[which], np.float64)  # a copy of all would be as large as they are
+        return np.asarray(places[which], np.float64)  # block by block: a full copy would be large
 
     pattern = recognise(nodes, cells)
-    left: NDArray[np.intp] | None = None  # who must be searched for; None: all
+    left: NDArray[np.intp] | None = None  # points that must be searched; None: all
     if pattern is not None:
 
         def calculate(block: slice) -> None:
@@ -147,7 +148,7 @@ def locate(
         block = some if left is None else left[some]
         tetrahedron[block] = found = grid.find(part(block))
         if weighted:
-            # those outside get weights of some tetrahedron, and the right ones below
+            # Points outside get weights of any tetrahedron here, and the right ones below.
             weights[block] = frames.weights(part(block), np.maximum(found, 0))
 
     count = len(places) if left is None else len(left)
@@ -168,7 +169,7 @@ def locate(
 
         for_each(blocks(len(missed), _BLOCK), lambda: measure, threads)
 
-    # gaps between faces that rounding has opened are no outside
+    # Gaps between faces that are due to rounding do not count as outside.
     far_out = distance > frames.distance
     is_outside = np.zeros(len(places), dtype=np.bool_)
     is_outside[missed[far_out]] = True

@@ -1,4 +1,4 @@
-"""Few shapes of which a motion is a sum at any time, as animations in other programs have it."""
+"""Decompose a motion into a few shapes with weights over time, as other animation programs do."""
 
 from __future__ import annotations
 
@@ -10,45 +10,45 @@ from numpy.typing import NDArray
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
 
-#: Points times times that are decomposed, and points of which targets are made together.
+#: Largest product of points and times that is decomposed; number of points per block of targets.
 _POINTS, _PART = 2**20, 2**15
 
 
 class MorphTargets(NamedTuple):
-    """Shapes and how much of each there is at some times."""
+    """Shapes, and their weights at some times."""
 
     #: Displacements at full weight [m], (K, n, 3); orthogonal to each other.
     shapes: Floats
-    #: From -1 to 1, (T, K), their columns orthogonal, too.
+    #: From -1 to 1, (T, K); columns are orthogonal too.
     weights: Floats
-    #: The largest distance of any point at any time from where it should be [m].
+    #: Largest distance of any point at any time from its true position [m].
     error: float
 
 
 def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> MorphTargets:
-    """Find the fewest leading singular shapes that keep every point near its place at every time.
+    """Find the fewest leading singular shapes that keep every point within a tolerance.
 
     Parameters
     ----------
     displacements : ndarray of float, shape (T, n, 3)
-        Of n points at T times [m], from where they are drawn without any shape. Or (T, n, 1), of
-        any number that each point has: then shapes and error are such numbers.
+        Displacements of n points at T times [m], relative to the drawing without shapes. Or
+        (T, n, 1) for one number per point; then shapes and error are such numbers.
     tolerance : float
-        Largest distance [m]. Of what is inside a cage the same holds as of the cage's vertices: a
-        mean of theirs with weights that are positive and add up to 1 is no further off than they.
+        Largest distance [m]. If it holds for the vertices of a cage, it holds for points inside:
+        they are means of vertices with positive weights that add up to 1.
 
     Returns
     -------
     MorphTargets
-        Of no shapes where nothing moves further than that. The error is above the tolerance only
-        where that is less than the rounding of the displacements. Of very many points (a million
-        over all times) evenly chosen ones decide, and the error is theirs.
+        No shapes if nothing moves further than the tolerance. The error exceeds the tolerance only
+        if this is less than the rounding of the displacements. For very many points (a million over
+        all times) an evenly chosen part decides, and the error is that of this part.
 
     Notes
     -----
-    A singular value decomposition of the displacements, (T, 3n): its first K terms are the nearest
-    of all matrices of rank K in the mean of squares (Eckart and Young, 1936); here the largest
-    distance counts, so that terms are taken away until it is small enough.
+    Uses a singular value decomposition of the displacements, (T, 3n). Its first K terms are the
+    closest matrix of rank K in the mean of squares (Eckart and Young, 1936). Here the largest
+    distance counts, so terms are subtracted until it is small enough.
 
     Examples
     --------
@@ -59,10 +59,10 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     (50, 1)
     """
     count, points, parts = displacements.shape
-    # Of many points as many as say what the others do: neighbours move alike.
+    # Of many points, an evenly chosen part is enough, because neighbours move alike.
     few = displacements[:, :: -(-points * count // _POINTS)]
     left = few.reshape(count, -1).astype(np.float64)
-    # of little moving much, or much moving little: times need not be fewer than coordinates
+    # The reduced form serves both shapes of matrix: many times of few points, or the reverse.
     times = np.linalg.svd(left, full_matrices=False)[0]
     taken, error = 0, _largest(left, parts)
     while error > tolerance and taken < times.shape[1]:
@@ -70,12 +70,12 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
         taken, error = taken + 1, _largest(left, parts)
     weights = times[:, :taken]
     shapes = np.empty((taken, points, parts))
-    for some in blocks(points, _PART):  # all in double precision would not fit
+    for some in blocks(points, _PART):  # in blocks: all in double precision would not fit
         part = displacements[:, some].reshape(count, -1)
         made = weights.T @ part.astype(np.float64)
         shapes[:, some] = made.reshape(taken, part.shape[1] // parts, parts)
     peaks = np.abs(weights).max(axis=0, initial=0.0)
-    # of what does not move at all there may be terms of nothing
+    # If nothing moves, there may be terms that are zero.
     kept = (peaks > 0.0) & shapes.any(axis=(1, 2))
     weights, peaks = weights[:, kept], peaks[kept]
     return MorphTargets(shapes[kept] * peaks[:, None, None], weights / peaks, error)

@@ -1,4 +1,4 @@
-"""The tetrahedron truly nearest to a point that lies in none."""
+"""Find the tetrahedron nearest to a point outside a mesh, by exact distance."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangl
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import blocks
 
-_TIE = 1e-12  # relative difference of distances that is rounding: the lowest tetrahedron wins
-_BLOCK = 2**13  # points that are worked on together
-_PAIRS = 2**18  # pairs of a point and a box that are looked at together; bounds the scratch memory
+_TIE = 1e-12  # distances with a smaller relative difference are equal: the lowest tetrahedron wins
+_BLOCK = 2**13  # points in one block
+_PAIRS = 2**18  # pairs of a point and a box in one block; it limits the temporary memory
 _MORTON_BITS = 16
 
 Boxes = tuple[Floats, Floats]  # lower and upper corners, (3, n)
 
 
 class NearestTetrahedron:
-    """Exact distances to the boundary of a mesh."""
+    """Search for the nearest tetrahedra by exact distance to the boundary of a mesh."""
 
-    # The nearest tetrahedron has the nearest face, and that is not the one with the nearest middle:
-    # the tree of middles only gives a first bound. With it a binary tree of boxes round the faces
-    # is descended, all points at once, level by level; faces whose box is further away than the
-    # bound drop out, and what is left is measured.
+    # The nearest tetrahedron has the nearest face, which need not be the face with the nearest
+    # centre. So a tree of centres gives only a first bound. With it a binary tree of boxes around
+    # the faces is descended, all points at once, level by level. Faces whose box is further away
+    # than the bound are dropped, and the distance to the remaining ones is computed.
 
     def __init__(self, vertices: Floats, tetrahedra: AnyInts, frames: Frames) -> None:
-        from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+        from scipy.spatial import cKDTree  # imported here: it takes a tenth of a second
 
         usable = np.flatnonzero(frames.usable)
         owner, self._face = boundary(tetrahedra[usable], frames.positive[usable])
@@ -42,7 +42,7 @@ class NearestTetrahedron:
         self._distance = frames.distance
 
     def find(self, points: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
-        """Return the nearest tetrahedron, the nearest point on it, and how far that is."""
+        """Find the nearest tetrahedron, the weights of its nearest point, and the distance."""
         triangle = np.empty(len(points), dtype=np.intp)
         for block in blocks(len(points), _BLOCK):
             cancel.check()
@@ -53,7 +53,7 @@ class NearestTetrahedron:
         return self._owner[triangle].astype(np.int32), weights, np.sqrt(squared)
 
     def _search(self, points: Floats) -> NDArray[np.intp]:
-        """Return the nearest triangle of each of (3, n) points."""
+        """Find the nearest triangle of each of (3, n) points."""
         everyone = np.arange(points.shape[1])
         bound = self._measure(points, self._middles.query(points.T)[1])
         worth = bound * (1 + _TIE) + self._distance
@@ -73,10 +73,10 @@ class NearestTetrahedron:
                 )
         triangle = self._order[node]
         distance = self._measure(points[:, row], triangle)
-        # every point has kept at least the triangle that gave the bound, and rows are ascending
+        # Every point still has the triangle that gave its bound, and rows are ascending.
         start = np.searchsorted(row, everyone)
         least = np.minimum.reduceat(distance, start) * (1 + _TIE) + self._distance
-        # triangles are in the order of their tetrahedra
+        # Triangles are in the order of their tetrahedra.
         equal = np.where(distance <= least[row], triangle, len(self._owner))
         return np.minimum.reduceat(equal, start)
 
@@ -85,7 +85,7 @@ class NearestTetrahedron:
 
 
 def _morton_order(middles: Floats) -> NDArray[np.intp]:
-    """Return an order in which neighbours in space are mostly neighbours."""
+    """Compute an order in which triangles that are close in space are close in the list."""
     away = middles - middles.min(axis=0)
     size = float(away.max())
     steps = (away * ((2**_MORTON_BITS - 1) / size if size else 0.0)).astype(np.int64)
@@ -97,9 +97,9 @@ def _morton_order(middles: Floats) -> NDArray[np.intp]:
 
 
 def _levels(corners: Floats) -> list[Boxes]:
-    """Return the boxes of a binary tree over triangles, below its root, leaves last."""
+    """Build the boxes of a binary tree over triangles, without the root, leaves last."""
     # Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
-    # each triangle, and empty boxes, infinitely far from everything, up to a power of two.
+    # each triangle, and empty boxes up to a power of two, which are infinitely far away.
     count = corners.shape[2]
     depth = max(1, (count - 1).bit_length())
     low, high = np.full((3, 2**depth), np.inf), np.full((3, 2**depth), -np.inf)

@@ -1,8 +1,8 @@
-"""How a deformed mesh stretches and turns a plane that is embedded in it: two columns of F.
+"""Stretch and turn of a plane embedded in a deformed mesh: two columns of F.
 
-In a sheet of one layer these are the slopes of its mid-surface: the tetrahedra of a hexahedron lie
-on its upper or on its lower side, and where the sheet bends each shows the strain of that side.
-Elsewhere they are those of quadratics that are fitted to the vertices around each vertex.
+In a sheet of one layer they are the slopes of its mid-surface. The tetrahedra of a hexahedron lie
+on its upper or lower side, and where the sheet bends each of them has the strain of its side. In
+other meshes they are the slopes of quadratics that are fitted around each vertex.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.mechanics.elements.shell import mid_surface
 from spacemap_vtk.ndarrays import Floats, Ints
 
-#: Most steps of Newton's rule to a place in a quadrilateral: in a parallelogram it takes one.
+#: Largest number of Newton steps to a point in a quadrilateral; a parallelogram needs one.
 _STEPS = 8
 
 
 class PlaneSlopes:
-    """What unit vectors along x and y become at places in a mesh.
+    """Deformed unit vectors along x and y at points in a mesh.
 
     Parameters
     ----------
     places : (N, 3) float64
-        In m.
+        Points, in m.
     vertices : (V, 3) float64
-        Of the mesh at rest, in m.
+        Vertices of the mesh at rest, in m.
     elements : (T, 4) or (T, 10) int
         Linear or quadratic tetrahedra.
 
@@ -65,17 +65,17 @@ class PlaneSlopes:
             self._along = _of_quads(places, where, vertices, *self._surface[:2])
 
     def at(self, displacement: NDArray[Any]) -> Floats:
-        """Return both vectors at each place.
+        """Compute both vectors at each point.
 
         Parameters
         ----------
         displacement : (V, 3)
-            Of the vertices, in m.
+            Displacement of the vertices, in m.
 
         Returns
         -------
         (2, N, 3) float64
-            First what a unit vector along x has become, then along y.
+            Deformed unit vectors along x, then along y.
         """
         field = np.asarray(displacement, np.float64)
         if self._surface is None:
@@ -91,7 +91,7 @@ class PlaneSlopes:
 def _of_quads(
     places: Floats, where: Location, vertices: Floats, pairs: Ints, quads: Ints
 ) -> list[Interpolation]:
-    """Return what makes slopes along x and y out of the middles of a sheet's pairs."""
+    """Prepare slopes along x and y from the midpoints of a sheet's vertex pairs."""
     quad = (where.tetrahedron // TETRAHEDRA_PER_CELL).astype(np.int32)
     upper, lower = vertices[pairs.T]
     corners = (0.5 * (upper + lower))[quads][quad, :, :2]

@@ -1,4 +1,4 @@
-"""Points that ride along with a mesh, in compiled loops: one pass over the memory.
+"""Move embedded points in compiled loops, with one pass over the memory.
 
 Needs Numba; see `spacemap_vtk.parallel`.
 """
@@ -14,7 +14,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import compiled
 from spacemap_vtk.simd import map_point, stream_line
 
-#: Points that `displace` writes at a time: whole lines of the cache.
+#: Number of points that `displace` writes at a time; they fill whole cache lines.
 _BUFFER = 128
 
 
@@ -26,7 +26,7 @@ def apply(
     values: Floats,
     out: NDArray[Any],
 ) -> None:
-    """Write values at points."""
+    """Write values at points, from weights of the nodes."""
     for point in range(len(tetrahedron)):
         cell = np.intp(tetrahedron[point])
         for column in range(values.shape[1]):
@@ -40,7 +40,7 @@ def apply(
 def carry(
     maps: Floats, tetrahedron: NDArray[np.int32], points: NDArray[Any], out: NDArray[Any]
 ) -> None:
-    """Write values at points, by the affine maps of tetrahedra."""
+    """Write values at points, from affine maps of the tetrahedra."""
     for point in range(len(tetrahedron)):
         row = maps[np.intp(tetrahedron[point])]
         x, y, z = points[point, 0] - row[0], points[point, 1] - row[1], points[point, 2] - row[2]
@@ -58,10 +58,10 @@ def displace(
     shift: NDArray[Any],
     streamed: bool,
 ) -> None:
-    """Write displacement and new position of points, by the affine maps of tetrahedra."""
-    # Arrays of points are flat; `maps` is as `map_point` reads it. What is streamed begins at
-    # borders of 64 bytes.
-    # Some points at a time, to memory that stays in the cache: from there whole lines are copied.
+    """Write displacement and new position of points, from affine maps of the tetrahedra."""
+    # Arrays of points are flat; `maps` has the layout that `map_point` reads. Streamed results
+    # begin at multiples of 64 bytes.
+    # Some points at a time go to memory that stays in the cache; from there whole lines are copied.
     own_shift = np.empty(3 * _BUFFER + 8, points.dtype)
     own_moved = np.empty(3 * _BUFFER + 8, points.dtype)
     line = 64 // points.itemsize

@@ -1,9 +1,10 @@
-"""A smooth map in place of the piecewise affine one: no kinks at the borders of tetrahedra.
+"""A smooth map that replaces the piecewise affine one: no kinks at faces of tetrahedra.
 
 The displacement is a cubic spline with continuous first derivatives everywhere inside the cage
-(`spacemap_vtk.embedding.worsey_farin`). Its values at the vertices are the cage's; its gradients
-there are those of a quadratic fitted to the values around. It is linear in the displacement of the
-vertices; affine motions are reproduced, and quadratic ones where there are enough vertices to tell.
+(`spacemap_vtk.embedding.worsey_farin`). Its values at the vertices are those of the cage. Its
+gradients there are those of a quadratic that is fitted to the surrounding values. The map is linear
+in the displacement of the vertices. It reproduces affine motions, and quadratic ones where enough
+vertices determine them.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_p
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import blocks, for_each
 
-_BLOCK = 2**12  # points that are prepared together; bounds the scratch memory
+_BLOCK = 2**12  # points that are prepared in one block; it limits the temporary memory
 
 
 class SmoothInterpolation(Riding):
@@ -30,16 +31,16 @@ class SmoothInterpolation(Riding):
     Parameters
     ----------
     points : (N, 3) float64
-        The points that were located, in m.
+        Located points, in m.
     location : Location
-        Where they lie.
+        Result of `locate` for the points.
     vertices : (V, 3) float64
-        At rest, in m.
+        Vertices at rest, in m.
     tetrahedra : (T, 4) int
         Vertex numbers.
     clamp : bool
-        Points outside move as the nearest point of the cage does; otherwise they follow the affine
-        map that touches the smooth one there.
+        Whether points outside move like the nearest point of the cage; otherwise they follow the
+        affine map that is tangent to the smooth one there.
 
     Examples
     --------
@@ -64,7 +65,7 @@ class SmoothInterpolation(Riding):
         weights, foot = location.weights, location.weights
         beyond = np.flatnonzero(location.is_outside)
         if len(beyond):
-            # A cubic must not be asked for its value outside: it runs away.
+            # A cubic is not evaluated outside, because it grows without bound there.
             foot = weights.copy()
             foot[beyond] = locate(points[beyond], vertices, tetrahedra, "clamp").weights
         if clamp:
@@ -85,14 +86,14 @@ class SmoothInterpolation(Riding):
         return Interpolation(located, self._wide, 4 * len(self._vertices))
 
     def _prepare(self, ways: Callable[[NDArray[np.intp], Floats], Floats | None]) -> Floats:
-        """Return the factors of the corners' values and gradients, (1 + m, N, 16)."""
-        # Those at the points, or where they are outside at the nearest point of the mesh, come
-        # first, then those of the derivatives along m ways, which are asked for the numbers of some
-        # points and the corners (n, 4, 3) of their tetrahedra.
+        """Compute the factors of the corners' values and gradients, (1 + m, N, 16)."""
+        # The first factors give the value at the point or, if it is outside, at the nearest point
+        # of the mesh. The others give derivatives along m directions. `ways` returns these for the
+        # numbers of some points and the corners (n, 4, 3) of their tetrahedra.
         vertices, cells, tetrahedron = self._vertices, self._cells, self._location.tetrahedron
         good = np.flatnonzero(has_volume(vertices, cells))
         centres, faces = split_points(vertices, cells[good])
-        # by tetrahedron, so that a block of points needs few of them
+        # Sorted by tetrahedron, so that a block of points needs few of them.
         order = np.argsort(tetrahedron, kind="stable")
         some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
         result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
@@ -123,18 +124,18 @@ class SmoothInterpolation(Riding):
         return self._rows.apply(np.concatenate((table, self._slopes @ table)))
 
     def gradients(self, displacement: ArrayLike) -> Floats:
-        """Return the gradient of the map at each point.
+        """Compute the gradient of the map at each point.
 
         Parameters
         ----------
         displacement : (V, 3) array_like
-            In m.
+            Displacement of the vertices, in m.
 
         Returns
         -------
         (N, 3, 3) float64
-            Row i is the gradient of coordinate i; of points outside, that at the nearest point of
-            the mesh.
+            Row i is the gradient of coordinate i; for points outside, at the nearest point of the
+            mesh.
         """
         table = displacement_table(displacement, self._slopes.shape[1])
         if not self._along:
@@ -146,6 +147,6 @@ class SmoothInterpolation(Riding):
 
 
 def _axes(corners: Floats) -> Floats:
-    """Return x, y and z as ways in barycentric coordinates, (3, n, 4)."""
+    """Convert the directions x, y and z to barycentric coordinates, (3, n, 4)."""
     turned = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2)
     return np.concatenate((-turned.sum(axis=2, keepdims=True), turned), axis=2)

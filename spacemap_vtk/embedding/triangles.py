@@ -1,6 +1,6 @@
-"""The boundary of a tetrahedral mesh, and the point of a triangle nearest to another.
+"""The boundary of a tetrahedral mesh, and the nearest point on a triangle.
 
-As in `spacemap_vtk.embedding.frames`, only element by element arithmetic.
+As in `spacemap_vtk.embedding.frames`, only element-wise arithmetic is used.
 """
 
 from __future__ import annotations
@@ -12,30 +12,30 @@ from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 
 Coordinates = Floats  # (3, n): one row an axis
 
-# Face i lies opposite corner i; of a positive tetrahedron all look outwards.
+# Face i is opposite corner i; faces of a positive tetrahedron point outwards.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 def boundary(tetrahedra: AnyInts, positive: Bools) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the faces on which the nearest point of a mesh to a point outside can lie.
+    """Find the faces that can contain the nearest point of a mesh to a point outside.
 
     Parameters
     ----------
     tetrahedra : ndarray of int, shape (n, 4)
-        Numbers of their corners.
+        Numbers of the corners.
     positive : ndarray of bool, shape (n,)
-        Whether each one's last corner lies on the side to which the first three turn left.
+        Whether the last corner lies on the side from which the first three run anticlockwise.
 
     Returns
     -------
     tetrahedra, corners : ndarray of int, shape (m,)
-        Whose face each is, and which of its corners lies opposite.
+        Tetrahedron of each face, and the number of the opposite corner.
     """
-    # A face is left out only if exactly two tetrahedra share it from opposite sides. A mesh that
-    # does not conform, or overlaps itself, thus yields more faces than it needs, and never too few.
+    # A face is omitted only if exactly two tetrahedra share it from opposite sides. So a mesh that
+    # does not conform, or overlaps itself, gives more faces than necessary, but never too few.
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     a, b, c = faces.T
-    # parity of the order of the three numbers: which side the face looks to
+    # The parity of the order of the three numbers shows to which side the face points.
     side = np.sign(b - a) * np.sign(c - b) * np.sign(c - a)
     side *= np.repeat(np.where(positive, 1, -1), 4)
     a, b, c = np.sort(faces, axis=1).T
@@ -53,7 +53,7 @@ def boundary(tetrahedra: AnyInts, positive: Bools) -> tuple[NDArray[np.intp], ND
 def nearest_on_triangles(
     points: Coordinates, a: Coordinates, b: Coordinates, c: Coordinates
 ) -> tuple[Floats, Coordinates]:
-    """Return the squared distance to triangles, and where it is attained."""
+    """Compute the squared distance to triangles, and barycentric weights of the nearest points."""
     ab, ac, bc = b - a, c - a, c - b
     ap, bp = points - a, points - b
     along_ab, to_ab = _on_edge(ap, ab)
@@ -61,7 +61,7 @@ def nearest_on_triangles(
     along_bc, to_bc = _on_edge(bp, bc)
     squared = np.minimum(np.minimum(to_ab, to_ac), to_bc)
     on_ab, on_ac = to_ab == squared, to_ac == squared
-    # Cross products, not the Gram matrix: that one loses all digits in a needle.
+    # Cross products are used, because the Gram matrix loses all digits in a needle.
     normal = cross(ab, ac)
     area = dot(normal, normal)
     area = np.where(area > 0, area, 1.0)
@@ -76,7 +76,7 @@ def nearest_on_triangles(
 
 
 def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[Floats, Floats]:
-    """Return the parameter of the nearest point of an edge, and its squared distance."""
+    """Compute the parameter of the nearest point of an edge, and its squared distance."""
     length = dot(edge, edge)
     t = np.clip(dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
     rest = p - t * edge
@@ -84,12 +84,12 @@ def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[Floats, Floats]:
 
 
 def cross(a: Coordinates, b: Coordinates) -> Coordinates:
-    """Return the vector product."""
+    """Compute the vector product."""
     return np.stack(
         (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )
 
 
 def dot(a: Coordinates, b: Coordinates) -> Floats:
-    """Return the scalar product."""
+    """Compute the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

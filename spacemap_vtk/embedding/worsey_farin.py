@@ -1,15 +1,15 @@
-"""A cubic on each tetrahedron, split in twelve, that is smooth across faces.
+"""A cubic spline on each tetrahedron, split into twelve pieces, that is smooth across faces.
 
 A. J. Worsey, G. Farin, "An n-dimensional Clough-Tocher interpolant", Constructive Approximation 3
 (1987); notation as in M.-J. Lai, L. L. Schumaker, "Spline Functions on Triangulations", section
-18.4. A tetrahedron is cut from its incentre to its faces, and each face from the point where the
-line to the neighbour's incentre meets it. On these twelve pieces a cubic is given by values and
-gradients at the vertices, and the gradient across the middle of each edge. The latter is taken as
-the mean of the ends', so that quadratic functions are reproduced.
+18.4. A tetrahedron is split at its incentre, and each face at the point where the line to the
+neighbour's incentre meets it. On these twelve pieces a cubic is defined by values and gradients at
+the vertices, and the gradient across the middle of each edge. The latter is the mean of the
+gradients at both ends, so that quadratic functions are reproduced.
 
-All is linear in twenty numbers for each tetrahedron: the values f_j, and g_jk, the derivative at
-vertex j towards vertex k (g_jj is 0). In the names of coefficients j, k are vertices, s the point
-that splits a face, c the incentre.
+Everything is linear in twenty numbers of each tetrahedron: the values f_j, and g_jk, the derivative
+at vertex j towards vertex k (g_jj is 0). In the names of coefficients, j and k are vertices, s is
+the point that splits a face, and c is the incentre.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from spacemap_vtk.embedding.triangles import FACES
 from spacemap_vtk.ndarrays import AnyInts, Floats
 
-#: The twenty numbers: f_0 ... f_3, g_00, g_01 ... g_33.
+#: Number of values per tetrahedron: f_0 ... f_3, g_00, g_01 ... g_33.
 NUMBERS = 20
-#: From so many points in a piece on they are evaluated together.
+#: Mean number of points in a piece from which they are evaluated together.
 _FEW = 8
 _PAIRS = [(j, k) for j in range(4) for k in range(4) if j < k]
 
 
 def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]:
-    """Return where tetrahedra and their faces are split."""
+    """Compute the points at which tetrahedra and their faces are split."""
     corners = vertices[tetrahedra]
     sides = corners[:, FACES]  # tetrahedron, face, corner, axis
     normals = np.cross(sides[:, :, 1] - sides[:, :, 0], sides[:, :, 2] - sides[:, :, 0])
@@ -41,7 +41,7 @@ def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]
     normals /= areas[:, :, None]
     reach = np.einsum("tfa,tfa->tf", normals, sides[:, :, 0] - middle[:, None])
     place = middle[:, None] + reach[:, :, None] * normals  # feet
-    # faces that two share
+    # Faces that two tetrahedra share.
     numbers = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
     order = np.lexsort(numbers.T)
     same = (numbers[order[1:]] == numbers[order[:-1]]).all(axis=1)
@@ -50,7 +50,7 @@ def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]
     share = (size[one] / (size[one] + size[two]))[:, None]
     on_line = (1.0 - share) * middle[one // 4] + share * middle[two // 4]
     place.reshape(-1, 3)[one] = place.reshape(-1, 3)[two] = on_line
-    # barycentric coordinates in the face: areas of the three parts
+    # Barycentric coordinates in the face: areas of the three parts.
     faces = np.zeros((len(tetrahedra), 4, 4))
     for i in range(4):
         for a in range(3):
@@ -62,20 +62,20 @@ def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]
 
 
 class Names:
-    """Places of the coefficients in the table of a tetrahedron."""
+    """Positions of the coefficients in the table of a tetrahedron."""
 
     def __init__(self) -> None:
         self.place: dict[tuple[Any, ...], int] = {}
 
     def __call__(self, *key: Any) -> int:
-        """Return the place of a coefficient, a new one at the first time."""
+        """Return the position of a coefficient; a new name gets the next one."""
         return self.place.setdefault(key, len(self.place))
 
 
 def _name(i: int, parts: list[Any]) -> tuple[Any, ...]:
-    """Return the name of a coefficient of a piece of face i: its three parts, sorted."""
+    """Name a coefficient of a piece of face i by its three parts, sorted."""
     parts = sorted(parts, key=str)
-    # those without the face's own point belong to several pieces
+    # Coefficients without the split point of the face belong to several pieces.
     return (*parts, i) if "s" in parts else tuple(parts)
 
 
@@ -86,7 +86,7 @@ _FACTORS = np.array([6.0 / np.prod([(1, 1, 2, 6)[e] for e in powers]) for powers
 
 
 def _pieces() -> tuple[Names, NDArray[np.intp]]:
-    """Return names, and the twenty places of each piece: of face i without corner l."""
+    """Build names, and the twenty positions of each piece: that of face i without corner l."""
     names, table = Names(), np.zeros((4, 4, 20), dtype=np.intp)
     for i in range(4):
         for corner in range(4):
@@ -103,7 +103,7 @@ _NAMES, _TABLE = _pieces()
 
 
 def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
-    """Return the control points of all pieces, as factors of the twenty numbers."""
+    """Compute the control points of all pieces, as factors of the twenty numbers."""
     count = len(corners)
     result = np.zeros((count, len(_NAMES.place), NUMBERS))
 
@@ -119,14 +119,14 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         return unit[4 + 4 * j + k] if j != k else np.zeros(NUMBERS)
 
     def toward(j: int, at: Floats) -> Floats:
-        """Return the derivative at vertex j towards a point of given coordinates."""
+        """Compute the derivative at vertex j towards a point in barycentric coordinates."""
         total = np.zeros((count, NUMBERS))
         total[:, 4 + 4 * j : 8 + 4 * j] = at
         total[:, 4 + 5 * j] = 0.0
         return total
 
     def mixed(parts: dict[int, Floats], at: Floats) -> Floats:
-        """Return the mean of coefficients, weighted with barycentric coordinates."""
+        """Average coefficients with barycentric weights."""
         total = np.zeros((count, NUMBERS))
         for vertex, value in parts.items():
             total += at[:, [vertex]] * value
@@ -137,7 +137,7 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         for k in range(4):
             if j != k:
                 put(0, [j, j, k], unit[j] + slope(j, k) / 3.0)
-    across = {}  # for each edge: how the derivative at its middle depends on the direction
+    across = {}  # for each edge: the derivative at its middle, as a function of direction
     for j, k in _PAIRS:
         edge = corners[:, k] - corners[:, j]
         per = edge / np.einsum("ta,ta->t", edge, edge)[:, None]
@@ -145,7 +145,7 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         across[j, k] = per, along - 0.5 * (slope(j, k) - slope(k, j))
 
     def at_middle(j: int, k: int, begin: Floats, end: Floats) -> Floats:
-        """Return the derivative in the middle of edge jk along the way between two points."""
+        """Compute the derivative at the middle of edge jk in the direction between two points."""
         j, k = min(j, k), max(j, k)
         mean = 0.5 * (toward(j, end) - toward(j, begin) + toward(k, end) - toward(k, begin))
         per, surplus = across[j, k]
@@ -183,7 +183,7 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
             put(i, ["c", "s", j], get(i, ["s", "s", j]) + once[j] / 3.0)
         put(i, ["c", "s", "s"], get(i, ["s", "s", "s"]) + twice / 3.0)
     for j in range(4):
-        # Smooth across the plane of incentre and edge jk, on whose sides lie faces i and m.
+        # Smoothness across the plane of the incentre and edge jk, between faces i and m.
         k, i, m = (v for v in range(4) if v != j)
         to_c = faces[:, m, i] / centres[:, i]
         to_s = -to_c * centres[:, m] / faces[:, i, m]
@@ -207,7 +207,7 @@ def evaluated(
     faces: Floats,
     ways: Floats | None = None,
 ) -> Floats:
-    """Return the factors of the twenty numbers at points, and for derivatives there."""
+    """Compute the factors of the twenty numbers at points, and for derivatives there."""
     everyone = np.arange(len(weights))
     centre = centres[which]
     ratio = weights / centre
@@ -221,7 +221,7 @@ def evaluated(
     others = _OTHERS[face, corner]
 
     def local(coordinates: Floats) -> Floats:
-        """Return coordinates in the piece: of incentre, face's point and two corners."""
+        """Convert to coordinates in the piece: of the incentre, split point and two corners."""
         inner = coordinates[everyone, face] / centre[everyone, face]
         left = coordinates - inner[:, None] * centre
         side = left[everyone, corner] / split[everyone, corner]
@@ -249,7 +249,7 @@ def evaluated(
     if len(first) > len(weights) / _FEW:
         chosen = table[which[:, None], _TABLE[face, corner]]  # (n, 20, 20)
         return np.matmul(terms, chosen).transpose(1, 0, 2)
-    # with many points in a piece all at once: to look the table up for each takes longest
+    # With many points in each piece, evaluate piece by piece: a lookup per point would be slowest.
     result = np.empty((1 + len(along), len(weights), NUMBERS))
     for begin, end in pairwise([*first.tolist(), len(order)]):
         rows = order[begin:end]
