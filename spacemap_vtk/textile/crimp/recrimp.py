@@ -1,11 +1,11 @@
-"""The control points of a cloth whose crossings have other heights, in a space that is stretched.
+"""Control points of a cloth whose crossings change their heights, in a space that is stretched.
 
-Every ring of a tube stands on a foot: the place under its middle in the plane between warp and
-weft. Feet are those of the cloth as it was woven, and stay. What is found anew is how each control
-point lies from where its foot has been carried to: along the yarn, up the surface's normal, aside.
-So sections turn with the surface, and are not squeezed by it; yarns are as far apart at crossings
-as they are said to be, along the normal that both share. Where that is less than woven they are as
-much thinner there, so that they touch and do not overlap.
+Every ring of a tube has a foot: the projection of its centre on the plane between warp and weft.
+Feet are those of the cloth at rest and do not change. What is recomputed is the vector from each
+moved foot to its control points: along the yarn, along the surface's normal, and sideways. So
+sections turn with the surface and are not squeezed by it. At crossings, yarns have the given
+distance along the common normal. Where it is less than at rest, yarns are thinner there in the same
+ratio, so that they touch and do not overlap.
 
 Invariant: cells are those of `spacemap_vtk.textile.geometry.weave.build`, whatever the heights.
 """
@@ -29,14 +29,14 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 
 class Recrimp:
-    """The control points of a cloth, or of some of its yarns, as their crossings move.
+    """Control points of a cloth, or of some of its yarns, while its crossings move.
 
     Parameters
     ----------
     cloth : Cloth
-        As it was woven, its axes by arcs.
+        At rest, with axes by arcs.
     share : Share
-        The yarns that are wanted, as for `spacemap_vtk.textile.geometry.weave.build`.
+        Yarns to include, as for `spacemap_vtk.textile.geometry.weave.build`.
 
     Raises
     ------
@@ -65,13 +65,13 @@ class Recrimp:
             self._families.append(family)
             count = len(family.radius)
             rings, points = rings + count, points + count * family.shape.size
-        #: (rings, 3) Where the rings stand [m], the warp's first.
+        #: (rings, 3) Feet of the rings [m], the warp's first.
         self.feet: Floats = np.zeros((rings, 3))
         for number, family in enumerate(self._families):
             here = family.rings
             self.feet[here, 1 - number] = family.rest.along
             self.feet[here, number] = np.repeat(family.lateral, 3 * family.tubes.parts + 1)
-        #: (patches,) Number of the crossing nearest to each, of (2, picks, ends), the warp's first.
+        #: (patches,) Nearest crossing of each patch: index of (2, picks, ends), the warp's first.
         self.crossing: Ints = np.concatenate(
             [np.repeat(f.crossing, f.shape.size // 3) for f in self._families]
             + [np.repeat(f.ends, len(f.cap.table)) for f in self._families if f.cap]
@@ -79,7 +79,7 @@ class Recrimp:
 
     @property
     def rest(self) -> AnyFloats:
-        """(N, 3) How control points lie from their feet as woven [m]."""
+        """(N, 3) Vectors from feet to control points at rest [m]."""
         still = np.ones((2, *self.cloth.drawdown.shape))
         shares = np.reshape(self.cloth.shares, (2, 1, 1))
         along = np.zeros_like(self.feet)
@@ -94,21 +94,21 @@ class Recrimp:
         return len(self._families[0].radius)
 
     def axes(self, number: int, height: Floats, stretch: Floats) -> Axes:
-        """Return the axes of warp (0) or weft (1).
+        """Compute the axes of warp (0) or weft (1).
 
         Parameters
         ----------
         number : {0, 1}
-            Which.
+            The family.
         height : ndarray of float64, shape (2, picks, ends)
-            How far warp and weft are from the plane between them at each crossing [m].
+            Distances of warp and weft from the plane between them at each crossing [m].
         stretch : ndarray of float64, shape (2, picks, ends)
-            Of space along warp and weft.
+            Stretches of space along warp and weft.
 
         Returns
         -------
         Axes
-            ``along`` is that of the cloth as woven; lengths, angles and curvatures as stretched.
+            ``along`` is as in the cloth at rest; lengths, angles and curvatures are stretched.
         """
         return self._laid(number, height, stretch)[0]
 
@@ -120,20 +120,20 @@ class Recrimp:
         normal: Floats,
         precision: DTypeLike = np.float64,
     ) -> AnyFloats:
-        """Return how the control points lie from where their feet have been carried to.
+        """Compute the vectors from the moved feet to the control points.
 
         Parameters
         ----------
         height : ndarray of float64, shape (2, picks, ends)
-            How far warp and weft are from the plane between them at each crossing [m].
+            Distances of warp and weft from the plane between them at each crossing [m].
         stretch : ndarray of float64, shape (2, picks, ends)
-            Of space along warp and weft.
+            Stretches of space along warp and weft.
         along : ndarray of float64, shape (rings, 3)
-            What a unit vector along each ring's yarn has become.
+            Deformed image of a unit vector along each ring's yarn.
         normal : ndarray of float64, shape (rings, 3)
             Unit normal of the surface that warp and weft span there.
         precision : dtype
-            Of the result.
+            Type of the result.
 
         Returns
         -------
@@ -158,17 +158,17 @@ class Recrimp:
         return result
 
     def spread(self, of_rings: Floats) -> Floats:
-        """Return for each control point what its ring has.
+        """Repeat values of rings for their control points.
 
         Parameters
         ----------
         of_rings : ndarray of float64, shape (rings, ...)
-            Anything.
+            Values of any kind.
 
         Returns
         -------
         ndarray of float64, shape (N, ...)
-            The same.
+            Value of each control point's ring.
         """
         parts = [np.repeat(of_rings[f.rings], f.shape.size, axis=0) for f in self._families]
         for family in self._families:
@@ -178,7 +178,7 @@ class Recrimp:
         return np.concatenate(parts)
 
     def weights(self, height: Floats, stretch: Floats) -> Floats | None:
-        """Return the rational weights of the control points.
+        """Compute the rational weights of the control points.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Recrimp:
         Returns
         -------
         ndarray of float64, shape (N,), or None
-            None where the cloth is not exact: there all are 1.
+            None if the cloth is not exact; then all weights are 1.
         """
         if not self.cloth.exact:
             return None
@@ -213,12 +213,12 @@ class Recrimp:
 
     @property
     def _distance(self) -> Floats:
-        """(picks, ends) Of the axes at each crossing, as woven."""
+        """(picks, ends) Distance of the axes at each crossing, at rest."""
         warp, weft = self.cloth.yarns
         return 0.5 * (weft.diameter[:, None] + warp.diameter)
 
     def _laid(self, number: int, height: Floats, stretch: Floats) -> tuple[Axes, Floats]:
-        """Return the axes of a family, and the stretch along each part."""
+        """Compute the axes of a family, and the stretch along each part."""
         family, crossed = self._families[number], self.cloth.yarns[1 - number]
         rows = _rows(height[number], number, self.share)
         gaps = gaps_of(
@@ -270,7 +270,7 @@ class Recrimp:
 
 
 class _Rings(NamedTuple):
-    """The rings of a family in its yarns' own planes."""
+    """Rings of a family, each in the plane of its yarn."""
 
     along: Floats
     """(rings,) Their middles, along the yarn before space was stretched."""
@@ -281,7 +281,7 @@ class _Rings(NamedTuple):
 
 
 class _Family(NamedTuple):
-    """What does not change in a family."""
+    """Values of a family that do not change."""
 
     upper: Bools
     radius: Floats
@@ -317,7 +317,7 @@ class _Family(NamedTuple):
         return slice(self.first, self.first + len(self.radius))
 
     def at_rings(self, at_crossings: Floats) -> Floats:
-        """Interpolate between crossings, level at each: (rings,) of (yarns, crossings)."""
+        """Interpolate from crossings (yarns, crossings) to rings, with zero slope at crossings."""
         row = np.repeat(np.arange(len(self.lateral)), 3 * self.tubes.parts + 1)
         last = len(self.place) - 1
         left = np.clip(np.searchsorted(self.place, self.rest.along) - 1, 0, max(last - 1, 0))
@@ -335,10 +335,10 @@ def _spread(
     flat: Floats | None,
     out: AnyFloats,
 ) -> None:
-    """Write the control points of a family's tubes, from where their feet have been carried to."""
+    """Write the control points of a family's tubes, relative to their moved feet."""
     size, first = family.shape.size, family.tubes.first
     shift = rings.along - family.rest.along
-    # each block is one product, in the cache, and too small for BLAS to start threads
+    # Each block is one product that fits the cache and is too small for BLAS to start threads.
     spread = family.spread.astype(out.dtype)
     block = max(1, BLAS_SERIAL // spread.size)
 
@@ -354,7 +354,7 @@ def _spread(
             one, other = (axis + 1) % 3, (axis + 2) % 3
             made[:, 2, axis] = n[:, one] * t[:, other] - n[:, other] * t[:, one]
         made[:, 2] *= family.radius[here, None]
-        if flat is not None:  # thinner all round: arcs go round what is round, and touch it
+        if flat is not None:  # thinner all round: then the arcs of other yarns still touch it
             made[:, 1:] *= flat[here, None, None]
         points = out[first + begin * size : first + (begin + len(e)) * size]
         np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
@@ -363,18 +363,18 @@ def _spread(
 
 
 def _rows(table: Floats, number: int, share: Share) -> Floats:
-    """Return what each of the yarns of a share has at its crossings, of (picks, ends)."""
+    """Arrange values (picks, ends) in a row for each yarn of a share."""
     return table[share[1]] if number else table.T[share[0]]
 
 
 def _rings(path: Axes, stretch: Floats) -> _Rings:
-    """Return the rings of tubes round axes, as `spacemap_vtk.textile.geometry.sweep` has them."""
+    """Compute the rings of tubes around axes, as in `spacemap_vtk.textile.geometry.sweep`."""
     owner = path.owner
     start = np.arange(len(owner)) + owner
     cos, sin = np.cos(path.angle), np.sin(path.angle)
     radius = np.repeat(path.radius, path.parts + 1)
     at_stations = np.stack([path.along, path.height, -radius * sin, radius * cos])
-    # three rings of each part, by columns, and the last of each yarn among them afterwards
+    # Write three rings of each part column by column, then insert the last ring of each yarn.
     made = np.empty((4, len(owner), 3))
     made[:, :, 0] = at_stations[:, start]
     for column, stations, handle, bend in (

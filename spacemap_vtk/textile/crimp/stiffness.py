@@ -1,25 +1,24 @@
-"""From yarns to cloth: what a cloth resists, of the rigidities of its yarns and their geometry.
+"""Stiffness of a cloth from the stiffness of its yarns and their geometry.
 
-Nothing is fitted. Stretch in the plane is the second derivative of the energy of crimp interchange
-(`spacemap_vtk.textile.crimp.interchange`), h1 and D following freely, where all yarns begin to be
-pulled.
-For the rest a yarn is a rod along all of its length l, of one rigidity B about every axis, torsion
-too, as a bundle of fibres is that slide on each other:
+Nothing is fitted. The membrane stiffness is the second derivative of the energy of crimp
+interchange (`spacemap_vtk.textile.crimp.interchange`) at the onset of tension in all yarns, with h1
+and D free. For the rest, a yarn is a rod along its whole length l with one rigidity B about every
+axis, including torsion, like a bundle of fibres that slide on each other:
 
-- bending: a moment M turns a yarn by M l / B over the spacings P that it crosses, so that yarns p
-  apart resist with B P / (p l). Friction at crossings, which adds to that, is left out;
-- twist: such a rod turns as much about any axis, so that D66 is a quarter of the sum of both
-  families' B P / (p l), and a square cloth bends alike in all directions;
-- shear: between two crossings that are gripped a yarn is a beam whose ends keep their directions:
-  it leans by V l^3 / (12 B P) under a force V across it, and the angles of warp and weft add up. A
-  yarn is gripped where it changes side, not within a float. In series with the beams is the twist
-  of the contacts: yarns pressed together by N resist it with k = 2 (1 - ν) N R = N D/2 (Hertz's
-  contact of crossed cylinders of radius R = D/4, ν = 0, whose modulus cancels), and the cloth leans
-  by p1 p2/k. N is what yarns press with that are straight when free: 12 B h/l^3 for each change of
-  side next to a crossing. A twill has half the changes of plain cloth, and so half the grip.
+- Bending: a moment M turns a yarn by M l / B over the spacings P that it crosses. So yarns p apart
+  resist with B P / (p l). Friction at crossings, which adds to that, is neglected.
+- Twist: such a rod turns equally about any axis. So D66 is a quarter of the sum of both families'
+  B P / (p l), and a square cloth bends equally in all directions.
+- Shear: between two crossings that grip it, a yarn is a beam whose ends keep their directions. A
+  transverse force V tilts it by V l^3 / (12 B P), and the angles of warp and weft add up. A yarn is
+  gripped where it changes side, not within a float. The twist of the contacts acts in series with
+  the beams: yarns that are pressed together by N resist it with k = 2 (1 - ν) N R = N D/2 (Hertz's
+  contact of crossed cylinders of radius R = D/4, with ν = 0; the modulus cancels), and the cloth
+  shears by p1 p2/k. N is the pressure of yarns that would be straight if free: 12 B h/l^3 for each
+  change of side next to a crossing. A twill has half the changes of plain cloth, so half the grip.
 
-Limits of shear: crossings do not slip yet; yarns whose crimp is set press less than N, and their
-cloth is softer. All is of the repeat, wrapped round: how much of it is drawn does not count.
+Limits of shear: crossings do not slip. Yarns with set crimp press less than N, so their cloth is
+softer. All values hold for an endless cloth of repeats, whatever part of it is drawn.
 
 Sources: R. G. Livesey, J. D. Owen, "Cloth Stiffness and Hysteresis in Bending", J. Textile Inst. 55
 (1964) T516, for bending without friction; G. A. V. Leaf, A. M. F. Sheta, "The Initial Shear Modulus
@@ -43,28 +42,28 @@ from spacemap_vtk.textile.weave.peirce import solve
 
 
 def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
-    """Return what a cloth resists, by its yarns alone.
+    """Compute the stiffness of a cloth from its yarns.
 
     Parameters
     ----------
     cloth : Cloth
         At rest: any weave, diameters, spacings and sections.
     yarns : YarnMechanics
-        EA [N] of its yarns, B [N m²], and what crossings resist.
+        EA [N] and B [N m²] of its yarns, and the stiffness of crossings.
 
     Returns
     -------
     Plate
-        Along weft (1) and warp (2). Of yarns or spacings that differ it is the mean over crossings
-        that are all stretched alike; bending one way does nothing along the other (D12 = 0).
+        Along weft (1) and warp (2). If yarns or spacings differ, it is the mean over crossings with
+        equal stretch. Bending in one direction causes no moment in the other (D12 = 0).
 
     Raises
     ------
     GeometryError
         There is no room for the yarns at rest.
     InputError
-        The yarns do not stretch, or resist no bending or contact: a sheet needs all to be stable;
-        or there is no second yarn to cross.
+        The yarns do not stretch, or have no stiffness in bending or contact (a stable sheet needs
+        all of them), or there is no second yarn to cross.
 
     Examples
     --------
@@ -129,7 +128,7 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
 
 
 class _Rods(NamedTuple):
-    """The responses of a family's mean yarn, for a bending rigidity B of 1."""
+    """Stiffness of a family's mean yarn for a bending rigidity B of 1."""
 
     bending: float
     """It resists bending of the cloth with this."""
@@ -140,7 +139,7 @@ class _Rods(NamedTuple):
 
 
 def _rods(cloth: Cloth, number: int) -> _Rods:
-    """Return what the mean yarn of a family does, along whole repeats that are wrapped round."""
+    """Compute the response of a family's mean yarn along whole repeats, continued periodically."""
     crossed, repeats = cloth.yarns[1 - number], drawdown.repeat(cloth.drawdown)
     count, width = (
         size - size % each
@@ -149,7 +148,7 @@ def _rods(cloth: Cloth, number: int) -> _Rods:
             (cloth.size[1 - number], repeats[1 - number]),
         )
     )
-    # Behind the last crossing comes the first one again.
+    # After the last crossing comes the first one again.
     spacing = np.append(crossed.spacing[: width - 1], crossed.spacing.mean())
     flat = crossed.flat[:width]
     across = float(spacing.sum())
@@ -163,8 +162,8 @@ def _rods(cloth: Cloth, number: int) -> _Rods:
         arcs = arc + np.roll(arc, -1, axis=1)
         length = solve(spacing - flats, rise, arcs).length + flats
         changes = upper != np.roll(upper, -1, axis=1)
-        # A crossing within a float grips nothing: what lies between two that do is one beam. What
-        # comes before the first that does goes on from the last beam.
+        # A crossing within a float does not grip, so one beam lies between two that do. Gaps before
+        # the first gripping crossing belong to the last beam.
         gripped = changes | np.roll(changes, 1, axis=1)
         beam = np.cumsum(gripped, axis=1)
         beam = np.where(beam == 0, beam[:, -1:], beam)
@@ -173,6 +172,6 @@ def _rods(cloth: Cloth, number: int) -> _Rods:
         cubes = (beams.reshape(len(beam), -1) ** 3).sum(axis=1)
         bending += float((across / length.sum(axis=1)).sum())
         sheared += float((12.0 * across / cubes).sum())
-        # each change of side presses the crossings at both of its ends
+        # Each change of side presses the crossings at both of its ends.
         pressure += float((2.0 * changes * 12.0 * rise / length**3).mean(axis=1).sum())
     return _Rods(bending / count, sheared / count, pressure / count)

@@ -1,8 +1,8 @@
 """Sections of a yarn as closed cubic Bézier curves, and the patches that close its cut ends.
 
-A section is given for a half height of 1: lateral points across the yarn, normal points along z.
-It starts on top and runs towards positive lateral. A ring of a tube is the section's control
-points, three for each cubic; segments share their ends.
+A section is given for a half height of 1: lateral coordinates across the yarn, normal ones along z.
+It starts at the top and runs towards positive lateral. A ring of a tube consists of the section's
+control points, three for each cubic; neighbouring cubics share their ends.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from spacemap_vtk.textile.patches.bezier import arc_handle, quadrilateral_order,
 
 
 class Section(NamedTuple):
-    """The control points of a section of half height 1."""
+    """Control points of a section of half height 1."""
 
     lateral: Floats
     """(m,) Across the yarn, along the cloth."""
@@ -32,12 +32,12 @@ class Section(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number m of control points: three for each patch round the yarn."""
+        """Number m of control points: three for each patch around the yarn."""
         return len(self.lateral)
 
 
 def section(kind: str, aspect: float, exact: bool) -> Section:
-    """Return a section."""
+    """Build a section of half height 1."""
     if exact:
         handle, weight = map(float, rational_handles(0.5 * pi))
     else:
@@ -63,22 +63,22 @@ def section(kind: str, aspect: float, exact: bool) -> Section:
 
 
 def cubic_error(angle: float) -> float:
-    """Return the largest radial error of one cubic for an arc, over its radius."""
+    """Compute the largest radial error of one cubic for an arc, over its radius."""
     s, c = np.sin(0.25 * angle), cos(0.25 * angle)
     return float(np.sqrt(1.0 + 4.0 / 27.0 * s**6 / c**2) - 1.0)
 
 
 def tube_table(size: int) -> Ints:
-    """Return the control points of the patches round a part of a tube."""
+    """Number the control points of the patches around a part of a tube."""
     segment, j, i = np.ogrid[: size // 3, :4, :4]
     return _in_vtk_order(size * i + (3 * segment + j) % size)
 
 
 class Cap(NamedTuple):
-    """How a cut end is closed: cubics across it, between facing points of its ring."""
+    """Cap of a cut end: cubics across it, between facing points of its ring."""
 
-    # Both poles of the section are edges of no length; the surface is smooth there all the same,
-    # and so it is exact for rational sections.
+    # Both poles of the section are edges of zero length. The surface is still smooth there, and
+    # exact for rational sections.
 
     lower: Ints
     """(c,) Ring points below, from pole to pole, without the poles."""
@@ -90,14 +90,15 @@ class Cap(NamedTuple):
 
     @property
     def new_points(self) -> int:
-        """Number of points that are not the ring's own."""
+        """Number of points that do not belong to the ring."""
         return 2 * len(self.lower)
 
 
 def cap(size: int) -> Cap:
-    """Return how a ring is closed."""
+    """Build the cap of a ring of `size` points."""
     step = np.arange(size // 2 + 1)
-    # the section is symmetric: quarters start at the top, so a pole is at point 3, and opposite it
+    # The section is symmetric and starts at the top, so one pole is point 3 and the other is
+    # opposite.
     lower, upper = (size // 2 + 3 - step) % size, (size // 2 + 3 + step) % size
     inner = np.arange(len(step) - 2)
     grid = np.empty((4, len(step)), dtype=np.int64)

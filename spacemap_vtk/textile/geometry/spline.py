@@ -1,7 +1,7 @@
-"""Axes of yarns as cubic splines through the crossings: C2, so that the curvature has no jumps.
+"""Axes of yarns as cubic splines through the crossings: C2, so the curvature has no jumps.
 
-This is how most textile geometry programs lay a yarn (TexGen among them). It passes every
-crossing at touching distance, and keeps no distance beside it: compare
+Most textile geometry programs, such as TexGen, lay yarns like this. At each crossing yarns have
+touching distance, but nowhere else is a distance guaranteed: compare
 `spacemap_vtk.textile.geometry.yarn_clearance.least_clearance`.
 """
 
@@ -15,23 +15,23 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.geometry.axis import Axes
 from spacemap_vtk.textile.weave.threads import Yarns
 
-#: Parts of an axis between two crossings. The tube's surface is a cubic along each, which misses
-#: the radius by less the shorter it is; the axis itself is exact in any number.
+#: Number of parts of an axis between two crossings. The tube's surface is a cubic along each part;
+#: shorter parts miss the radius by less. The axis is exact for any number.
 PARTS = 4
-#: Nodes and weights of Gauss' quadrature over [0, 1], for lengths.
+#: Nodes and weights of Gauss quadrature over [0, 1], for lengths.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
 def spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> Axes:
-    """Lay axes as splines z(y), horizontal at both ends."""
+    """Build axes as splines z(y) that are horizontal at both ends."""
     knots = crossed.position
     if overhang > 0.0:
         height = np.pad(height, ((0, 0), (1, 1)), mode="edge")
         knots = np.concatenate([[knots[0] - overhang], knots, [knots[-1] + overhang]])
-    # in units of the cloth, so that micrometres and metres round alike
+    # In units of the cloth, so that rounding does not depend on the size.
     unit = knots[-1] - knots[0]
-    from scipy.interpolate import CubicSpline  # with all it brings: a tenth of a second
+    from scipy.interpolate import CubicSpline  # imported here: it takes a tenth of a second
 
     curve = CubicSpline(knots / unit, height.T / unit, bc_type="clamped")
     fraction = np.arange(PARTS) / PARTS
@@ -61,7 +61,7 @@ def spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> 
 
 
 def offset_error(family: Axes) -> float:
-    """Return how far the cubics along a tube, on its top and bottom, are from its radius."""
+    """Estimate by how much the cubics along a tube's top and bottom miss its radius."""
     part = np.arange(len(family.length))
     station = part + family.owner
     radius = family.radius[family.owner]

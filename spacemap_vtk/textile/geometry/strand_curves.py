@@ -1,11 +1,11 @@
-"""Plies and fibres of yarns as curves with radii, wherever the yarns have been moved to.
+"""Plies and fibres of yarns as curves with radii, wherever the yarns are moved.
 
-A curve is a uniform cubic B-spline: hair of renderers. It begins at the second of its control
-points and ends at the last but one, and runs through its samples but for a fourth power of the
+A curve is a uniform cubic B-spline, as renderers use for hair. It begins at its second control
+point and ends at its last but one. It passes through its samples up to the fourth power of the
 angle between them, see `_control`.
 
-A ply's fibres turn against the ply, so far that those on its outside lie along the yarn: so a
-balanced yarn looks. Migration of fibres from layer to layer is left at a share of the radius.
+The fibres of a ply turn against the ply, so that those on its outside lie along the yarn, as in a
+balanced yarn. Migration of fibres from layer to layer is limited to a share of the radius.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from spacemap_vtk.textile.geometry.sweep import Tubes
 from spacemap_vtk.textile.patches.bezier import bernstein
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Says of places, (n, 3), which are wanted.
+#: Function that decides which of the points (n, 3) to include.
 Within = Callable[[AnyFloats], Bools]
 
-#: Linear density of a cotton fibre [kg/m], by which fibres are counted where nobody does (W. E.
+#: Linear density of a cotton fibre [kg/m]; it gives the default number of fibres (W. E.
 #: Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres": 1 to 2.5 dtex).
 FIBRE = 1.7e-7
-#: Fibres of a yarn, at most, where they are counted.
+#: Largest default number of fibres of a yarn.
 _MOST = 400
-#: Samples of a turn, of a part of an axis at least, and of a part at most.
+#: Samples of a turn; least and largest number of samples of a part of an axis.
 _BY_TURN, _LEAST_OF_PART, _MOST_OF_PART = 12, 5, 2000
-#: How far fibres wander from their layer, as a share of the radius, in how many diameters.
+#: Amplitude by which fibres leave their layer, as a share of the radius; wavelength in diameters.
 _WANDER, _WAVE = 0.06, 5.3
-#: Share of a section that fibres fill: those that are seen through are few.
+#: Share of a section that fibres fill; with few fibres one could see through the yarn.
 _DENSE = 0.75
-#: From a fibre of a section to the next: no two of a sunflower's seeds lie in a row.
+#: Angle from a fibre of a section to the next, as between seeds of a sunflower: no two are in line.
 _GOLDEN = pi * (3.0 - sqrt(5.0))
 
 
 class StrandCurves(NamedTuple):
-    """Strands as uniform cubic B-splines, end to end."""
+    """Strands as uniform cubic B-splines, one after another."""
 
     points: AnyFloats
     """(N, 3) Control points in m."""
@@ -63,17 +63,17 @@ class _Yarn(NamedTuple):
 
 
 def fibre_count(cloth: Cloth) -> int:
-    """Return how many fibres the mean yarn of a cloth has.
+    """Compute the number of fibres in the mean yarn of a cloth.
 
     Parameters
     ----------
     cloth : Cloth
-        One whose density is not known has yarns of cotton.
+        If its density is not known, yarns are of cotton.
 
     Returns
     -------
     int
-        From 20 on, and at most what can be drawn.
+        At least 20, and at most the number that can be drawn.
     """
     area = np.mean(cloth.strands[2] ** 2) * pi / 4
     return int(np.clip((cloth.density or 900.0) * area / FIBRE, 20, _MOST))
@@ -88,32 +88,32 @@ def strand_curves(
     fibres: int = 0,
     within: Within | None = None,
 ) -> StrandCurves:
-    """Return the plies of yarns, or their fibres.
+    """Compute the plies of yarns, or their fibres.
 
     Parameters
     ----------
     cloth : Cloth
-        Theirs.
+        The cloth of the yarns.
     tubes, places : tuple of Tubes, ndarray of float
-        Of its `spacemap_vtk.textile.geometry.weave.Weave`.
+        Fields of its `spacemap_vtk.textile.geometry.weave.Weave`.
     points : ndarray of float, shape (N, 3)
-        Its control points, wherever they have been moved to [m].
+        Its control points, wherever they have been moved [m].
     weights : ndarray of float, shape (N,), optional
-        Of rational patches.
+        Weights of rational patches.
     fibres : int
-        How many each yarn has, about; 0: its plies are returned.
+        Approximate number of fibres of each yarn; 0 returns the plies instead.
     within : callable, optional
-        Takes places (n, 3), and returns for each whether it is wanted; yarns are cut to that.
+        Receives points (n, 3) and returns which to include; yarns are cut to these.
 
     Returns
     -------
     StrandCurves
-        Yarn by yarn; fibres are so thick that they fill three quarters of the yarn's section.
+        Yarn by yarn; fibres are thick enough to fill three quarters of the yarn's section.
 
     Raises
     ------
     SizeError
-        If they would not fit into memory.
+        The curves would not fit into memory.
     """
     turns, plies, diameter = cloth.strands
     made: list[tuple[AnyFloats, int, float, int]] = []
@@ -150,7 +150,7 @@ def strand_curves(
 
 
 def _yarns(tubes: tuple[Tubes, ...], places: AnyFloats) -> Iterator[_Yarn]:
-    """Yield where the rings and parts of each yarn are."""
+    """Yield the rings and parts of each yarn."""
     first_part = 0
     for bundle in tubes:
         ring = 0
@@ -163,7 +163,7 @@ def _yarns(tubes: tuple[Tubes, ...], places: AnyFloats) -> Iterator[_Yarn]:
 def _sampled(
     yarn: _Yarn, count: Ints, way: AnyFloats, points: NDArray[Any], weights: NDArray[Any] | None
 ) -> tuple[AnyFloats, ...]:
-    """Return middle, half height and half width of a yarn's section all along, and the way."""
+    """Sample centre, half height and half width of a yarn's section, and the position along it."""
     tubes, size = yarn.tubes, yarn.tubes.ring
     own = slice(tubes.first + size * yarn.rings.start, tubes.first + size * yarn.rings.stop)
     rings = np.stack(frames(points[own].reshape(-1, size, 3).astype(np.float64)), axis=1)
@@ -181,10 +181,10 @@ def _sampled(
 def _plies(
     axis: tuple[AnyFloats, ...], turns: float, plies: int, number: int
 ) -> tuple[AnyFloats, float]:
-    """Return (plies, samples, 3), and the share of the radius at which their middles are."""
+    """Compute axes of plies, (plies, samples, 3), and their distance over the yarn's radius."""
     middle, top, side, way = axis
     reach = float(middle_of_plies(np.array(float(plies)))) if plies > 1 else 0.0
-    # as the surface's crowns are: the way round is against the screw
+    # As for the crowns of the surface, turns are counted against the screw.
     begun = np.arange(plies)[:, None] / plies - APART * number
     phi = 2.0 * pi * (begun - turns * way)[..., None]
     return middle + reach * (np.cos(phi) * top + np.sin(phi) * side), reach
@@ -193,7 +193,7 @@ def _plies(
 def _fibres(
     axis: tuple[AnyFloats, ...], turns: float, plies: int, each: int, diameter: float, number: int
 ) -> AnyFloats:
-    """Return (fibres, samples, 3): of each ply a sunflower's seeds."""
+    """Compute fibres, (fibres, samples, 3): in each ply they lie like the seeds of a sunflower."""
     _, top, side, way = axis
     centres, reach = _plies(axis, turns, plies, number)
     seed = np.arange(plies * each).reshape(plies, each, 1)
@@ -209,9 +209,9 @@ def _fibres(
 
 
 def _control(samples: AnyFloats) -> AnyFloats:
-    """Return the control points of B-splines through samples (n, s, 3), one more at each end."""
-    # (c- + 4 c + c+) / 6 = p is solved by c = p - p''/6 but for fourth differences: on a helix of
-    # 12 samples a turn the radius is off by 0.2 %
+    """Compute control points of B-splines through samples (n, s, 3), one more at each end."""
+    # (c- + 4 c + c+) / 6 = p is solved by c = p - p''/6 up to fourth differences: on a helix with
+    # 12 samples per turn the radius is off by 0.2 %.
     control = samples.copy()
     control[:, 1:-1] -= np.diff(samples, 2, axis=1) / 6.0
     first, last = 2.0 * control[:, :1] - control[:, 1:2], 2.0 * control[:, -1:] - control[:, -2:-1]

@@ -1,20 +1,20 @@
 """Tubes: sections swept along centre lines with frames, as bicubic Bézier patches.
 
-Nothing here knows what the lines are: yarns of a weave, loops of a knit, or wires.
+The module does not depend on what the lines are: yarns of a weave, loops of a knit, or wires.
 
-Invariants that everything below relies on:
+Invariants on which other modules rely:
 
-- Every part of a line has as many patches round the tube as the section has cubics, and three
-  rings of control points; its fourth ring is the first of the next part, or the line's final ring.
-  So part q of a bundle, on line y, starts at ring 3 q + y and at station q + y.
-- Where a line is an arc the tube is a surface of revolution: each control point turns about the
-  arc's axis at its own distance rho, with a handle of 4/3 tan(angle/4) rho. A handle of the same
-  length for all of them would break the tangent plane where an arc meets a straight.
-- rho is affine in the point's place on the section, so a whole ring is ``place + normal E +
-  lateral F`` with two vectors per ring: that is why no loop is needed.
-- Rational weights are products of one along the line and one round it, and 1 at every corner of
-  every patch: so neighbours agree on the points they share.
-- The tubes of all bundles come first, the caps of all their cut ends after them.
+- Every part of a line has as many patches around the tube as the section has cubics, and three
+  rings of control points. Its fourth ring is the first of the next part, or the final ring of the
+  line. So part q of a bundle, on line y, starts at ring 3 q + y and at station q + y.
+- Where a line is an arc, the tube is a surface of revolution: each control point turns about the
+  arc's axis at its distance rho, with a handle of 4/3 tan(angle/4) rho. Handles of one length for
+  all points would break the tangent plane where an arc meets a straight part.
+- rho is affine in the point's position on the section. So a whole ring is ``place + normal E +
+  lateral F`` with two vectors per ring, and no loop is needed.
+- Rational weights are products of one weight along the line and one around it, and they are 1 at
+  every corner of every patch. So neighbours agree on the points that they share.
+- The tubes of all bundles come first, then the caps of all cut ends.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from numpy.typing import DTypeLike, NDArray
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
 from spacemap_vtk.textile.geometry.section import Cap, Section, cap, tube_table
 
-#: x, y and z of a vector at each station, (stations,); or of all of them, where they are equal.
+#: x, y and z of a vector at each station, (stations,); a number if it is equal at all stations.
 Vectors = tuple[Floats | float, Floats | float, Floats | float]
 
 
 class CentreLines(NamedTuple):
-    """Centre lines of a bundle of tubes, cut into parts; stations are the parts' ends."""
+    """Centre lines of a bundle of tubes, cut into parts; stations are the ends of the parts."""
 
     # Part q of the bundle, on its line y, runs from station q + y to station q + y + 1.
 
@@ -71,7 +71,7 @@ class CentreLines(NamedTuple):
 
 
 class Tubes(NamedTuple):
-    """Where the tubes of a bundle stand among the control points, to find their axes again."""
+    """Positions of a bundle's tubes among the control points, from which axes can be recovered."""
 
     first: int
     """First control point."""
@@ -89,7 +89,7 @@ class Tubes(NamedTuple):
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
 
     def middles(self, points: NDArray[Any]) -> NDArray[Any]:
-        """Return the middles of all rings, (rings, 3): points of cubic Bézier curves."""
+        """Compute the centres of all rings, (rings, 3): control points of cubic Bézier curves."""
         rings = 3 * int(self.parts.sum()) + len(self.parts)
         there = points[self.first : self.first + rings * self.ring]
         return there.reshape(rings, self.ring, 3).mean(axis=1)
@@ -123,7 +123,7 @@ def sweep(
     exact: bool,
     kind: DTypeLike = np.float64,
 ) -> Swept:
-    """Return the tubes of sections along centre lines; the lines of a bundle share a section."""
+    """Sweep sections along centre lines; the lines of a bundle share a section."""
     plans, first_point, first_patch = [], 0, 0
     for lines, shape in bundles:
         tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect)
@@ -165,7 +165,7 @@ def sweep(
 
 
 class _Plan(NamedTuple):
-    """A bundle on its way to patches."""
+    """A bundle with the numbers of its first point and patch."""
 
     lines: CentreLines
     shape: Section
@@ -184,8 +184,8 @@ class _Plan(NamedTuple):
 
 def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
     """Write the control points of a bundle's tubes."""
-    # Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
-    # curvature n)`` for points n above the line: so a point of an arc turns about the arc's axis.
+    # Rings 1 and 2 of a part are rings 0 and 3, moved along their tangents by ``reach (1 -
+    # curvature n)`` for points n above the line. So a point of an arc turns about the arc's axis.
     lines, shape = plan.lines, plan.shape
     points = flat_points.reshape(-1, shape.size, 3)
     owner = lines.owner
@@ -200,7 +200,7 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
     )
 
     def spread(direction: Floats | float, along: Floats | float, bend: Floats | None) -> Floats:
-        """Return what the rings reach in a direction of their frames."""
+        """Compute the coefficients of a direction of the frames for all rings."""
         if isinstance(direction, float) and (bend is None or isinstance(along, float)):
             return np.repeat(direction * lines.radius, 3 * lines.parts + 1)
         values = np.empty(len(points))
@@ -218,12 +218,12 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
     ):
         out, begun = points[:, :, component], False
         if out.dtype != np.float64:
-            out = np.empty(out.shape)  # rounded once, at the end
+            out = np.empty(out.shape)  # so that rounding happens once, at the end
         for direction, bend, reaches in (
             (up, lines.curvature, shape.normal),
             (aside, lines.sideways, shape.lateral),
         ):
-            # what all frames have none of is left out: this is most of the time
+            # Directions that are zero in all frames are skipped, which saves most of the time.
             if _is_zero(direction) and (bend is None or _is_zero(along)):
                 continue
             if begun:
@@ -262,9 +262,9 @@ def _fill_weights(plan: _Plan, weights: Floats) -> None:
 
 
 def span_caps(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> Ints:
-    """Write the inner points of a bundle's caps; return the points that they start at."""
+    """Write the inner points of a bundle's caps; return the points at which they start."""
     rings = tubes.first + tubes.ring * tubes.ends
-    # the first end looks back: there the cap is turned over, lower for upper
+    # The first end faces backwards, so its cap is turned over: lower and upper are exchanged.
     turned = np.arange(len(rings))[:, None] % 2 == 0
     lower = rings[:, None] + np.where(turned, closing.upper, closing.lower)
     upper = rings[:, None] + np.where(turned, closing.lower, closing.upper)
@@ -282,13 +282,13 @@ def _fill_caps(
     new: slice,
     patches: AnyInts,
 ) -> None:
-    """Close both ends of every line of a bundle, first end and last in turn."""
+    """Close both ends of every line of a bundle, first and last end alternately."""
     size = plan.shape.size
     rings = plan.tubes.first + size * plan.tubes.ends
     lower = span_caps(plan.tubes, closing, points, points[new])
     if weights is not None:
         weights[new].reshape(len(rings), 2, -1)[:] = weights[lower][:, None]
-    # the table of a turned cap is that of the ring upside down
+    # The table of a turned cap is that of the ring upside down.
     mirrored = np.arange(size)
     mirrored[closing.lower], mirrored[closing.upper] = closing.upper, closing.lower
     made = np.arange(closing.new_points)

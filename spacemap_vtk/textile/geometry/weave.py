@@ -1,8 +1,8 @@
 """Geometry of a woven cloth: yarns of any section along their axes, as bicubic Bézier patches.
 
-Ends (warp yarns) run along y and are spread along x, picks (weft yarns) run along x and are
-spread along y, z is the cloth normal, and the cloth is centred on the origin. The axes are those of
-`spacemap_vtk.textile.geometry.axes`, and `spacemap_vtk.textile.geometry.sweep` makes tubes of them.
+Ends (warp yarns) run along y and are spread along x. Picks (weft yarns) run along x and are spread
+along y. z is the normal of the cloth, and the cloth is centred on the origin. Axes come from
+`spacemap_vtk.textile.geometry.axes`; `spacemap_vtk.textile.geometry.sweep` makes tubes from them.
 
 Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45.
 """
@@ -28,7 +28,8 @@ from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import Crimp
 
-#: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
+#: Working memory of `build` in bytes, per part (by arcs, by splines) and per gap of all yarns:
+#: measured and rounded up.
 _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
 
 
@@ -36,44 +37,45 @@ _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
 class Weave:
     """A cloth as bicubic Bézier patches."""
 
-    #: (N, 3) Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not
+    #: (N, 3) Control points in metres, 12 per ring (racetracks 18); shared inside a yarn, not
     #: between yarns.
     points: AnyFloats
     #: (P, 16) Control points of each patch; see `spacemap_vtk.textile.geometry.sweep.Swept`. The
-    #: tubes of warp and weft come first, the caps of all their cut ends after them.
+    #: tubes of warp and weft come first, then the caps of all cut ends.
     patches: AnyInts
     #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
     weights: Floats | None
-    #: (P,) Yarn of each patch: the ends first, then the picks.
+    #: (P,) Yarn of each patch; ends are numbered first, then picks.
     yarn: NDArray[np.int32]
-    #: (P,) 0 warp, 1 weft.
+    #: (P,) Family of each patch: 0 warp, 1 weft.
     family: NDArray[np.uint8]
-    #: Number of patches that are no caps.
+    #: Number of patches that are not caps.
     tube_patches: int
-    #: Where the rings of warp and weft stand in `points`.
+    #: Positions of the rings of warp and weft in `points`.
     tubes: tuple[Tubes, ...]
-    #: Peirce's figures of each family, where a yarn changes side, for mean measures.
+    #: Peirce's figures of each family where a yarn changes side, for mean measures.
     warp: Crimp
     weft: Crimp
-    #: Bound of the surface's distance from the true tube, over the yarn's half height: the cubics'
-    #: error round the yarn and along its arcs together; 0 for exact cloth. For splines the largest
-    #: deviation found along the yarn takes the place of the bound. Of the yarns that were built.
+    #: Bound of the surface's distance from the exact tube, over the yarn's half height: the errors
+    #: of the cubics around the yarn and along its arcs together; 0 for exact cloth. For splines,
+    #: the largest deviation found along the yarn replaces the bound. Only yarns that were built
+    #: count.
     radial_error: float
-    #: (parts, 4) Of each part of a yarn, in the tubes' order, where along the cloth it starts and
-    #: ends [m], its yarn, and that again as the whole counts whose part this may be. Twist
-    #: goes by these: by the yarn's own length it would not be known of a part of it.
+    #: (parts, 4) For each part of a yarn, in the order of the tubes: positions along the cloth
+    #: where it starts and ends [m], its yarn, and the number of that yarn in the whole cloth. Twist
+    #: uses these positions, because lengths of yarn are not known if only a part is built.
     places: Floats
 
 
 def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
-    """Return the patches of a cloth.
+    """Build the patches of a cloth.
 
     Parameters
     ----------
     cloth : Cloth
-        Its weave, yarns and all that shapes them.
+        Drawdown, yarns, and all that shapes them.
     share : Share
-        The yarns to be built, where they lie in the whole cloth; see
+        Yarns to build, at their positions in the whole cloth; see
         `spacemap_vtk.textile.geometry.partition.share_of`.
     kind : dtype_like
         Type of the control points, float32 or float64.
@@ -88,8 +90,8 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
     GeometryError
         There is no room for the yarns.
     InputError
-        A yarn has no length (one crossing and no overhang), or the cloth has measures for another
-        number of yarns.
+        A yarn has no length (one crossing and no overhang), or the cloth has measures for a
+        different number of yarns.
 
     Examples
     --------
@@ -118,7 +120,7 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
 
 
 def _places(path: Axes, numbers: Ints) -> Floats:
-    """Return the rows of `Weave.places` of one family."""
+    """Compute the rows of `Weave.places` of one family."""
     start = np.arange(len(path.length)) + path.owner
     own = numbers[path.owner]
     return np.stack([path.along[start], path.along[start + 1], own, own], axis=1)
@@ -130,7 +132,7 @@ def _sections(cloth: Cloth) -> tuple[Section, Section]:
 
 
 def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
-    """Return axes in space: each yarn in its own vertical plane."""
+    """Place axes in space: each yarn in a vertical plane."""
     cos, sin = np.cos(path.angle), np.sin(path.angle)
     aside = np.repeat(path.lateral, path.parts + 1)
     warp = number == 0
@@ -149,7 +151,7 @@ def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
 
 
 class Counts(NamedTuple):
-    """How large the patches of a cloth are."""
+    """Numbers of control points, patches and parts of a cloth."""
 
     points: int
     """Control points."""
@@ -158,19 +160,19 @@ class Counts(NamedTuple):
     """Of the axes of all yarns."""
 
     def bytes(self, exact: bool = False, single: bool = False) -> int:
-        """Return what the patches take once they are built, as `filters.WeaveSource` holds them.
+        """Estimate the memory of built patches, as `filters.WeaveSource` stores them.
 
         Parameters
         ----------
         exact : bool
             Whether there are rational weights.
         single : bool
-            Whether places are in single precision.
+            Whether positions are in single precision.
 
         Returns
         -------
         int
-            Of points, connectivity with offsets, yarn, family and colour, and where parts are.
+            Bytes of points, connectivity with offsets, yarn, family, colour, and `Weave.places`.
         """
         number = 8 if self.points >= 2**31 else 4
         size = self.points * (3 * (4 if single else 8) + 8 * exact)
@@ -178,7 +180,7 @@ class Counts(NamedTuple):
 
 
 def estimate_counts(cloth: Cloth) -> Counts:
-    """Return upper bounds of the numbers of control points, patches and parts of a cloth.
+    """Compute upper bounds of the numbers of control points, patches and parts of a cloth.
 
     Parameters
     ----------
@@ -188,8 +190,8 @@ def estimate_counts(cloth: Cloth) -> Counts:
     Returns
     -------
     Counts
-        What `build` makes, where all yarns of a family are alike, and but for parts of no length,
-        which it leaves out.
+        Equal to what `build` makes if all yarns of a family are equal, except for parts of zero
+        length, which `build` leaves out.
 
     Raises
     ------
@@ -215,7 +217,7 @@ def estimate_counts(cloth: Cloth) -> Counts:
         if cloth.layers is not None:
             passed = int(np.count_nonzero(cloth.layers.kept(number)))
         changes = passed - yarns
-        # Over yarns of unequal diameters a float bends, too, and where cloths change places.
+        # Floats over yarns of unequal diameters bend too, and yarns that change cloths.
         if not np.ndim(crossed.diameter) and cloth.layers is None:
             changes = int(np.count_nonzero(np.diff(cloth.drawdown, axis=number)))
         straight = yarns + passed * (1 + (crossed.aspect > 1.0))
@@ -224,7 +226,7 @@ def estimate_counts(cloth: Cloth) -> Counts:
 
 
 def count(cloth: Cloth) -> tuple[Counts, float]:
-    """Return what `build` makes of a cloth, from one yarn of each course and without patches.
+    """Count what `build` makes of a cloth from one yarn of each course, without making patches.
 
     Parameters
     ----------
@@ -234,9 +236,9 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
     Returns
     -------
     counts : Counts
-        Of all yarns.
+        For all yarns.
     radial_error : float
-        As in `Weave`: the largest of the yarns'.
+        As in `Weave`: the largest of all yarns.
 
     Raises
     ------
@@ -262,7 +264,7 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
 
 
 def _counts(cloth: Cloth, parts: Sequence[int]) -> Counts:
-    """Return the numbers for so many parts of both families."""
+    """Compute the numbers for given numbers of parts of both families."""
     points = patches = 0
     for yarns, own, shape in zip(cloth.size, parts, _sections(cloth), strict=True):
         points += (3 * own + yarns) * shape.size
@@ -275,7 +277,7 @@ def _counts(cloth: Cloth, parts: Sequence[int]) -> Counts:
 
 
 def _arcs(cloth: Cloth, number: int) -> int:
-    """Return into how many cubics an arc of a family is cut."""
+    """Compute the number of cubics for an arc of a family."""
     crossed = cloth.threads[1 - number]
     varied = any(np.ndim(v) for v in (cloth.warp.diameter, cloth.weft.diameter, crossed.spacing))
     if varied or cloth.layers is not None:
@@ -288,19 +290,19 @@ def _arcs(cloth: Cloth, number: int) -> int:
 
 
 def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
-    """Return an upper bound of the memory that `build` needs, before any is taken.
+    """Compute an upper bound of the memory that `build` needs, before any is allocated.
 
     Parameters
     ----------
     cloth : Cloth
         As for `build`.
     single : bool
-        Whether places are in single precision.
+        Whether positions are in single precision.
 
     Returns
     -------
     int
-        Bytes at the peak: the result, and the temporary arrays of one family.
+        Bytes at the peak: the result and the temporary arrays of one family.
 
     Raises
     ------
@@ -316,14 +318,14 @@ def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
 
 
 def _radial_error(path: Axes, error: float, exact: bool) -> float:
-    """Return the largest error of tubes along these axes, whose sections have that error."""
+    """Compute the largest error of tubes along these axes from the error of their sections."""
     if not len(path.parts):
         return 0.0
     if path.cubic:
         return error + offset_error(path)
     turn = np.abs(path.curvature[0])
     if not exact and turn.any():
-        # along an arc the distance to the arc's axis is off, which is at most its radius + r
+        # Along an arc the error is a share of the distance from the arc's axis, at most radius + r.
         reach = 1.0 / turn[turn > 0.0].min() + path.radius.max()
         error += cubic_error(float((turn * path.length).max())) * reach / path.radius.min()
     return float(error)

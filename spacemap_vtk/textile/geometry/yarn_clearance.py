@@ -1,16 +1,16 @@
-"""The least clearance between yarns.
+"""Least clearance between yarns.
 
 Yarns along arcs touch where they cross, and overlap nowhere (see
-`spacemap_vtk.textile.geometry.arcs`): for them `touching` says where. Yarns along splines, and
-deformed ones, are measured; this knows nothing of how the axes were laid, so that tests measure
-cloth of arcs, too.
+`spacemap_vtk.textile.geometry.arcs`); `touching` returns such a place. Yarns along splines, and
+deformed ones, are measured. The measurement does not use how the axes were laid, so tests apply it
+to arcs too.
 
-A yarn is taken for all round tubes whose axes lie on its flat, between the two that hold its round
-sides; a circle is one such tube, and an ellipse is taken for the racetrack of its size, which holds
-it. Nearest places are found among samples of these axes with trees, then refined on the axes
-themselves. Pairs of yarns are not gone through: two different numbers differ in some binary digit,
-so for each digit the samples of yarns with a 1 are looked up among those with a 0. The cost is
-n log(n) log(yarns) for n samples.
+A flattened yarn is the union of round tubes whose axes lie on its flat, between the two at its
+round sides. A circle is one such tube. An ellipse is replaced by the racetrack of equal size, which
+contains it. Trees find the nearest points among samples of these axes, and the result is refined on
+the axes themselves. There is no loop over pairs of yarns: two different numbers differ in some
+binary digit, so for each digit samples of yarns with a 1 are searched among those with a 0. The
+cost is n log(n) log(yarns) for n samples.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 _Found = TypeVar("_Found")
 
-#: Places on each part of an axis from which the search starts.
+#: Start points of the search on each part of an axis.
 _SAMPLES = 4
-#: Most places to refine: the worst of the local minima among the samples.
+#: Largest number of places to refine: the worst local minima among the samples.
 _MOST = 20_000
-#: Samples and pairs that are looked at together.
+#: Number of samples and pairs in one block.
 _BLOCK = 2**17
-#: Cuts of the step between samples: what is left of it, squared, is below a rounding.
+#: Number of reductions of the step between samples: the square of the last step is below rounding.
 _CUTS = 26
-#: Share of the places that is refined further after each cut, and the number below which all are.
-#: A cut leaves about a third of what a clearance can still lose, so that the order of the places
-#: settles before many of them are left out.
+#: Share of the places that is refined further after each reduction, and the number below which all
+#: are. A reduction leaves about a third of what a clearance can still lose, so the order of the
+#: places settles before many of them are left out.
 _KEPT, _FEW = 0.75, 200
-#: Steps by which the direction between deformed sections is first looked for.
+#: Steps of the first search for the direction between deformed sections.
 _TURNS = 16
 _MOVES = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 class Clearance(NamedTuple):
-    """Where two yarns come nearest to each other."""
+    """The place where two yarns are closest to each other."""
 
     distance: float
     """Between their surfaces, in m; below 0 by how far they overlap."""
@@ -76,22 +76,22 @@ class _Tubes(NamedTuple):
 
 
 def touching(cloth: Cloth) -> Clearance:
-    """Return a place where yarns of a cloth of arcs touch: where the first two cross.
+    """Find the place where the first two crossing yarns of a cloth of arcs touch.
 
     Parameters
     ----------
     cloth : Cloth
-        Of arcs; of a double weave the place is in one of its cloths.
+        With axes by arcs; in a double weave the place is in one of its cloths.
 
     Returns
     -------
     Clearance
-        0, as nowhere yarns are nearer. Ellipses touch there, too.
+        The distance is 0: nowhere are yarns closer. Ellipses touch there too.
 
     Raises
     ------
     InputError
-        There is no room for the yarns, or a measure does not fit another.
+        There is no room for the yarns, or one measure contradicts another.
 
     Examples
     --------
@@ -117,33 +117,33 @@ def touching(cloth: Cloth) -> Clearance:
 
 
 def least_clearance(cloth: Cloth) -> Clearance:
-    """Return what `clearance_in_steps` finds, without a stop."""
+    """Run `clearance_in_steps` to its end."""
     return _finished(clearance_in_steps(cloth))
 
 
 def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
-    """Measure the least clearance between the yarns of a cloth as woven, by its exact axes.
+    """Measure the least clearance between the yarns of a cloth at rest, from its exact axes.
 
     Parameters
     ----------
     cloth : Cloth
-        As woven.
+        At rest.
 
     Returns
     -------
     Clearance
-        0 but for rounding for cloth of arcs with any section: yarns touch at their crossings. A
-        lower bound for ellipses, and reached by them at the crossings.
+        0 up to rounding for cloth of arcs with any section, because yarns touch at their crossings.
+        For ellipses it is a lower bound, which they reach at the crossings.
 
     Yields
     ------
     None
-        Now and then, so that whoever waits can do something else or give up.
+        At intervals, so that the caller can do something else or cancel.
 
     Raises
     ------
     InputError
-        A measure of the cloth does not fit another.
+        One measure of the cloth contradicts another.
 
     Examples
     --------
@@ -157,27 +157,27 @@ def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
 
 
 def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
-    """Return the least clearance between yarns by their control points, moved or not.
+    """Measure the least clearance between yarns from their control points, moved or not.
 
     Parameters
     ----------
     weave : Weave
-        As built.
+        Patches as built.
     points : (N, 3) array_like, optional
-        Its control points after a deformation, in m; by default before. More rows are ignored.
+        Control points after a deformation, in m; by default those before. Extra rows are ignored.
 
     Returns
     -------
     Clearance
-        Exact for rational cloth as built; for other cloth off by up to ``weave.radial_error`` of
-        the radii. After a deformation sections are the ellipses (and racetracks) into which the
-        half diameters of their rings make them; where a section is no longer convex, the clearance
-        is that of its hull.
+        Exact for undeformed rational cloth; for other cloth the error is up to
+        ``weave.radial_error`` of the radii. After a deformation, sections are the ellipses (and
+        racetracks) defined by the half diameters of their rings. For a section that is no longer
+        convex, the clearance is that of its convex hull.
 
     Raises
     ------
     GeometryError
-        Points that are not finite, or too few.
+        There are too few points, or some are not finite.
 
     Examples
     --------
@@ -273,14 +273,14 @@ def _tubes_of(cloth: Cloth) -> _Tubes:
 
 
 def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
-    """Return centre, normal and lateral radius, half flat and 1, times the weight, of each ring."""
+    """Compute centre, normal and lateral radius, half flat and 1 of each ring, times the weight."""
     tubes = weave.tubes[number]
     size = tubes.ring
     count = 3 * int(tubes.parts.sum()) + len(tubes.parts)
     here = slice(tubes.first, tubes.first + count * size)
     ring = points[here].reshape(count, size, 3)
     left, right = ring[:, size // 2 + 3], ring[:, 3]
-    # a racetrack has two points on top, at both ends of its flat; a circle one
+    # A racetrack has two points on top, at both ends of its flat; a circle has one.
     top, bottom = (
         0.5 * (ring[:, 0] + ring[:, size - 3 if size > 12 else 0]),
         0.5 * (ring[:, 6] + ring[:, size // 2 if size > 12 else 6]),
@@ -301,7 +301,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     total = int(tubes.parts.sum())
     owner = np.repeat(np.arange(len(tubes.parts)), tubes.parts)
     ends = np.stack([np.cumsum(tubes.parts) - tubes.parts, np.cumsum(tubes.parts)])
-    # places are numbers: the part, and the fraction behind the point
+    # A place is a number: the part, and the fraction after the decimal point.
     count = np.full(total, _SAMPLES)
     count[ends[1] - 1] += 1
     part = np.repeat(np.arange(total), count)
@@ -327,7 +327,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
         located[:, block] = beside(at(place[block], yarn[block]), side[block])
     turns = 0 if tubes.perpendicular else _TURNS
     most = _MOST if tubes.perpendicular else _MOST // 4
-    # block by block, and only the worst kept: all pairs at once would take most of the memory
+    # Work in blocks and keep only the worst: all pairs at once would take most of the memory.
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
     for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
         yield
@@ -341,7 +341,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
             np.concatenate([kept[2], found[2]])[worst],
         )
     (a, b), _, facing = kept
-    # refined: both places and both sides, by the best of nine moves, at ever smaller steps
+    # Refine both places and both sides by the best of nine moves, with ever smaller steps.
     own = np.stack([yarn[a], yarn[b]])
     moved = np.stack([place[a], place[b]])
     sides = np.stack([side[a], side[b]])
@@ -361,7 +361,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     width = 1.0 / _SAMPLES
     for _ in range(_CUTS):
         for along in (True, False) if flattened else (True,):
-            # each place moves forth, back or not at all: three of a yarn to locate, not nine
+            # Each place moves forwards, backwards or not at all: three places of a yarn, not nine.
             reached = [np.clip(moved + width * way, low, high) for way in (0, 1, -1)]
             stood = [both(places) for places in reached] if along else [both(moved)]
             origin = sides
@@ -389,7 +389,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
             own, moved, sides = own[:, kept_rows], moved[:, kept_rows], sides[:, kept_rows]
             low, high = low[:, kept_rows], high[:, kept_rows]
     if turns:
-        # the direction may not have followed every move: what it missed was not clearance
+        # The direction may not have followed every move, so it is searched again with more steps.
         best, middle, _ = evaluate(both(moved), sides, 4 * turns)
     least = int(np.argmin(best))
     first, second = sorted((int(own[0, least]), int(own[1, least])))
@@ -397,11 +397,12 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
 
 
 def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
-    """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them."""
-    # Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
-    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+    """Yield pairs of samples of different yarns, (2, n); the closest pair of all is among them."""
+    # Distances count from surfaces, not from axes: in a fourth dimension thin yarns are further
+    # away.
+    from scipy.spatial import cKDTree  # imported here: it takes a tenth of a second
 
-    # with |p - q|**2 - (r + r_q)**2, r the mean radius, a thick yarn is nearer by what it is thick
+    # With |p - q|**2 - (r + r_q)**2, r the mean radius, a thick yarn is closer by its thickness.
     reach = (radius.mean() + radius) ** 2
     lifted = np.column_stack([points, np.sqrt(reach.max() - reach)])
     level = np.column_stack([points, np.zeros(len(points))])
@@ -417,7 +418,7 @@ def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
 def _local_minima(
     pairs: Ints, gap: Floats, facing: Floats, yarn: Ints
 ) -> tuple[Ints, Floats, Floats]:
-    """Keep the pairs that are no further apart than those beside them along the first yarn."""
+    """Keep pairs that are no further apart than their neighbours along the first yarn."""
     infinite = np.array([np.inf])
     before, after = np.concatenate([infinite, gap[:-1]]), np.concatenate([gap[1:], infinite])
     one = yarn[pairs[0]]
@@ -435,11 +436,11 @@ def _section_gap(
     start: Floats | None = None,
     turns: int = 0,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the clearance of sections in the direction in which it is largest."""
-    # Two convex sections are as far apart as planes between them can be, so what is looked for is
-    # the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
-    # Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
-    # it, by steps along the gradient, which is the vector between the points that face each other.
+    """Compute the clearance of sections in the direction in which it is largest."""
+    # Two convex sections are as far apart as the widest gap between parallel planes. So find the
+    # unit vector q that maximises ``q (b - a)`` less the reach of both sections along q. Between
+    # perpendicular sections of round yarns, q points from axis to axis. Deformed sections turn it,
+    # by steps along the gradient, which is the vector between the points that face each other.
     (a, *radii_a), (b, *radii_b) = first, second
     across = b - a
     distance = np.maximum(_norm(across), 1e-300)
@@ -462,7 +463,7 @@ def _section_gap(
 def _separation(
     across: Floats, radii_a: list[Floats], radii_b: list[Floats], direction: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return gap, reach of the first section along the direction, and the gap's gradient."""
+    """Compute the gap, the first section's reach along the direction, and the gap's gradient."""
     gap = np.einsum("nk,nk->n", direction, across)
     pull = across.copy()
     reaches = []

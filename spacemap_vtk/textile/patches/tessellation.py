@@ -1,7 +1,7 @@
-"""Many Bézier patches of one degree, evaluated with their normals on a regular grid of parameters.
+"""Evaluate many Bézier patches of one degree, with normals, on a regular grid of parameters.
 
-Patches are worked through in chunks (see `spacemap_vtk.textile.patches.patch_chunks`, which also
-says what the speed hangs on), several at once in threads.
+Patches are processed in chunks, several at once in threads.
+`spacemap_vtk.textile.patches.patch_chunks` explains what determines the speed.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from spacemap_vtk.textile.patches.patch_chunks import (
     narrowed,
 )
 
-#: Surface points, over all steps, from which a small surface has earned compiled loops: until then
-#: NumPy has taken about as much longer, 10 ns a point, as it takes to load them.
+#: Number of surface points, summed over steps, from which a small surface uses compiled loops. By
+#: then NumPy has lost about as much time, 10 ns per point, as loading the loops takes.
 EARNED = 50_000_000
 
 
 class Tessellation:
     """The surface of Bézier patches, prepared once for any positions of the control points.
 
-    Points are not shared between patches: each has the normals of its own patch. Where the normal
-    is undefined (an edge collapsed into a point, as at the pole of a cap) it is that of a place
-    slightly inside the patch.
+    Patches share no surface points: each point has the normal of its patch. Where the normal is
+    undefined (an edge collapsed into a point, as at the pole of a cap), it is evaluated slightly
+    inside the patch.
 
     Parameters
     ----------
@@ -49,23 +49,23 @@ class Tessellation:
     degree : (int, int)
         Degrees p along u and q along v, each at least 1.
     subdivisions : int
-        Quadrilaterals along each side of a patch, at least 1.
+        Number of quadrilaterals along each side of a patch, at least 1.
     threads : int, optional
-        Threads to work in; all processors if not given.
+        Number of threads; by default one for each processor.
 
     Raises
     ------
     InputError
         A degree or the subdivisions are below 1.
     GeometryError
-        The connectivity does not fit the degree, or holds a negative number.
+        The connectivity does not match the degree, or contains a negative number.
 
     Notes
     -----
-    The normal is ``du x dv`` normalised, and polygons run counter-clockwise round it.
+    The normal is ``du x dv`` normalised, and polygons run counter-clockwise around it.
 
-    Results lie in memory that is used again once the last array over it is gone; they may be kept
-    as long as one likes.
+    Results may be kept for any time. Their memory is reused only after the last array on it is
+    gone.
 
     Examples
     --------
@@ -100,16 +100,16 @@ class Tessellation:
         self.degree = p, q
         self.subdivisions = subdivisions
         self.patch_count = len(patches)
-        # Below some 10^5 points a thread costs more to start than it saves.
+        # Below some 10^5 points starting a thread costs more time than it saves.
         many = self.point_count > WORTHWHILE
         self._threads = threads or (None if many else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
-        self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
+        self._recycler = Recycler(keep=3)  # positions, normals and an interpolated array
         self._idle: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
-        #: What evaluates by compiled loops.
+        #: Evaluator with compiled loops, once they are in use.
         self.bicubic: Bicubic | None = None
-        #: Whether it will have them once it has taken enough steps.
+        #: Whether the surface gets compiled loops after enough steps.
         self.earns_loops = self.degree == (3, 3)
         self._evaluated = 0
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
@@ -118,11 +118,11 @@ class Tessellation:
         self._take_loops(many)
         some = self._chunks[:: max(1, len(self._chunks) // 16)]
         nets = [chunk.net(np.array([0, -1])) for chunk in some]
-        #: Control points of a few patches, which tell how large they are.
+        #: Control points of a few patches, from which the size of the patches is estimated.
         self._some = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
-        #: Of each chunk the normals that were evaluated again last, with what goes with them.
+        #: Robust normals of each chunk that were evaluated last, with their data.
         self._repaired: dict[int, RobustNormals] = {}
-        #: Matrices of the last scales and types: those of points, and of arrays carried over.
+        #: Matrices of the last scales and types: for points, and for interpolated arrays.
         self._kept: dict[tuple[float, np.dtype[Any]], tuple[AnyFloats, AnyFloats]] = {}
 
     def evaluate(
@@ -131,24 +131,24 @@ class Tessellation:
         dtype: DTypeLike = np.float32,
         weights: ArrayLike | None = None,
     ) -> tuple[AnyFloats, AnyFloats]:
-        """Return the surface points and their unit normals.
+        """Compute the surface points and their unit normals.
 
-        The work is done relative to each patch's first control point, so a fabric far from the
-        origin loses no digits but those that the result's own type cannot hold.
+        All values are relative to each patch's first control point. So a fabric far from the origin
+        loses only the digits that the type of the result cannot hold.
 
         Parameters
         ----------
         control_points : (N, 3) array_like
             In m, float32 or float64.
         dtype : dtype_like
-            Type to work in and to return: float32 or float64.
+            Type of the computation and of the result: float32 or float64.
         weights : (N,) array_like, optional
             Weights of the control points of rational patches, above 0; all 1 by default.
 
         Returns
         -------
         positions : (P (n + 1)**2, 3) float
-            In m; the point numbers that `quads` refer to.
+            In m; `quads` refers to these point numbers.
         normals : (P (n + 1)**2, 3) float
             Unit vectors; NaN only where a control point is not finite.
 
@@ -156,9 +156,9 @@ class Tessellation:
         ------
         GeometryError
             The shape is wrong, there are fewer points than the patches refer to, or a weight is not
-            above 0.
+            positive.
         InputError
-            Another type is asked for.
+            The type is neither float32 nor float64.
         """
         points = self._checked(control_points)
         if points.ndim != 2 or points.shape[1] != 3:
@@ -167,7 +167,7 @@ class Tessellation:
         if kind not in (np.float32, np.float64):
             raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
         rational = None if weights is None else self._checked_weights(weights)
-        # Squares of cross products are fourth powers of lengths: micrometres underflow float32.
+        # Squares of cross products are fourth powers of lengths; micrometres would underflow.
         scale = _magnitude(points.take(self._some, axis=0))
         stacked, with_origin = self._matrices(scale, kind)
         self._evaluated += self.point_count
@@ -209,23 +209,23 @@ class Tessellation:
     def interpolate(
         self, values: ArrayLike, weights: ArrayLike | None = None, dtype: DTypeLike | None = None
     ) -> AnyFloats:
-        """Carry an array of the control points over to the surface points.
+        """Interpolate an array of the control points at the surface points.
 
         Parameters
         ----------
         values : (N,) or (N, k) array_like
-            One row a control point; taken as control values of a Bézier function on each patch, as
-            positions are. So a displacement, or any linear function of position, comes out exact.
+            One row for each control point. They are control values of a Bézier function on each
+            patch, like positions; so displacements and all linear functions of position are exact.
         weights : (N,) array_like, optional
             As for `evaluate`.
         dtype : dtype_like, optional
-            Type to work in and to return, float32 or float64; by default float32 for float32, and
-            float64 for all else.
+            Type of the computation and of the result, float32 or float64; by default float32 for
+            float32, and float64 for all other types.
 
         Returns
         -------
         (P (n + 1)**2,) or (P (n + 1)**2, k) float
-            One row a surface point.
+            One row for each surface point.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class Tessellation:
         bicubic = self.bicubic if rational is None else None
         streamed = is_streamed(result)
 
-        # What is the same at all control points comes out the same at all others, to the last bit.
+        # Values that are equal at all control points stay equal to the last bit.
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)
             if bicubic is not None:
@@ -272,17 +272,18 @@ class Tessellation:
         return result.reshape(-1, *table.shape[1:])
 
     def views(self, *arrays: AnyFloats) -> Iterator[tuple[Any, ...]]:
-        """Yield runs of patches, and of arrays of the surface's points their part.
+        """Yield runs of patches with their parts of arrays of the surface points.
 
         Parameters
         ----------
         *arrays : ndarray of float, shape (point_count, k)
-            Whatever belongs to the points.
+            Arrays of the surface points.
 
         Yields
         ------
         tuple
-            The patches' numbers as a slice; of each array a view, (samples, patches, k), u fastest.
+            Numbers of the patches as a slice; a view of each array, (samples, patches, k), u
+            fastest.
         """
         for chunk in self._chunks:
             which = slice(chunk.first, chunk.first + chunk.patch_count)
@@ -295,30 +296,30 @@ class Tessellation:
 
     @cached_property
     def quads(self) -> AnyInts:
-        """Quadrilaterals, (P n**2, 4): all of one patch, u fastest, before the next patch.
+        """Quadrilaterals, (P n**2, 4), patch by patch, u fastest.
 
-        Point numbers are int32 where that will do.
+        Point numbers are int32 if they fit.
         """
         n = self.subdivisions
         place = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
         corners = np.stack((place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]), axis=2)
         kind = np.int32 if self.point_count < 2**31 else np.int64
         result = np.empty((self.patch_count, corners.size), kind)
-        # Chunk by chunk: what is written is in the cache, and a user can end it in between.
+        # Chunk by chunk, so that writes stay in the cache and a user can cancel in between.
         for chunk in self._chunks:
             within = result[chunk.first : chunk.first + chunk.patch_count]
             np.multiply(corners.ravel(), chunk.patch_count, out=within)
             within += (chunk.first * place.size + np.arange(chunk.patch_count))[:, None]
-        result.flags.writeable = False  # it is shared by every caller
+        result.flags.writeable = False  # all callers share it
         return result.reshape(-1, 4)
 
     @property
     def has_earned_loops(self) -> bool:
-        """Whether `compile` pays: who has taken so many steps will take more."""
+        """Whether `compile` pays: after this many steps more are likely."""
         return self.earns_loops and self._evaluated > EARNED
 
     def compile(self) -> None:
-        """Go on with compiled loops where there is a compiler; they round otherwise."""
+        """Switch to compiled loops if there is a compiler; they round differently."""
         self._take_loops(True)
         self.earns_loops = False
 
@@ -350,7 +351,7 @@ class Tessellation:
 
     @contextmanager
     def _scratch(self) -> Iterator[Scratch]:
-        """Lend working memory, which is kept: fresh pages would cost a small surface a fifth."""
+        """Lend working memory and keep it: new pages would cost a small surface a fifth."""
         try:
             scratch = self._idle.pop()
         except IndexError:
@@ -361,13 +362,13 @@ class Tessellation:
             self._idle.append(scratch)
 
     def _part(self, array: AnyFloats, chunk: Chunk) -> AnyFloats:
-        """View of a chunk's rows as (samples, count, columns)."""
+        """View a chunk's rows as (samples, count, columns)."""
         samples = (self.subdivisions + 1) ** 2
         rows = array[chunk.first * samples : (chunk.first + chunk.patch_count) * samples]
         return rows.reshape(samples, chunk.patch_count, -1)
 
     def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[AnyFloats, AnyFloats]:
-        """Return B over Bu and Bv of patches of a size, and B with the origin: kept for steps."""
+        """Return B over Bu and Bv for patches of a size, and B with the origin; both are cached."""
         kept = self._kept.get((scale, kind))
         if kept is None:
             basis = self._basis.copy()
@@ -378,7 +379,7 @@ class Tessellation:
         return kept
 
     def _robust(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
-        """Return what is evaluated again: poles of caps are so at each step of a motion."""
+        """Return robust normals of suspect samples; poles of caps are suspect at each step."""
         kept = self._repaired.get(chunk.first)
         if kept is None or not np.array_equal(kept.found, found):
             kept = RobustNormals(chunk, found, self.degree, self.subdivisions)
@@ -387,7 +388,7 @@ class Tessellation:
 
 
 def _stacked_basis(p: int, q: int, subdivisions: int) -> Floats:
-    """Return B, Bu and Bv, (3, samples, control points); u is fastest in both."""
+    """Compute B, Bu and Bv, (3, samples, control points), u fastest in both."""
     t = np.arange(subdivisions + 1) / subdivisions
     u, v = bernstein(p, t), bernstein(q, t)
     du, dv = bernstein_derivative(p, t), bernstein_derivative(q, t)
@@ -395,8 +396,8 @@ def _stacked_basis(p: int, q: int, subdivisions: int) -> Floats:
 
 
 def _with_ones(matrix: AnyFloats) -> AnyFloats:
-    """Return a matrix that adds the last row of a net to what it makes of the others."""
-    # Last, so that it is added last: the sum of the others is small, and keeps its digits.
+    """Extend a matrix so that it adds the last row of a net to its products with the others."""
+    # The row is last, so it is added last: the sum of the others is small and keeps its digits.
     return np.concatenate((matrix, np.ones((len(matrix), 1), matrix.dtype)), axis=1)
 
 
@@ -412,8 +413,8 @@ def _add_origin(values: AnyFloats, net: AnyFloats, out: AnyFloats) -> None:
 
 
 def _magnitude(nets: NDArray[Any]) -> float:
-    """Return about the size of the patches, from the nets of a few; 1 if they have none."""
-    # A power of two, so that to divide by it costs no digit.
+    """Estimate the size of the patches from the nets of a few; 1 if they have none."""
+    # A power of two, so that division by it is exact.
     sizes = (nets.max(axis=1) - nets.min(axis=1)).max(axis=1).astype(np.float64)
     finite = [size for size in sizes.tolist() if 0 < size < np.inf]
     return 2.0 ** round(log2(max(finite, default=1.0)))

@@ -1,6 +1,6 @@
-"""From a draft and what a user asks of it to a cloth with every measure resolved.
+"""Resolve every measure of a cloth from a draft and a user's request.
 
-The user's word comes first, then the draft's, then a default.
+The user's values come first, then the draft's, then defaults.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from spacemap_vtk.textile.weave.thick_yarns import flattened, scaled
 from spacemap_vtk.textile.weave.threads import Lengths, Threads, alike, along
 from spacemap_vtk.textile.weave.yarn import section_area, yarn_height
 
-#: Distance between yarns where neither the user nor the draft gives one, in m.
+#: Default distance between yarns, in m.
 SPACING = 0.5e-3
-#: Diameter over spacing where neither the user nor the draft gives a thickness.
+#: Default diameter over spacing.
 FILLING = 0.5
-#: The same of a double weave, whose cloths need more room to change places.
+#: The same for a double weave, whose cloths need more room to change places.
 LAYERED_FILLING = 0.45
-#: What is said of a draft of two cloths.
+#: Message about a draft of two cloths.
 _FOUND = "it is a double weave, and is drawn as two cloths, one above the other"
-#: Width over height of yarns that are not round, where the user gives none.
+#: Default width over height of yarns that are not round.
 ASPECT = 1.5
-#: Colours of warp and weft where neither the user nor the draft gives any.
+#: Default colours of warp and weft.
 WARP_COLOR, WEFT_COLOR = (0x2D, 0x6A, 0x8E), (0xE8, 0xC7, 0x8F)
 
 #: One value for a family, or several that are repeated over its yarns.
@@ -39,9 +39,9 @@ Rgb = tuple[int, int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class ThreadsAsked:
-    """What a user asks of the warp or the weft; None leaves it to the draft, or to a default.
+    """A user's request for the warp or the weft; None leaves a value to the draft or a default.
 
-    What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
+    `spacemap_vtk.filters.weave_source.WeaveSource` documents the values and the defaults.
     """
 
     diameter: Wanted | None
@@ -58,16 +58,16 @@ class ThreadsAsked:
 
     @property
     def thick(self) -> bool:
-        """Whether it says how thick the yarns are."""
+        """Whether the thickness of the yarns is given."""
         return self.diameter is not None or self.count is not None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What a user asks of a cloth, in SI; None leaves it to the draft, or to a default.
+    """A user's request for a cloth, in SI units; None leaves a value to the draft or a default.
 
-    What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
-    Of those that follow from one another at most one is given.
+    `spacemap_vtk.filters.weave_source.WeaveSource` documents the values and the defaults. Of values
+    that follow from one another at most one is given.
     """
 
     ends: int | None
@@ -91,19 +91,19 @@ def resolve(draft: Draft, asked: Asked, names: Naming = in_words) -> Cloth:
     Parameters
     ----------
     draft : Draft
-        Weave, and whatever sizes and colours it has.
+        Drawdown, with the sizes and colours that the draft stores.
     asked : Asked
-        What the user asks for.
+        The user's request.
     names : callable
-        How messages name the quantities of warp and weft.
+        Names of the quantities of warp and weft in messages.
 
     Returns
     -------
     Cloth
-        Its size, yarns and colours, whether or not there is room for them: see `Cloth.check`.
+        Its yarns may have no room: see `Cloth.check`.
     """
     ends, picks = asked.ends or draft.size[0], asked.picks or draft.size[1]
-    if asked.thick_yarns == "flatten" and draft.loom is not None:  # of a file, not a pattern
+    if asked.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
         warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
     layers, told = _layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
@@ -140,8 +140,8 @@ def _layers(
     asked: tuple[int | tuple[int, ...] | None, ...],
     names: Naming,
 ) -> tuple[Layers | None, tuple[str, ...]]:
-    """Return the two cloths that are asked for or found, and what is said of those found."""
-    # a small piece of a weave is what more of it is
+    """Return the two cloths that are requested or found, and messages about those found."""
+    # A small piece of a weave is judged by more repeats of it.
     whole = [count if count >= LEAST else 3 * LEAST for count in size]
     ends, picks = (
         None if layer is None else np.resize(layer, count) == 2
@@ -166,10 +166,10 @@ def _layers(
 
 
 def _filling(layers: Layers | None) -> float:
-    """Return the diameter over the spacing where nobody gives a thickness."""
+    """Return the default diameter over the spacing."""
     if layers is None:
         return FILLING
-    # two cloths of every other thread, nowhere joined, have each twice the spacing
+    # In two cloths of every other thread that are nowhere joined, spacings are twice as wide.
     families = layers.ends, layers.picks
     apart = all(one is not None and bool(np.diff(one).all()) for one in families)
     return LAYERED_FILLING * (2.0 if apart and not any(layers.joined) else 1.0)
@@ -188,10 +188,10 @@ def _threads(
     elif asked.diameter is not None:
         diameter = along(asked.diameter, count)
     elif own.thickness is not None:
-        # a weaving program draws what it calls thickness: the width
+        # Weaving programs draw what they call thickness: the width of the yarn.
         diameter = along(along(own.thickness, count) / aspect, count)
     else:
-        # the narrowest gap decides, so that a default is feasible
+        # The narrowest gap decides, so that the default is feasible.
         diameter = filling / aspect * float(np.min(spacing))
     chosen = asked.color if asked.color is not None else color if own.colors is None else own.colors
     return Threads(
@@ -207,15 +207,15 @@ def _threads(
 
 
 def _spacing(own: DraftThreads, asked: ThreadsAsked, count: int) -> Lengths:
-    """Return the distance between the yarns of a family: one, or (count - 1,)."""
+    """Return the distance between the yarns of a family: one value, or (count - 1,)."""
     if asked.spacing is not None:
         return along(asked.spacing, max(count - 1, 1))
     if asked.sett is not None:
         return 1.0 / asked.sett
-    # drafts without a spacing are drawn with the yarns side by side
+    # Drafts without a spacing are drawn with the yarns touching each other.
     found = own.thickness if own.spacing is None else own.spacing
     if found is None:
         return SPACING
     spaces = along(found, count)
-    # a thread stands in the middle of the space that its spacing gives it
+    # A thread lies in the middle of the space that its spacing defines.
     return alike(0.5 * (spaces[1:] + spaces[:-1])) if isinstance(spaces, np.ndarray) else spaces

@@ -1,7 +1,7 @@
-"""Drafts whose yarns are too thick to interlace.
+"""Make yarns thinner or flatter where a draft's yarns are too thick to interlace.
 
-Weaving programs write a thickness equal to the spacing, because they draw yarns side by side. No
-round yarn can be woven so: there would be no room for the other family to pass between.
+Weaving programs write a thickness equal to the spacing, because they draw yarns touching each
+other. Round yarns cannot be woven like that: the other family has no room to pass between them.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.threads import Lengths, Threads
 from spacemap_vtk.units import format_quantity
 
-#: Such yarns are drawn this share of the thickest (or, flattened, the highest) feasible.
+#: The new thickness (or height, for flattened yarns) as a share of the largest feasible one.
 THICKNESS_SHARE = 0.85
-#: A flattened yarn is at most this share of its spacing wide, so that others can pass beside it.
+#: Largest width of a flattened yarn as a share of its spacing, so that others can pass.
 WIDTH_SHARE = 0.9
-#: Thinner than this share of the draft's thickness is no mending.
+#: Least factor on the draft's thickness; smaller ones do not count as a solution.
 _LEAST = 1e-3
 
-#: Whether warp and weft are as thick as a draft says, and may be mended.
+#: Whether the thickness of warp and weft comes from a draft and may be changed.
 Thick = tuple[bool, bool]
 
 
 def scaled(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
-    """Make a draft's yarns thinner until they can interlace; say what was changed."""
+    """Make a draft's yarns thinner until they can interlace; also return a message."""
 
     def at(factor: float) -> Cloth:
         return _changed(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
@@ -82,12 +82,12 @@ def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -
 
 
 def _width(threads: Threads) -> Lengths:
-    """Return how wide a flattened yarn is: its thickness, as far as others can pass beside it."""
+    """Compute the width of a flattened yarn: its thickness, if others can pass beside it."""
     return np.asarray(_share(threads) * threads.aspect * np.asarray(threads.diameter))
 
 
 def _share(threads: Threads) -> float:
-    """Return what of its thickness a flattened yarn keeps as its width."""
+    """Compute the share of its thickness that a flattened yarn keeps as its width."""
     thickness = threads.aspect * np.asarray(threads.diameter)
     between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
     return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
@@ -102,7 +102,7 @@ def _feasible(cloth: Cloth) -> bool:
 
 
 def _largest(feasible: Callable[[float], bool]) -> float | None:
-    """Return the largest feasible factor up to 1; None if there is none worth having."""
+    """Find the largest feasible factor up to 1; None if it is below `_LEAST`."""
     if feasible(1.0):
         return 1.0
     low, high = _LEAST, 1.0

@@ -1,4 +1,4 @@
-"""Warp and weft of a cloth: how thick its yarns are, how far apart, of which section and colour."""
+"""Warp and weft of a cloth: diameters, spacings, sections, colours and twist of their yarns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
 from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
 from spacemap_vtk.units import metres
 
-#: Sections of a yarn, the commonest first.
+#: Sections of a yarn, the default first.
 SECTIONS = ("circular", "racetrack", "elliptic")
 
 #: One value for all yarns of a family, or one for each.
@@ -25,7 +25,7 @@ Some = slice | Ints
 
 
 class Yarns(NamedTuple):
-    """The yarns of one family, one by one; lengths in metres."""
+    """Yarns of one family, with values for each; lengths in metres."""
 
     diameter: Floats
     """(n,) Heights of the sections."""
@@ -39,7 +39,7 @@ class Yarns(NamedTuple):
     """(n,) Places across the whole family."""
 
     def chosen(self, which: Some) -> Yarns:
-        """Return some of the yarns, in their places."""
+        """Select some of the yarns; their positions stay unchanged."""
         position = self.position[which]
         return self._replace(
             diameter=self.diameter[which], spacing=np.diff(position), position=position
@@ -47,7 +47,7 @@ class Yarns(NamedTuple):
 
     @property
     def flat(self) -> Floats:
-        """(n,) Length on top of each yarn along which a crossing yarn stays straight."""
+        """(n,) Length on top of each yarn along which a crossing yarn is straight."""
         return (self.aspect - 1.0) * self.diameter
 
 
@@ -58,26 +58,25 @@ class Threads:
     Parameters
     ----------
     diameter : float or array_like
-        Diameter d of all yarns, or of each, in metres; of a flattened section the height.
+        Diameter d of all yarns, or of each, in metres; the height of a flattened section.
     spacing : float or array_like
-        Distance p between neighbours, in metres: of all, or (n - 1) of n yarns.
+        Distance p between neighbours, in metres; one value, or n - 1 values for n yarns.
     section : {"circular", "racetrack", "elliptic"}
         A racetrack is a rectangle between two half circles. Axes are exact for circles and
-        racetracks: yarns touch along their arcs and flats and never overlap. An ellipse is laid
-        along the axis of the racetrack of its size, which holds it: ellipses touch in the middle
-        of each crossing and never overlap, but leave a gap on both sides of it that real yarns
-        would close.
+        racetracks: yarns touch along arcs and flats and never overlap. An ellipse has the axis of
+        the racetrack of equal size, which contains it. So ellipses touch in the middle of each
+        crossing and never overlap, but they leave a gap on both sides that real yarns would close.
     aspect : float
         Width of the section over its height, at least 1; 1 for circles.
     crimp : float, optional
-        Crimp c = l / p - 1 where the yarns change side, in place of the cloth's crimp height.
+        Crimp c = l / p - 1 where yarns change side; it replaces the cloth's crimp height.
     colors : ndarray of uint8
-        (n, 3) Red, green and blue of each yarn, or (1, 3) of all; white where nobody says.
+        (n, 3) Red, green and blue of each yarn, or (1, 3) for all; white by default.
     twist : float or array_like, optional
-        Turns per metre, above 0 for Z and below for S, of all yarns or of each; by default the
-        usual, see `spacemap_vtk.textile.weave.yarn.usual_twist`. Seen, and nothing else.
+        Turns per metre, positive for Z and negative for S, of all yarns or of each. By default
+        `spacemap_vtk.textile.weave.yarn.usual_twist`. It affects appearance only.
     plies : float or array_like
-        How many singles are twisted together; 1 for singles. Seen, and nothing else.
+        Number of singles that are twisted together; 1 for singles. It affects appearance only.
     """
 
     diameter: Lengths
@@ -95,7 +94,7 @@ class Threads:
 
     @property
     def shape(self) -> str:
-        """The section; "circular" wherever the aspect is 1."""
+        """The section; "circular" if the aspect is 1."""
         return self.section if self.aspect > 1.0 else "circular"
 
     @property
@@ -104,12 +103,12 @@ class Threads:
         return self.diameter if isinstance(self.diameter, float) else float(np.mean(self.diameter))
 
     def mean_spacing(self, width: float) -> float:
-        """Return the mean spacing.
+        """Compute the mean spacing.
 
         Parameters
         ----------
         width : float
-            What stands for it where there is a lone yarn.
+            Value for a single yarn, in metres.
 
         Returns
         -------
@@ -119,8 +118,8 @@ class Threads:
         return float(np.mean(self.spacing)) if np.size(self.spacing) else width
 
     def gaps(self) -> tuple[Floats, Floats]:
-        # What gaps leave to yarns that pass: spacings less half the flats on both sides, p',
-        # and the mean diameter of both neighbours.
+        # Room of gaps for yarns that pass, p' (spacing less half the flats on both sides), and the
+        # mean diameter of both neighbours.
         mean = self._between()
         if mean.size == 0 or np.size(self.spacing) == 0:
             return np.empty(0), np.empty(0)
@@ -128,7 +127,7 @@ class Threads:
         return np.atleast_1d(room), np.atleast_1d(mean)
 
     def chosen(self, which: Bools) -> Threads:
-        # Some of the threads, in their places.
+        # Selects some threads; their positions stay unchanged.
         yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
         twist, plies = self.twist, self.plies
@@ -142,17 +141,17 @@ class Threads:
         )
 
     def strands(self, count: int) -> tuple[Lengths, Lengths, Lengths]:
-        """Return turns per metre, plies, and diameters of round yarns of the same area.
+        """Compute turns per metre, plies, and diameters of round yarns of equal area.
 
         Parameters
         ----------
         count : int
-            How many yarns there are.
+            Number of yarns.
 
         Returns
         -------
         tuple of 3 ndarray of float, shape (count,)
-            Turns above 0 for Z twist.
+            Turns are positive for Z twist.
         """
         round_ = np.sqrt(section_factor(self.aspect, self.shape) / (0.25 * np.pi)) * self.diameter
         usual = usual_twist(np.asarray(round_), np.asarray(self.plies))
@@ -161,7 +160,7 @@ class Threads:
         return turns, plies, diameter
 
     def yarns(self, count: int, middle: float = 0.0) -> Yarns:
-        # One by one, about a middle [m].
+        # Values of each yarn; positions are centred on `middle`, in m.
         apart = np.array(np.broadcast_to(self.spacing, count - 1))
         return Yarns(
             np.array(np.broadcast_to(self.diameter, count)),
@@ -172,7 +171,7 @@ class Threads:
         )
 
     def check(self, family: int, count: int, names: Naming = in_words) -> None:
-        """Refuse what is no length or not one for each yarn, and a section that cannot be."""
+        """Refuse bad lengths, wrong numbers of values, and impossible sections."""
         for key, values, wanted in (
             ("diameter", self.diameter, count),
             ("spacing", self.spacing, count - 1),
@@ -246,20 +245,20 @@ class Threads:
             )
 
     def _between(self) -> Floats:
-        """Return mean diameters of neighbours: (n - 1,) of n values, a scalar of one for all."""
+        """Compute mean diameters of neighbours: (n - 1,), or a scalar if all yarns are equal."""
         values = np.asarray(self.diameter)
         return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
 
 
 def along(values: Lengths | tuple[float, ...], count: int) -> Lengths:
-    """Repeat values over so many yarns; equal ones are one value."""
+    """Repeat values over a number of yarns; equal values become one."""
     if np.ndim(values) == 0:
         return values  # type: ignore[return-value]
     return alike(np.resize(np.asarray(values, dtype=np.float64), count))
 
 
 def alike(values: Floats) -> Lengths:
-    """Return equal values as one."""
+    """Replace an array of equal values by one value."""
     return float(values[0]) if (values == values[0]).all() else values
 
 
@@ -272,10 +271,10 @@ def _unchangeable(value: Lengths) -> Lengths:
 
 
 def _places(spacing: Floats) -> Floats:
-    """Return (n + 1,) places that are (n,) distances apart, the middle of the ends at 0."""
+    """Compute (n + 1,) positions from (n,) distances, centred on 0."""
     count = len(spacing) + 1
     if spacing.size == 0 or np.ptp(spacing) == 0.0:
-        # exactly symmetric, and no sum of roundings
+        # Exactly symmetric, because no rounding errors add up.
         step = spacing[0] if spacing.size else 0.0
         return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
     place = np.concatenate([[0.0], np.cumsum(spacing)])

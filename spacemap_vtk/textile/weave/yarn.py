@@ -1,7 +1,7 @@
-"""Yarn counts: from the ways in which yarns are sold to linear density and diameter.
+"""Yarn counts and twist: parse how yarns are sold, and compute linear density and diameter.
 
-Direct systems say how heavy a length of yarn is (tex: g in 1000 m, denier: g in 9000 m), indirect
-ones how long a weight of it is (Nm: 1000 m in a kg, Ne: hanks of 840 yards in a pound).
+Direct systems give the mass of a length of yarn (tex: g in 1000 m, denier: g in 9000 m). Indirect
+systems give the length of a mass (Nm: 1000 m in a kg, Ne: hanks of 840 yards in a pound).
 
 Source: W. E. Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres", 4th ed. (2008),
 appendix of units, and table 5.1 for the density of cotton.
@@ -23,42 +23,42 @@ OneOrMany = TypeVar("OneOrMany", float, Floats)
 
 #: Density of cotton fibres at 65 % relative humidity, in kg/m3 (Morton and Hearle, table 5.1).
 COTTON = 1520.0
-#: Share of fibre in a yarn's section, for common spun yarns.
+#: Share of fibre in the section of common spun yarns.
 PACKING = 0.6
-#: kg/m of a yarn with 840 yards (0.9144 m each) to the pound, and with 1000 m to the kg.
+#: Linear density in kg/m of count 1: 840 yards (0.9144 m each) per pound, and 1000 m per kg.
 _INDIRECT = {"ne": 0.45359237 / (840 * 0.9144), "nec": 0.45359237 / (840 * 0.9144), "nm": 1e-3}
-#: Of a spun yarn's outer fibres, from its axis: 30 tex of cotton has it at a usual twist factor,
-#: 3800 turns/m sqrt(tex).
+#: Angle between the outer fibres of a spun yarn and its axis: 30 tex cotton has it at a usual twist
+#: factor of 3800 turns/m sqrt(tex).
 _USUAL_ANGLE = radians(24.0)
 
 _NUMBER = r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+))?"
 _WORD = "|".join(_INDIRECT)
 _TWIST = re.compile(r"\s*([SZsz](?=[\s\d.]))?\s*(.*?\d.*?)\s*(?<![A-Za-z])([SZsz])?\s*")
 _COUNT = re.compile(rf"\s*(?:({_WORD})\s*{_NUMBER}|{_NUMBER}\s*({_WORD}))\s*", re.IGNORECASE)
-#: A count and its plies without a system.
+#: A count and its plies, without a system.
 _PLIED = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+)\s*")
 
 
 def linear_density(text: str) -> float:
-    """Read a yarn count.
+    """Parse a yarn count.
 
     Parameters
     ----------
     text : str
-        ``"30 tex"``, ``"150 den"`` or ``"300 dtex"``; ``"40 Ne"`` or ``"20 Nm"``, also before the
-        number. Of two numbers, as in ``"Ne 30/2"`` and ``"2/60 Nm"``, the larger is the count of
-        the single yarn and the smaller how many are twisted together. ``"20/2"`` without a system
-        is a cotton count, ``"Ne 20/2"``, as handweavers write it. A bare number is kg/m.
+        ``"30 tex"``, ``"150 den"`` or ``"300 dtex"``; ``"40 Ne"`` or ``"20 Nm"``, also with the
+        system first. Of two numbers, as in ``"Ne 30/2"`` and ``"2/60 Nm"``, the larger is the count
+        of the single yarn and the smaller the number of plies. ``"20/2"`` without a system is a
+        cotton count, ``"Ne 20/2"``, as handweavers write it. A single number is in kg/m.
 
     Returns
     -------
     float
-        Mass of a length of yarn, in kg/m: 1 tex is 1e-6.
+        Mass per length, in kg/m: 1 tex is 1e-6.
 
     Raises
     ------
     InputError
-        If the text is no count.
+        The text is not a yarn count.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def linear_density(text: str) -> float:
     True
     """
     if (plied := _PLIED.fullmatch(text)) and float(plied[1]) < float(plied[2]):
-        # Worsted spinners write the plies first, and count in other hanks.
+        # Worsted spinners write the plies first, and count other hanks.
         raise InputError(
             "plies stand before the count, which is no cotton count",
             cure=f'Name the system: "Nm {plied[2]}/{plied[1]}" or "Ne {plied[2]}/{plied[1]}".',
@@ -87,24 +87,24 @@ def linear_density(text: str) -> float:
 
 
 def section_area(count: OneOrMany, density: float = COTTON, packing: float = PACKING) -> OneOrMany:
-    """Return the area of a yarn's section, the air between its fibres included."""
+    """Compute the area of a yarn's section, including the air between its fibres."""
     return count / (packing * density)
 
 
 def yarn_height(area: OneOrMany, aspect: float = 1.0, section: str = "circular") -> OneOrMany:
-    """Return how high a yarn is whose section has a given area: the diameter of a round one."""
+    """Compute the height of a yarn from the area of its section: the diameter of a round one."""
     return (area / section_factor(aspect, section)) ** 0.5
 
 
 def section_factor(aspect: float, section: str) -> float:
-    """Return the area of a section over the square of its height.
+    """Compute the area of a section over the square of its height.
 
     Parameters
     ----------
     aspect : float
         Width over height.
     section : {"circular", "racetrack", "elliptic"}
-        Its shape.
+        Shape of the section.
 
     Returns
     -------
@@ -120,24 +120,24 @@ def section_factor(aspect: float, section: str) -> float:
 
 
 def twist(text: str) -> float:
-    """Read how many turns a yarn has in a metre.
+    """Parse a twist.
 
     Parameters
     ----------
     text : str
-        ``"600 Z"``, ``"S 450"`` or ``"15 /in Z"``: without a unit per metre. Of a bare number Z is
-        above 0, S below (ISO 2:1973: seen upright, the fibres in front lean as the letter's middle
-        stroke does; Z is a right-handed screw).
+        ``"600 Z"``, ``"S 450"`` or ``"15 /in Z"``; without a unit in turns per metre. A number
+        without a letter is positive for Z and negative for S. (ISO 2:1973: in an upright yarn,
+        the fibres in front lean like the middle stroke of the letter; Z is a right-handed screw.)
 
     Returns
     -------
     float
-        Per metre.
+        Turns per metre.
 
     Raises
     ------
     InputError
-        If the text is no twist.
+        The text is not a twist.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def twist(text: str) -> float:
 
 
 def usual_twist(diameter: Floats, plies: Floats) -> Floats:
-    """Return turns per metre where nobody says: singles Z, plied yarns against their own, S."""
-    # J. W. S. Hearle, P. Grosberg and S. Backer (1969): fibres at the surface of a yarn lean by
-    # tan(angle) = pi d T.
+    """Return the default turns per metre: Z for singles, S (against them) for plied yarns."""
+    # J. W. S. Hearle, P. Grosberg and S. Backer (1969): fibres at the surface of a yarn are
+    # inclined by tan(angle) = pi d T.
     return np.where(plies > 1, -1.0, 1.0) * tan(_USUAL_ANGLE) / (pi * diameter)
