@@ -90,7 +90,7 @@ class MidSurface(NamedTuple):
         return np.linalg.norm(upper - lower, axis=1)
 
     def taper(self, points: Floats, plate: Plate) -> Floats:
-        """Compute the thickness of a plate at each pair, relative to the mean, (P,)."""
+        """Compute the relative thickness that determines a plate's stiffness at each pair, (P,)."""
         own = self.thickness(points)
         return own / own.mean() if plate.local else np.ones(len(own))
 

@@ -1,4 +1,4 @@
-"""Modes of a cage, loads on them and residual vectors: the parts of a response without time."""
+"""Modes of a cage, loads on them and residual vectors: all of a response but its time."""
 
 from __future__ import annotations
 
