@@ -1,4 +1,4 @@
-"""The main window: what stands where."""
+"""The main window: its layout, and the connections between its parts."""
 
 from __future__ import annotations
 
@@ -55,36 +55,37 @@ from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.report import motion_in_short, motion_told
 from spacemap_vtk.scenes.settings import View
 
-#: Of a run that goes on, at most: what has done all of its steps may still put them together.
+#: Highest shown progress of a running stage, in percent: after its last step it may still need
+#: time to join the results.
 _NOT_YET = 99
-#: Milliseconds that a deed is told.
+#: How long a status message stays, in ms.
 _TOLD = 10_000
-#: Pixels: less than its panels take together.
+#: Smallest width of the window in pixels, less than all its panels need together.
 _LEAST = 690
-#: How many times as thick a press of a key makes lines and dots.
+#: Factor by which one key press makes lines and dots thicker.
 _THICKER = 1.25
 
 
-#: A link that switches the stage on: its words are those of the list of stages.
+#: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
-#: Where a warning's first statement ends, and how many words of it stand in the status line.
+#: End of a warning's first statement, and number of its words that the status line shows.
 _ENDS, _FEW = re.compile(r"[;:]|, so that|, of which"), 16
 
 
 class MainWindow(QMainWindow):
-    """Pipeline and properties on the left, the view with its time bar in the middle."""
+    """Pipeline and properties on the left, view and time bar in the middle, tabs on the right."""
 
     def __init__(self) -> None:
         super().__init__()
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        # What is left of a small screen by the window's frame and a panel.
+        # On a small screen, leave room for the window's frame and a desktop panel.
         self.resize(QSize(1440, 900).boundedTo(self.screen().availableSize() - QSize(20, 60)))
-        #: What shows and hides them, by panel.
+        #: Action that shows and hides each panel.
         self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
         self.look = Look(handled=True)
-        #: How fabric and cage are shown where both are.
+        #: The last value of ``view.show`` that showed both fabric and cage.
         self._both = "both"
         self.view = View3D(self.look)
         self.times = TimeBar()
@@ -95,9 +96,9 @@ class MainWindow(QMainWindow):
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab(self.document, self.engine)
         self.tabs = QTabWidget(documentMode=True)
-        # Its line is white in the dark.
+        # Qt draws the base line of the tab bar white, also in the dark theme.
         self.tabs.tabBar().setDrawBase(False)
-        # In a narrow window words are cut: a tab behind a button with an arrow is not found.
+        # In a narrow window, shorten the titles: users do not find tabs behind scroll buttons.
         self.tabs.setUsesScrollButtons(False)
         self.tabs.setElideMode(Qt.TextElideMode.ElideRight)
         self.draft = DraftTab(self.document)
@@ -131,7 +132,7 @@ class MainWindow(QMainWindow):
         self.engine.start()
 
     def start(self, scene: str | None) -> None:
-        """Show the first scene."""
+        """Open the first scene."""
         self.gallery.show_recent(self.files.recent)
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
@@ -141,10 +142,10 @@ class MainWindow(QMainWindow):
         self.errors.say(error, about)
         draft = self.document.scene.draft_file
         if isinstance(error, SpacemapError) and draft and error.file == str(draft):
-            # What is wrong inside the file has no field but the file's.
+            # For an error inside the draft file, mark the field with the file's name.
             error.section, error.key = "weave", "draft"
         if isinstance(error, SpacemapError) and error.key:
-            # Not during a drag: its slider would go from under the hand.
+            # Not during a drag: another page would replace the slider that is being dragged.
             section = error.section or ""
             other = section in sections() and section != self.properties.section
             if other and not self.director.held:
@@ -152,7 +153,7 @@ class MainWindow(QMainWindow):
             self.properties.mark(error, about)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Stop the engine before anything is freed."""
+        """Stop the engine before Qt frees anything."""
         if not (self.exports.may_leave() and self.files.may_leave()):
             event.ignore()
             return
@@ -165,13 +166,13 @@ class MainWindow(QMainWindow):
         super().closeEvent(event)
 
     def keep_state(self) -> None:
-        """Let the next window come where this one is."""
+        """Store position and layout of the window for the next start."""
         settings = QSettings()
         settings.setValue("geometry", self.saveGeometry())
         settings.setValue("columns", self.splitter.saveState())
 
     def discard(self) -> None:
-        """Close without asking whether changes should be saved, or exports go on."""
+        """Close without asking about unsaved changes or running exports."""
         self.exports.stop()
         self.document.undo.setClean()
         self.close()
@@ -181,7 +182,7 @@ class MainWindow(QMainWindow):
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        """Open the file that is dropped."""
+        """Open the dropped file."""
         names = [url.toLocalFile() for url in event.mimeData().urls()]
         if names and self.files.may_leave():
             event.acceptProposedAction()
@@ -200,7 +201,7 @@ class MainWindow(QMainWindow):
         self._fit()
 
     def _fit(self) -> None:
-        """Show the panels that are wanted, as far as there is room."""
+        """Show the panels that are switched on, as far as there is room."""
         room = self.width() - self.splitter.widget(1).minimumSizeHint().width()
         for widget, shown in self.panels.items():
             needed = max(widget.minimumWidth(), widget.minimumSizeHint().width())
@@ -210,26 +211,26 @@ class MainWindow(QMainWindow):
     def _lay_out(self) -> None:
         left, middle = QWidget(), QWidget()
         column(left, self.stages, (self.properties, 1), spacing=0)
-        # The widest page of fields and its scroll bar. Not found anew for each page or value: the
-        # view would change its size under a drag.
+        # The width of the widest page of fields with its scroll bar. A width computed for each page
+        # or value would resize the view during a drag.
         left.setMinimumWidth(298)
         self.tools = ViewBar(self.view)
         column(middle, self.tools, self.errors, (self.view, 1), self.times, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, childrenCollapsible=False)
-        # Of another width the view takes most, but not all.
+        # When the window is resized, the view gets the largest part of the difference.
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
         self.splitter.setSizes([320, 780, 340])
         self.setCentralWidget(self.splitter)
-        # A narrower window leaves out the tabs, as if they were hidden.
+        # A narrower window hides the tabs.
         self.setMinimumWidth(_LEAST)
         for widget, name, key in ((left, "Properties", "F9"), (self.tabs, "Tabs", "F10")):
             self.panels[widget] = shown = action(self, name, self._fit, key, checkable=True)
             shown.setChecked(True)
-        # The view is a window of its own within this one. Into a larger one Qt would blend all that
-        # is in there at every frame: a sixth of the frame's time where software draws. Not before
-        # it has its place: another window means another context of OpenGL.
+        # The view is a native child window. Otherwise Qt would blend the whole main window at every
+        # frame, which takes a sixth of the frame's time with software rendering. Set this only when
+        # the view is in its place: moving it to another window would make a new OpenGL context.
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = OneLine()
@@ -257,7 +258,7 @@ class MainWindow(QMainWindow):
         self._connect_errors()
         self.director.drawn.connect(self._drawn)
         self.director.progress.connect(self._show_progress)
-        # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
+        # After an error, stop a shown mode or pull: it would fail again at every frame.
         self.director.failed.connect(self.modes.stop)
         self.director.failed.connect(self.pull.stop)
         self.director.given_up.connect(self._given_up)
@@ -271,7 +272,7 @@ class MainWindow(QMainWindow):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)
         self.modes.table.cellClicked.connect(self.pull.release)
-        #: What was shown when the status line described a picked point; None: it does not.
+        #: State of the view when the status line began to show a picked point; None if it does not.
         self._picked_in: object = None
         self.view.picked.connect(self._describe)
         self.plots.asked.connect(self._asked)
@@ -291,7 +292,7 @@ class MainWindow(QMainWindow):
         self.tools.hung.connect(self._hang)
         self.tools.clipped.connect(self._clip)
         self.tools.keys.thickened.connect(self._thicken)
-        # Queued: the plane is still in the mouse's hands.
+        # Queued, because the mouse still holds the plane when the signal is emitted.
         self.view.clipped.connect(self._clip, Qt.ConnectionType.QueuedConnection)
         for told in (self.document.changed, self.document.replaced):
             told.connect(self._show_view)
@@ -299,13 +300,13 @@ class MainWindow(QMainWindow):
         self.files.remembered.connect(self.gallery.show_recent)
         self.files.remembered.connect(self._name)
         self.gallery.chosen.connect(self.files.leave_for)
-        # Not as the view's own words, which the next frame replaces.
+        # As a temporary message: the next frame would replace the text about the view.
         self.exports.written.connect(lambda file: self._tell_done(f"Written: {file}"))
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
     def _connect_errors(self) -> None:
-        """Let each thing that can go wrong be told, until it goes well."""
+        """Connect each kind of error to the signals that report it and that clear it."""
         document, draft, plots = self.document, self.draft, self.plots
         for about, failing, righting in (
             ("run", [self.director.failed], []),  # until a frame is drawn
@@ -314,7 +315,7 @@ class MainWindow(QMainWindow):
                 [self.properties.refused, document.failed, draft.failed, self.menus.refused],
                 [self.properties.accepted, document.changed, draft.accepted],
             ),
-            # A change goes on without what could not be opened.
+            # A change shows that the user goes on without the file that could not be opened.
             ("open", [], [document.changed]),
             ("time", [self.times.refused], [self.times.chosen]),
             ("plot", [plots.failed], [plots.shown]),
@@ -345,13 +346,13 @@ class MainWindow(QMainWindow):
         self._try(self.document.set, "view", name, None if usual else value)
 
     def _show(self, name: str, on: bool) -> None:
-        # One of the two is always seen: what hides it shows the other.
+        # Fabric or cage is always visible: hiding one shows the other.
         scene, other = self.document.scene, "cage" if name == "fabric" else "fabric"
         show = scene.view.show
         if show not in (name, other):
             self._both = show
         seen = self._both if on and show != name else name if on else other
-        if not scene.moves:  # there is one of the two
+        if not scene.moves:  # without motion there is only the fabric
             self.tools.show_scene(scene)
             return
         self._look("show", seen)
@@ -359,12 +360,12 @@ class MainWindow(QMainWindow):
     def _switch_stage(self, section: str, on: bool = True) -> None:
         values = {}
         if on and section == "motion" and not self.document.remembers(section):
-            # Alone of all it has nothing to begin with.
+            # Unlike all other stages, this one has no useful default: it needs a file.
             file, _ = QFileDialog.getOpenFileName(self, "The motion to read")
             values = {"file": file} if file else {}
             on = bool(file)
         self._try(self.document.switch, section, on, values)
-        self.stages.show_boxes(self.document.scene)  # it may have been refused
+        self.stages.show_boxes(self.document.scene)  # the switch may have been refused
 
     def _hang(self, on: bool) -> None:
         modal, response = self.document.scene.modal, self.document.scene.response
@@ -383,7 +384,7 @@ class MainWindow(QMainWindow):
         self._try(partial(self.document.set_many, name="clip plane"), "view", written)
 
     def _thicken(self, steps: int) -> None:
-        # In whole steps, so that as many back lead to where one was.
+        # In whole steps, so that the same number of steps back restores the former thickness.
         now = round(math.log(self.document.scene.view.line_scale, _THICKER))
         self._look("line_scale", round(_THICKER ** (now + steps), 2))
 
@@ -402,10 +403,10 @@ class MainWindow(QMainWindow):
         self.figures.forget()
         example = self.document.example
         self.view.preview.begin(thumbnails.file_of(example) if example else None)
-        self.told.tell("")  # of what was there before
+        self.told.tell("")  # clear the text about the former scene
         self.told.setToolTip("")
         self.details.hide()
-        # The properties of a stage that another scene lacks would say nothing.
+        # Do not show the properties of a stage that the new scene does not use.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.choose(self.document.scene.source.section)
 
@@ -428,45 +429,46 @@ class MainWindow(QMainWindow):
 
     def _drawn(self, frame: Frame) -> None:
         self.errors.clear("cancel")
-        # A swing runs less than the motion does.
+        # A frame of a mode or pull does not prove that the motion works: its stages did not run.
         if frame.swing is None:
             self.errors.clear("run")
             self.properties.clear("run")
         if not (frame.coarse and self.director.held):
-            # While time runs, too: only a drag has other modes at every frame.
+            # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.show_turns(self.document.scene.stage("rotation") is not None)
             self.properties.show_found("modal", measures_in(frame.cage), frame.in_use)
-        # Another view of the same leaves the words on a picked point there.
+        # If only the camera has moved, keep the text about a picked point.
         if not frame.coarse and _shown_in(frame) != self._picked_in:
             self._picked_in = None
             self._tell(frame)
 
     def _describe(self, pick: Pick) -> None:
-        """Show a picked point in the status line."""
+        """Describe a picked point in the status line."""
         frame = self.view.frame
         self._picked_in = None if frame is None else _shown_in(frame)
         self.told.tell(pick.text)
 
     def _tell(self, frame: Frame) -> None:
-        """Show the number of facets and the first warning, shortened."""
+        """Show the number of facets and the first warning, shortened, in the status line."""
         doubts, few, link = list(frame.warnings), "", ""
         if doubts:
             few = _headline(doubts[0])
         if frame.motion and frame.motion["large"]:
             doubts.insert(0, f"The motion {motion_told(frame.motion)}")
             few = f"The motion {motion_in_short(frame.motion)}"
-            # The words of a cure are the click that does it.
+            # A click on the cure applies it.
             link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
         warnings = self.document.drafts.told("\n".join(doubts))
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
-        # Whoever has just opened one of the program's own scenes has nothing to answer for: what
-        # there is to know of it is a click away.
+        # Warnings about an unchanged scene of the program's own are not the user's fault: they are
+        # shown only after a click.
         shown = few and not (self.document.example and self.document.undo.isClean())
         note = f"  ⚠ {self.document.drafts.told(few)}{link and ': '}{link}" if shown else ""
         self.told.tell(f"{count:,} facets{note}", link, "rotation")
-        # Tips are plain text where nothing looks like a tag: what a file says is no page.
+        # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
+        # interpreted as HTML.
         self.told.setToolTip(warnings.replace("<", "‹"))
         self.details.setText("Details" if shown else "Notes")
         self.details.setVisible(bool(warnings))
@@ -494,17 +496,17 @@ class MainWindow(QMainWindow):
         if section:
             stage = words_of(sections()[section].__name__)
             self.running.setText(f"{stage}: {step}" if step else stage)
-            # A stage that tells nothing of its progress gets a bar that only shows life.
+            # A stage that reports no progress gets a busy indicator.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(min(int(share * 100), _NOT_YET))
 
 
 def _headline(warning: str) -> str:
-    """Return a warning's first statement, in a few words."""
+    """Return the first statement of a warning, shortened to a few words."""
     words = _ENDS.split(warning, maxsplit=1)[0].split()
     return " ".join(words[:_FEW]) + " …" * (len(words) > _FEW)
 
 
 def _shown_in(frame: Frame) -> object:
-    """Return what a frame shows, from wherever it is looked at."""
+    """Return a key that identifies what a frame shows, regardless of the camera."""
     return frame.generation, frame.values, frame.time, frame.swing

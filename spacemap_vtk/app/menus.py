@@ -1,4 +1,4 @@
-"""The menus, and the keys that stand in them."""
+"""The menus, their shortcuts, and the help about keys and mouse."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from spacemap_vtk.scenes import library
 
 _ENTERS = Qt.Key.Key_Return, Qt.Key.Key_Enter
 _TABS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
-#: Letters of the help's first column.
+#: Width of the first column of the help, in letters.
 _COLUMN = 16
-#: What the mouse does in the view: VTK's habits, and what is this program's own.
+#: Mouse actions in the view: those of VTK and those of this program.
 MOUSE = "\n".join(
     f"{hand:<{_COLUMN}}{does}"
     for hand, does in (
@@ -51,9 +51,9 @@ MOUSE = "\n".join(
 
 
 class Menus(QObject):
-    """Fills a window's menu bar."""
+    """Fill the menu bar of a window."""
 
-    #: Why something cannot be done.
+    #: The error that explains why a command is not possible.
     refused = Signal(object)
 
     def __init__(
@@ -95,7 +95,7 @@ class Menus(QObject):
         menu.addSeparator()
         self._add(menu, "Close", keys.Close, window.close, keys.Quit)
         menu = self._menu("&Edit")
-        # Not those of Qt's stack, which know nothing of a change that still waits.
+        # Not the actions of Qt's undo stack, which ignore a change that is still waiting.
         history = document.undo
         undo = self._add(menu, "Undo", keys.Undo, self._undo)
         redo = self._add(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
@@ -146,7 +146,7 @@ class Menus(QObject):
 
     @property
     def keys(self) -> tuple[str, str]:
-        """Every action of the menus that has a key, a line each; and of the view."""
+        """Help texts: one line for each action with a shortcut, of the menus and of the view."""
         menus, view = (
             "\n".join(_told(action) for action in actions if action.shortcuts())
             for actions in (self.actions.values(), self._tools.choices)
@@ -168,7 +168,7 @@ class Menus(QObject):
         return action
 
     def _undo(self) -> None:
-        """Undo; a value that was refused is what was done last."""
+        """Undo; if a value was refused, that is the last action, and its field is restored."""
         if not self._properties.take_back():
             self._document.undo.undo()
 
@@ -188,7 +188,7 @@ class Menus(QObject):
         self._files.leave_for(self.sender().data())
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
-        """Copy the scene, if it is made of files that will be there later."""
+        """Copy the scene as text; refused if its draft exists only in a temporary file."""
         if self._document.drafts.holds(self._document.scene.draft_file):
             words = "The draft is edited and in no file yet: save the scene, then copy"
             self.refused.emit(InputError(words))
@@ -209,7 +209,7 @@ class Menus(QObject):
         box = QMessageBox(self.parent())
         box.setWindowTitle("Keys and mouse")
         menus, view = self.keys
-        # Side by side: one over the other they are higher than a small screen.
+        # Side by side, because one above the other they are higher than a small screen.
         box.setText(
             f"<table><tr><td><pre>{menus}</pre></td>"
             f"<td style='padding-left: 32px'><pre>{view}\n\n{MOUSE}</pre></td></tr></table>"
@@ -218,24 +218,24 @@ class Menus(QObject):
 
 
 class _LineKeys(QObject):
-    """Leaves keys that Qt's lines of text keep for themselves to the window."""
+    """Pass keys on to the window that Qt's input fields would otherwise consume."""
 
-    # Undo and redo, where there is nothing to undo in the line; and all keys once Enter has set
-    # what was typed: the view has the keyboard then, so that Space plays, and Tab goes on from
-    # the line.
+    # Undo and redo are passed on if the field has nothing to undo. After Enter, the view gets the
+    # keyboard focus, so that Space plays; Tab then continues from the field.
 
     def __init__(self, parent: QWidget, view: QWidget) -> None:
         super().__init__(parent)
         self._view = view
-        #: The line that Enter has left for the view.
+        #: The field that had the focus before Enter gave it to the view.
         self._left: QWidget | None = None
         self._entered = later(self, self._leave, 0)
         view.installEventFilter(self)
-        # Only the line that has the keyboard is watched: to watch all costs at every event.
+        # Filter only the events of the focused field: a filter for all widgets would slow down
+        # every event.
         QApplication.instance().focusChanged.connect(self._follow)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Pass a key on to the window's shortcuts, or the keyboard to or from the view."""
+        """Pass a key to the window's shortcuts, or move the focus between field and view."""
         if not isinstance(event, QKeyEvent):
             return False
         pressed = event.type() == QEvent.Type.KeyPress
@@ -246,13 +246,13 @@ class _LineKeys(QObject):
             left.setFocus()
             return QApplication.sendEvent(left, event)
         if pressed and event.key() in _ENTERS:
-            self._entered.start()  # once what it sets is taken
+            self._entered.start()  # after the field has processed Enter
         if event.type() != QEvent.Type.ShortcutOverride:
             return False
         line = watched if isinstance(watched, QLineEdit) else watched.findChild(QLineEdit)
         keys = QKeySequence.StandardKey
-        # What was refused goes as a whole, not letter by letter.
-        if line is None:  # a choice that nothing is typed into
+        # A refused value is undone as a whole, not letter by letter.
+        if line is None:  # a combo box without an input field
             return False
         idle = (event.matches(keys.Undo) and (_refused(line) or not line.isUndoAvailable())) or (
             event.matches(keys.Redo) and not line.isRedoAvailable()
@@ -270,7 +270,7 @@ class _LineKeys(QObject):
             now.installEventFilter(self)
 
     def _leave(self) -> None:
-        """Give the view the keyboard, unless the line has been refused, or is one of a search."""
+        """Give the focus to the view, unless the value was refused or it is a search field."""
         line = QApplication.focusWidget()
         if not isinstance(line, (QLineEdit, QAbstractSpinBox)) or _refused(line):
             return
@@ -281,19 +281,19 @@ class _LineKeys(QObject):
 
 
 def _refused(widget: QWidget | None) -> bool:
-    """Whether a widget is, or stands in, what is marked as refused."""
+    """Return whether a widget or one of its parents is marked as refused."""
     while widget is not None and not widget.property("bad"):
         widget = widget.parentWidget()
     return widget is not None
 
 
 def _give_keys(action: QAction, *keys: object) -> None:
-    # One standard key can bring the same as another.
+    # A standard key can map to the same keys as another one; Qt wants each once.
     action.setShortcuts(list(dict.fromkeys(QKeySequence(key) for key in keys)))
 
 
 def _told(action: QAction) -> str:
-    """Return an action's keys and name, as the help has them."""
+    """Format the shortcuts and name of an action as a line of the help."""
     key, *more = (key.toString() for key in action.shortcuts())
     also = f" (or {', '.join(more)})" if more else ""
     return f"{key:<{_COLUMN}}{action.text().rstrip('…')}{also}"

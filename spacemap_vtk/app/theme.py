@@ -1,4 +1,4 @@
-"""Light and dark."""
+"""Light and dark theme."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication, QLabel
 
 _Role = QPalette.ColorRole
-#: The colour of each role in a light window, and in a dark one.
+#: Colour of each role in the light and in the dark theme.
 _COLORS = {
     _Role.Window: ("#f4f6f8", "#1d232b"),
     _Role.WindowText: ("#1f2730", "#e6eaf0"),
@@ -24,7 +24,7 @@ _COLORS = {
     _Role.Link: ("#2d6a8e", "#6db3dc"),
     _Role.LinkVisited: ("#2d6a8e", "#6db3dc"),
 }
-#: Likewise for the words of the style sheet.
+#: Colour of each placeholder of the style sheet in the light and in the dark theme.
 _WORDS = {
     "faint": ("#66717e", "#93a0ae"),
     "bad": ("#c0394b", "#ff7a85"),
@@ -67,7 +67,7 @@ QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
 QTableWidget#modes QHeaderView::section {{ padding: 4px 2px; }}
 """
-#: Fusion draws an empty box darker than the window, where nobody sees it.
+#: In the dark theme, Fusion draws an empty check box almost invisibly dark.
 _DARK_SHEET = """
 QCheckBox::indicator:unchecked:enabled, QTreeView::indicator:unchecked {
     border: 1px solid #7d8998; border-radius: 2px; width: 12px; height: 12px; }
@@ -75,15 +75,15 @@ QCheckBox::indicator:unchecked:enabled, QTreeView::indicator:unchecked {
 
 
 def apply_theme(app: QApplication, dark: bool) -> None:
-    """Give every window a light or dark look."""
-    # Once: each style that is set leaves the one before behind in PySide.
+    """Apply the light or the dark theme to all windows."""
+    # Only once: PySide leaks the former style whenever a style is set.
     if app.property("styled") is None:
         app.setStyle("Fusion")
         app.setProperty("styled", True)
     words = {word: colors[dark] for word, colors in _WORDS.items()}
     sheet = _SHEET.format(**words) + (_DARK_SHEET if dark else "")
     if app.styleSheet() == sheet:
-        return  # all that is on the screen would be measured and painted anew
+        return  # setting it again would lay out and paint all widgets again
     palette = QPalette()
     for role, colors in _COLORS.items():
         palette.setColor(role, QColor(colors[dark]))
@@ -93,7 +93,7 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     app.setPalette(palette)
     app.setStyleSheet(sheet)
     for label in app.allWidgets():
-        # A link has the colour of the palette that its text has met.
+        # A link keeps the colour from when its text was set, so set the text again.
         if isinstance(label, QLabel) and "<a " in label.text():
             text = label.text()
             label.clear()

@@ -1,4 +1,4 @@
-"""What the window's parts are put together from: columns and rows, buttons, notes, timers."""
+"""Building blocks of the window: layouts, buttons, actions, notes, tables and timers."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-#: Of numbers in a table, and of words beside a mark.
+#: Alignment of numbers in a table, and of words beside a mark.
 RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
-#: What stands in a row or column: alone, with its share of the room, or None for room left empty.
+#: Item of a layout: a widget or layout, one with a stretch factor, or None for empty space.
 Item: TypeAlias = "QWidget | QLayout | tuple[QWidget | QLayout, int] | None"
 
 
 def column(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
-    """Put items one below the other; without an owner for use within another layout."""
+    """Lay out items vertically; without an owner, for use inside another layout."""
     return _filled(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **look)
 
 
 def row(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
-    """Put items side by side, likewise."""
+    """Lay out items horizontally; without an owner, for use inside another layout."""
     return _filled(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **look)
 
 
@@ -69,7 +69,7 @@ def _filled(
 
 
 def tool_button(text: str, tip: str = "", **more: Any) -> QToolButton:
-    """Return a flat button, with more of Qt's properties."""
+    """Create a flat button; `more` are properties of Qt."""
     return QToolButton(text=text, toolTip=tip, autoRaise=True, **more)
 
 
@@ -82,7 +82,7 @@ def action(
     data: object = None,
     checkable: bool = False,
 ) -> QAction:
-    """Return what menus, bars and keys do alike."""
+    """Create an action for menus, tool bars and keys."""
     made = QAction(name, owner, checkable=checkable, shortcut=QKeySequence(key))
     made.setData(data)
     if tip:
@@ -93,13 +93,13 @@ def action(
 
 
 def note(text: str = "", name: str = "about", **more: Any) -> QLabel:
-    """Return a paragraph, whose name the style sheet knows."""
+    """Create a paragraph of text; the style sheet refers to `name`."""
     look = {"wordWrap": True, "textFormat": Qt.TextFormat.PlainText, **more}
     return QLabel(text, objectName=name, **look)
 
 
 def narrow(box: QComboBox, letters: int) -> QComboBox:
-    """Let a choice be as narrow as so many letters, and its words be cut."""
+    """Let a combo box shrink to a width of some letters and shorten its texts."""
     box.setMinimumContentsLength(letters)
     box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     return box
@@ -108,7 +108,7 @@ def narrow(box: QComboBox, letters: int) -> QComboBox:
 class CountBox(QSpinBox):
     """A field for a whole number, which also accepts the digits of a number out of range."""
 
-    # Qt's own refuses the digit that leads out of the range: of 99999 it keeps 999 without a word.
+    # QSpinBox silently drops digits that leave the range: typing 99999 gives 999.
 
     #: Emits why the typed number is out of range, and an empty text once it is in range.
     strayed = Signal(str)
@@ -128,32 +128,32 @@ class CountBox(QSpinBox):
         return f"{typed or 'nothing'} is out of range: allowed is {allowed}"
 
     def validate(self, text: str, place: int) -> object:
-        """Let any digits be typed."""
+        """Accept all digits, also those of a number out of range."""
         digits = text.removesuffix(self.suffix()).strip()
         if digits.isdecimal() and int(digits) > self.maximum():
             return QValidator.State.Intermediate, text, place
         return super().validate(text, place)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Bring what was typed into the range with Enter."""
+        """Limit the typed number to the range on Enter."""
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self._bound()
         super().keyPressEvent(event)
 
     def focusOutEvent(self, event: QFocusEvent) -> None:
-        """Bring what was typed into the range as the box is left."""
+        """Limit the typed number to the range when the field loses the focus."""
         self._bound()
         super().focusOutEvent(event)
 
     def _bound(self) -> None:
-        # Qt itself would replace a number that is too large by the minimum.
+        # Qt would replace a number that is too large by the minimum.
         typed = self.cleanText().strip()
         if self.complaint and typed.isdecimal():
             self.setValue(min(max(int(typed), self.minimum()), self.maximum()))
 
 
 def table(name: str, headings: Sequence[str]) -> QTableWidget:
-    """Return a table to read, without lines, whose name the style sheet knows."""
+    """Create a read-only table without grid lines; the style sheet refers to `name`."""
     made = QTableWidget(0, len(headings), objectName=name, alternatingRowColors=True)
     made.setHorizontalHeaderLabels(headings)
     made.verticalHeader().hide()
@@ -163,45 +163,46 @@ def table(name: str, headings: Sequence[str]) -> QTableWidget:
 
 
 def later(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
-    """Return a timer that calls once when it is started."""
+    """Create a timer that calls `slot` once after each start."""
     timer = QTimer(owner, singleShot=True, interval=milliseconds)
     timer.timeout.connect(slot)
     return timer
 
 
 def painter_on(device: QPaintDevice) -> QPainter:
-    """Return a painter whose edges are smooth."""
-    # Whoever paints with it ends it: one that waits for Python to free it can end Qt.
+    """Create a painter with antialiasing."""
+    # The caller must call ``end()``: a painter that only Python's garbage collector frees can
+    # crash Qt.
     painter = QPainter(device)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     return painter
 
 
 def is_dark(widget: QWidget) -> bool:
-    """Return whether a widget is light on dark."""
+    """Return whether a widget has the dark theme."""
     return bool(widget.palette().window().color().lightness() < 128)
 
 
 class OneLine(QLabel):
-    """A line that ends in dots where there is no room for it; some words of it are a link."""
+    """A line of text, shortened with dots if necessary; some of its words can be a link."""
 
     def __init__(self) -> None:
         super().__init__()
-        #: What it tells in full.
+        #: The unshortened text.
         self.whole = ""
         self._link = "", ""
 
     def tell(self, text: str, words: str = "", link: str = "") -> None:
-        """Tell something; a click on its words, if there are such, follows the link."""
+        """Show a text; `words` in it become a link."""
         self.whole, self._link = text, (words, link)
         self._fit()
 
     def minimumSizeHint(self) -> QSize:
-        """Ask for no room: the window can be as narrow as its other parts let it."""
+        """Return a width of 0, so that the text does not limit the width of the window."""
         return QSize(0, super().minimumSizeHint().height())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Show as much as there is room for now."""
+        """Shorten the text to the new width."""
         super().resizeEvent(event)
         self._fit()
 
@@ -217,11 +218,11 @@ class OneLine(QLabel):
 
 
 def mark(widget: QWidget, bad: bool) -> bool:
-    """Mark a widget as refused or as good; return whether that is another word than before."""
+    """Mark a widget as bad or not; return whether this changed."""
     if bool(widget.property("bad")) == bad:
         return False
     widget.setProperty("bad", bad)
-    # A style sheet looks at a property only when it is told to.
+    # Qt evaluates properties in a style sheet only when the widget is polished.
     for each in (widget, *widget.findChildren(QWidget)):
         each.style().unpolish(each)
         each.style().polish(each)

@@ -1,4 +1,4 @@
-"""The bar over the view that says what is wrong, and what helps."""
+"""The bar above the view that shows errors and their cures."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from PySide6.QtWidgets import QLabel, QPushButton, QSizePolicy, QWidget
 from spacemap_vtk.app.widgets import row, tool_button
 from spacemap_vtk.errors import SpacemapError, one_line, shown
 
-#: Letters of what is allowed.
+#: Most letters of a list of allowed values.
 _MOST = 200
 
 
 class ErrorBar(QWidget):
-    """Hidden while all is well."""
+    """Bar with the present error or warning; hidden if there is none."""
 
-    # What it says stays until that is put right, another takes its place, or the user closes it.
+    # A message stays until its cause is gone, another message replaces it, or the user closes it.
 
-    #: What is wrong, and the error.
+    #: The kind of the error, and the error.
     reported = Signal(str, object)
 
     def __init__(self) -> None:
         super().__init__(objectName="error")
-        # Without this a style sheet does not colour a widget of one's own.
+        # Without this attribute, a style sheet does not colour a subclass of QWidget.
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        # What a file says is quoted here: of <img src=…> Qt would read the picture.
+        # Messages quote files. As rich text, Qt would load the image of a quoted <img src=…>.
         self.label = QLabel(wordWrap=True, textFormat=Qt.TextFormat.PlainText)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        #: Goes on with a run that was cancelled.
+        #: Starts a cancelled run again.
         self.run = QPushButton("Run")
         close = tool_button("✕")
         close.clicked.connect(self.hide)
         row(self, (self.label, 1), self.run, close, margins=(10, 6, 6, 6))
         self._about = ""
-        #: Puts words in place of what nobody knows of.
+        #: Replaces names of temporary files by words for the user.
         self.told: Callable[[str], str] = str
         self.hide()
 
     def watch(self, about: str, failing: Iterable[Any], righting: Iterable[Any]) -> None:
-        """Report what some signals bring, and clear it at others."""
+        """Report the errors of some signals as one kind; clear this kind at other signals."""
         matter = _Matter(about, self)
         for signal in failing:
             signal.connect(matter.report)
@@ -52,7 +52,7 @@ class ErrorBar(QWidget):
         self.warn(_words(error), about)
 
     def warn(self, text: str, about: str, can_run: bool = False) -> None:
-        """Show a sentence."""
+        """Show a message."""
         self._about = about
         text = self.told(text)
         self.run.setVisible(can_run)
@@ -60,18 +60,20 @@ class ErrorBar(QWidget):
         self.show()
 
     def clear(self, about: str | None = None) -> None:
-        """Say nothing any more."""
+        """Hide the bar if it shows this kind of message; None hides it in any case."""
         if about in (None, self._about) and not self.isHidden():
             self.hide()
 
     @property
     def text(self) -> str:
-        """What it says; empty while it is hidden."""
+        """The shown message; empty while the bar is hidden."""
         return "" if self.isHidden() else self.label.text()
 
 
 class _Matter(QObject):
-    """Something that can go wrong. Not a `partial`, which would keep the window."""
+    """Slots for one kind of error."""
+
+    # A QObject instead of a `partial`, which would keep the window alive.
 
     def __init__(self, about: str, bar: ErrorBar) -> None:
         super().__init__(bar)
@@ -87,13 +89,13 @@ class _Matter(QObject):
 def _words(error: BaseException) -> str:
     if not isinstance(error, SpacemapError):
         return one_line(error)
-    # The window knows which file is open: its name would only push the cure out of sight.
+    # Without the file name: the window shows it, and it would push the cure out of view.
     where = f"{error.section}.{error.key}" if error.section and error.key else error.key or ""
     if where and error.value is not None:
         where += f" = {shown(error.value)}"
     text = f"{where}: {error.message}" if where else error.message
     if error.allowed:
-        # All endings of files would leave no room for the picture.
+        # A full list of file endings would leave no room for the view.
         few, more, _ = error.allowed[:_MOST].rpartition(", ")
         many = len(error.allowed) > _MOST and more
         text += f"; allowed: {few + ' and more' if many else error.allowed}"

@@ -1,4 +1,4 @@
-"""The cloth's figures, as `spacemap info` tells them, of the cloth that is seen."""
+"""The figures tab: the figures of the drawn cloth, as printed by `spacemap info`."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.geometry.cross_section import CrossSection, cross_section
 from spacemap_vtk.units import UNITS
 
-#: Milliseconds without another change until they are computed.
+#: Time without changes until the figures are computed, in ms.
 _REST = 250
-#: Dots an inch of a drawing, and the least pixels that its words and dimensions need.
+#: Dots per inch of the drawing, and its smallest width in pixels, which its labels need.
 _DPI, _NARROWEST = 100.0, 240
-#: Of the model, not of the cloth.
+#: Figures of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
     "Peirce's figures where a yarn changes side, and what they make of the cloth.",
@@ -83,7 +83,7 @@ class _Told(NamedTuple):
 def _figures(
     scene: Scene, known: Any, figures: dict[str, Any] | None = None
 ) -> Generator[None, None, _Told]:
-    """Find all but the least clearance, or that."""
+    """Compute all figures but the least clearance; with `figures`, the least clearance."""
     yield
     if figures is None:
         assert scene.woven is not None
@@ -97,7 +97,7 @@ def _figures(
 
 
 class _Sections(QScrollArea):
-    """Peirce's drawing of the cloth along an end and along a pick, as wide as there is room."""
+    """Drawings of the cloth cut along an end and along a pick (Peirce), as wide as possible."""
 
     def __init__(self) -> None:
         super().__init__(widgetResizable=True)
@@ -145,7 +145,7 @@ class _Sections(QScrollArea):
 
 
 class FiguresTab(QWidget):
-    """Warp beside weft, then the cloth; the least clearance is found last."""
+    """Table of figures: warp and weft side by side, then the cloth; least clearance comes last."""
 
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
@@ -165,31 +165,31 @@ class FiguresTab(QWidget):
         parts.setSizes([420, 350])
         column(self, self.hint, (parts, 1), self.copied, margins=(6, 6, 6, 6))
         self._rows: list[tuple[Figure, ...]] = []
-        #: Of which cloth: asked for, and whether that is all there.
+        #: Key of the cloth whose figures were requested, and whether all of them are complete.
         self._asked: Any = None
         self._whole = False
-        #: The scene of the picture.
+        #: Values of the drawn scene.
         self._drawn: Any = None
         self._rest = later(self, self._ask, _REST)
         engine.beside_ready.connect(self._ready)
         self.forget()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Catch up, and go on with what another tab's work has pushed aside."""
+        """Request missing figures, as another tab may have replaced the work."""
         super().showEvent(event)
         self._asked = self._asked if self._whole else None
         self._rest.start()
 
     def forget(self) -> None:
-        """Show nothing: what is shown is another scene's."""
+        """Clear the tab for a new scene."""
         self._asked, self._whole, self._drawn = None, False, None
         self._show([])
         self.sections.show_cuts()
 
     def follow(self, frame: Frame) -> None:
-        """Ask for the figures, if another cloth is drawn."""
+        """Request the figures if another cloth is drawn."""
         if frame.swing is None:
-            # While time runs all frames are coarse, but not each is of another cloth, as in a drag.
+            # Frames are coarse while playing and during a drag, but only a drag changes the cloth.
             still = not frame.coarse or frame.values is self._drawn
             self._drawn = frame.values
             still = still and self.isVisible() and not self._rest.isActive()
@@ -203,7 +203,7 @@ class FiguresTab(QWidget):
     def _ask(self) -> None:
         known = self._known()
         if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
-            return  # where a cloth cannot be woven, all that is seen is of the last good one
+            return  # if the cloth cannot be woven, view and tab keep showing the last good one
         self._asked, self._whole = known, not known[0]
         textile = self._document.scene.textile
         if known[0]:
@@ -217,7 +217,7 @@ class FiguresTab(QWidget):
         if isinstance(result, Exception) and self.isVisible() and not self._whole:
             self.hint.setText(str(result))
         if not isinstance(result, _Told) or result.known != self._asked:
-            return  # another tab's, or of a cloth that is no more
+            return  # the result belongs to another tab, or to a former cloth
         self._whole = result.whole
         cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
         if not result.whole:

@@ -1,4 +1,4 @@
-"""The scenes that come with the program, as pictures, and the files used lately."""
+"""The tab of scenes: thumbnails of the program's scenes, and recent files."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
-#: Smallest width of a picture that says something, in pixels, and height over width.
+#: Smallest width of a thumbnail in pixels, and its height over its width.
 _WIDTH, _FORM = 140, 2 / 3
 _NAME = Qt.ItemDataRole.UserRole
 
 
 class Gallery(QWidget):
-    """A picture for each scene; a click or Enter opens it."""
+    """A thumbnail for each scene; a click or Enter opens the scene."""
 
-    #: The name of a scene, or a file.
+    #: Name of a scene, or path of a file.
     chosen = Signal(str)
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class Gallery(QWidget):
         self.show_recent([])
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the pictures, at the first time."""
+        """Load the thumbnails when the tab is first shown."""
         super().showEvent(event)
         if not self._pictured:
             self._pictured = True
@@ -84,7 +84,7 @@ class Gallery(QWidget):
 
 
 class _Pictures(QListWidget):
-    """Pictures in as many columns as fit, as wide as there is room."""
+    """Thumbnails in as many columns as fit."""
 
     chosen = Signal(str)
 
@@ -100,7 +100,7 @@ class _Pictures(QListWidget):
         self.itemClicked.connect(self._choose)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Give the pictures the width that there is."""
+        """Adapt the size of the thumbnails to the width."""
         super().resizeEvent(event)
         room = self.viewport().width() - 4
         cell = room // max(1, room // (_WIDTH + 16))
@@ -108,11 +108,11 @@ class _Pictures(QListWidget):
         self.setIconSize(QSize(width, round(width * _FORM)))
         lines = 3 * self.fontMetrics().lineSpacing()  # the longest titles have three
         self.setGridSize(QSize(cell, round(width * _FORM) + lines + 16))
-        for number in range(self.count()):  # as wide as each other, whatever their titles
+        for number in range(self.count()):  # equal widths, whatever the titles
             self.item(number).setSizeHint(self.gridSize() - QSize(4, 4))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Open with Enter; the arrows choose."""
+        """Open the selected scene with Enter; arrow keys select."""
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self.currentItem():
             self._choose(self.currentItem())
         else:
@@ -123,7 +123,8 @@ class _Pictures(QListWidget):
 
 
 def _see_through(pictures: QListWidget) -> None:
-    """Show what lies behind a list. A style sheet would leave its scroll bar's groove black."""
+    """Make the background of a list transparent."""
+    # A style sheet would paint the groove of the scroll bar black.
     pictures.setFrameShape(QFrame.Shape.NoFrame)
     pictures.viewport().setAutoFillBackground(False)
 
@@ -138,6 +139,6 @@ def _picture(name: str) -> QIcon:
         painter.drawText(pixmap.rect(), Qt.AlignmentFlag.AlignCenter, name)
         painter.end()
     icon = QIcon(pixmap)
-    # Chosen or not, a picture keeps its colours.
+    # Otherwise Qt would tint the thumbnail of the selected scene.
     icon.addPixmap(pixmap, QIcon.Mode.Selected)
     return icon

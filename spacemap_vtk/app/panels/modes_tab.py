@@ -1,4 +1,4 @@
-"""The modes: a table, and a swing of the chosen one."""
+"""The modes tab: a table of the modes, and an animation of the chosen one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
 _FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
-#: Prefix of a frequency whose mode is shorter than the cage's cells resolve.
+#: Prefix of a frequency whose mode the cells of the cage are too large to resolve.
 _ROUGHLY = "≈ "
 _TIPS = (
     "",
@@ -47,12 +47,12 @@ _TIPS = (
     "Damping ratio, where the mode swings: 1 and more is overdamped",
     "Effective mass along the axis of which the mode moves most, of the mass that can move",
 )
-#: Below this share a mode moves no mass as a whole.
+#: An effective mass below this fraction is shown as a dash.
 _NONE = 0.005
-#: Seconds that a swing takes on the screen, whatever its frequency.
+#: Period of the animation on the screen in s, whatever the mode's frequency.
 _PERIOD = 1.2
 _TICK = 15
-#: Of an amplitude: the most, what it is at first, and what it means.
+#: Largest and first value of the amplitude slider, and its tooltip.
 _SHARES = (
     50,
     15,
@@ -67,7 +67,7 @@ _ANGLES = (
     "The angle by which the mode turns the cloth at most; less where it would stretch it by half",
 )
 
-#: What the tab says: with modes, without a cage, and where the motion is read from a file.
+#: Hints of the tab: with modes; without a cage; with a motion that is read from a file.
 _HINTS = (
     "Click a mode to see it swing, slowed to a swing in a second.",
     "Nothing moves in this scene: change a value of the modal solver, and it gets a cage that "
@@ -77,9 +77,9 @@ _HINTS = (
 
 
 class ModesTab(QWidget):
-    """Frequency and damping of each mode; a click lets it swing."""
+    """Show frequency, damping and effective mass of each mode; a click animates the mode."""
 
-    #: A `Swing` to show; None for the motion.
+    #: A `Swing` to show, or None for the motion.
     swung = Signal(object)
 
     def __init__(self, document: Document, engine: Engine) -> None:
@@ -89,7 +89,7 @@ class ModesTab(QWidget):
             self.table.horizontalHeaderItem(place).setTextAlignment(RIGHT)
             self.table.horizontalHeaderItem(place).setToolTip(tip)
         header = self.table.horizontalHeader()
-        # Not ResizeToContents, which would measure all rows anew at every single cell.
+        # Not ResizeToContents, which would measure all rows again after each cell.
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setSectionResizeMode(len(_HEADINGS) - 1, QHeaderView.ResizeMode.Stretch)
         self.table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -97,20 +97,20 @@ class ModesTab(QWidget):
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.amplitude = QSlider(Qt.Orientation.Horizontal)
         self.amplitude.valueChanged.connect(self._tell_amplitude)
-        #: The amplitude in words, and how to go further.
+        #: The amplitude in words.
         self.told = QLabel()
         self._turns: bool | None = None
         self.show_turns(False)
         self.back = QPushButton("Back to the motion", enabled=False)
         self.back.clicked.connect(self.stop)
         self.hint = note(_HINTS[0])
-        #: What all modes do together, and what each moves.
+        #: Plot of the frequency response, which also provides the effective masses.
         self.response = ResponsePlot(document, engine)
         self.response.chosen.connect(self._chosen)
         self.response.found.connect(self._found)
-        #: What swings: a sheet, with its mass and bending length, or tetrahedra.
+        #: Kind of the cage: a sheet with areal mass and bending length, or other elements.
         self.sheet = note(name="note")
-        #: Which modes are shorter than the cells resolve.
+        #: Warning about modes that the cells are too large to resolve.
         self.unresolved = note(name="note")
         self.unresolved.hide()
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
@@ -126,9 +126,9 @@ class ModesTab(QWidget):
             margins=(6, 6, 6, 6),
         )
         self._known: Any = None
-        #: The modes and damping that the masses and the response shown are of.
+        #: Modes and damping to which the shown masses and the response belong.
         self._found_of: Any = None
-        #: The mode that swings, if one does.
+        #: Index of the animated mode, or None.
         self.mode: int | None = None
         self._begun = 0.0
         self._timer = QTimer(self, interval=_TICK)
@@ -141,7 +141,7 @@ class ModesTab(QWidget):
         self.response.seen()
 
     def forget(self) -> None:
-        """Show no modes until a frame brings some: those that are shown are another scene's."""
+        """Clear the tab until the first frame of a new scene."""
         self._known = None
         self.table.setRowCount(0)
         self.hint.clear()
@@ -150,13 +150,13 @@ class ModesTab(QWidget):
         self.response.forget()
 
     def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
-        """Fill the table, if modes or damping are others."""
+        """Fill the table if the modes or the damping have changed."""
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
         values = np.zeros(0) if array is None else vtk_to_numpy(array)
         try:
             damping = mover.damping if isinstance(mover, Damped) else Damping()
         except InputError:
-            return  # two ways that contradict each other: the run says so
+            return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
         found = measures_in(cage)
         self.sheet.setText(_told(found))
@@ -195,7 +195,7 @@ class ModesTab(QWidget):
             self.stop()
 
     def _fit(self) -> None:
-        # Not the last one, which takes the room that is left.
+        # All but the last column, which takes the remaining width.
         for place in range(self.table.columnCount() - 1):
             self.table.resizeColumnToContents(place)
 
@@ -204,11 +204,11 @@ class ModesTab(QWidget):
         self._show_masses(spectrum)
 
     def _show_masses(self, spectrum: Spectrum) -> None:
-        """Write the effective masses, in grey those of the modes before until these are there."""
+        """Write the effective masses; those of former modes are grey until the new ones follow."""
         old = self._found_of != self._known
         self.response.fade(old)
         if len(spectrum.shares) != self.table.rowCount():
-            return  # of other modes: theirs are on the way
+            return  # the masses belong to other modes; the new ones will follow
         sums = spectrum.shares.cumsum(axis=0)
         for number, (share, total) in enumerate(zip(spectrum.shares, sums, strict=True)):
             axis = int(np.argmax(share))
@@ -227,7 +227,7 @@ class ModesTab(QWidget):
         self._fit()
 
     def _mark_unresolved(self, errors: Sequence[float]) -> None:
-        """Mark the frequencies of the modes that are shorter than the cage's cells resolve."""
+        """Mark the frequencies of the modes that the cells of the cage are too large to resolve."""
         for number, error in enumerate(errors):
             if error > UNRESOLVED:
                 item = self.table.item(number, _FREQUENCY)
@@ -240,7 +240,7 @@ class ModesTab(QWidget):
         self.unresolved.setVisible(bool(clause))
 
     def show_turns(self, turns: bool) -> None:
-        """Let amplitudes be angles, or not: where turning stretches, there is no large one."""
+        """Set whether amplitudes are angles; large ones need reconstructed rotations."""
         if turns == self._turns:
             return
         self._turns = turns
@@ -251,13 +251,13 @@ class ModesTab(QWidget):
         self._tell_amplitude()
 
     def stop(self) -> None:
-        """Show the motion again."""
+        """End the animation and show the motion again."""
         if self.mode is not None:
             self.release()
             self.swung.emit(None)
 
     def release(self) -> None:
-        """Let nothing swing any more; something else is shown."""
+        """End the animation because something else will be shown."""
         self._choose(None)
         self._timer.stop()
         self.table.clearSelection()
@@ -268,7 +268,7 @@ class ModesTab(QWidget):
         self.response.update()
 
     def _chosen(self, mode: int) -> None:
-        """Let a mode swing that was clicked in the plot."""
+        """Animate the mode that was clicked in the plot."""
         self.table.setCurrentCell(mode, 0)
         self.table.cellClicked.emit(mode, 0)
 
@@ -279,7 +279,7 @@ class ModesTab(QWidget):
         self._timer.start()
 
     def _moved(self, row: int, *_: int) -> None:
-        """Let the arrow keys go from one swinging mode to the next."""
+        """During an animation, change to the mode that the arrow keys select."""
         if self.mode is not None and row >= 0:
             self._choose(row)
 
@@ -296,7 +296,7 @@ class ModesTab(QWidget):
 
 
 def _told(found: dict[str, Any]) -> str:
-    """Return what a cage was found to be in a sentence."""
+    """Return a sentence about the kind of the cage."""
     if "bending_length" not in found:
         return f"The cage is of {found['elements']}." if found else ""
     mass, length = (

@@ -1,4 +1,4 @@
-"""The properties of the chosen stage."""
+"""Fields for the parameters of the selected stage."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
 
-#: Feasible intervals are found no more often, and in no more than this share of the time: during
-#: a drag, finding them costs as much as a few frames.
+#: Least time between two computations of feasible intervals in s, and largest fraction of the time
+#: that they may take: during a drag, one computation costs as much as a few frames.
 _LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
-#: Of more parameters than these one wants to search.
+#: Sections with more parameters get a search field.
 _MANY = 8
 
 
 class Properties(QScrollArea):
-    """A row for each declared parameter of one section."""
+    """A form with a row for each declared parameter of one section."""
 
-    #: A value was refused: the error.
+    #: The error by which a value was refused.
     refused = Signal(object)
-    #: A value was accepted: the burst that it belongs to.
+    #: The burst of an accepted value.
     accepted = Signal(int)
-    #: Whether a drag goes on.
+    #: Whether a drag is in progress.
     held = Signal(bool)
-    #: The section shown, which is off and shall be on.
+    #: The shown section, which shall be switched on.
     added = Signal(str)
 
     def __init__(self, document: Document) -> None:
@@ -51,20 +51,20 @@ class Properties(QScrollArea):
         self.section = ""
         self._shown: tuple[str, Mapping[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
-        #: Rows that stand below a heading, and side by side.
+        #: Groups of rows below a heading, and pairs of rows for warp and weft.
         self.groups: dict[str, Group] = {}
         self.pairs: list[Pair] = []
-        #: Sections and titles of groups that are folded.
+        #: Section and title of each folded group.
         self._folded: set[tuple[str, str]] = set()
         self.search = QLineEdit()
-        #: What the last run has found of the section's values, by name; see `show_found`.
+        #: Results of the last run about the parameters, by section and name; see `show_found`.
         self._found: dict[str, dict[str, Any]] = {}
-        #: What automatic values of all sections came to in it.
+        #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
         self._limited = 0.0
-        #: The settings whose feasible intervals are known, and these.
+        #: Cache: settings, and their feasible intervals.
         self._feasible: tuple[dict[str, Any], dict[str, tuple[float, float]]] = {}, {}
-        #: The row that was edited last, if nothing has changed since.
+        #: Name of the row that was edited last, or "" after another change.
         self._last = ""
         self._later = later(self, self._show_limits)
         self.setFrameShape(QFrame.Shape.NoFrame)
@@ -74,7 +74,7 @@ class Properties(QScrollArea):
         document.replaced.connect(self.refresh)
 
     def choose(self, section: str) -> None:
-        # A slider that goes while it is held is never let go.
+        # A slider that is deleted during a drag never emits its release.
         self.held.emit(False)
         self.section = section
         self.rows, self.groups, self.pairs = {}, {}, []
@@ -92,7 +92,7 @@ class Properties(QScrollArea):
             parts.insert(1, self.search)
         for name, parameter in cls.parameters.items():
             if name in self.rows:
-                continue  # the weft's, which stands beside the warp's
+                continue  # the weft's row, which is already beside the warp's
             if parameter.group and parameter.group not in self.groups:
                 self.groups[parameter.group] = made = Group(parameter.group)
                 parts.append(made)
@@ -120,7 +120,7 @@ class Properties(QScrollArea):
 
     @property
     def _written(self) -> Mapping[str, Any]:
-        """The values of the section that its file has."""
+        """The values of the section that are written in the scene file."""
         return self._document.values.get(self.section, {})
 
     def _show_value(self, row: ParameterRow) -> None:
@@ -128,7 +128,7 @@ class Properties(QScrollArea):
         row.show_value(getattr(self._part, name), name not in self._written)
 
     def _row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
-        # That of loads alone has rows of its own.
+        # The editor of loads is made here, not by `editor_of`, because it contains rows.
         editor: Editor = (
             LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
         )
@@ -145,13 +145,13 @@ class Properties(QScrollArea):
         (self._folded.discard if open_ else self._folded.add)((section, title))
 
     def _seek(self, text: str) -> None:
-        """Show the rows alone that are searched for."""
+        """Show only the rows that match the search."""
         for row in self.rows.values():
             row.seek(text.lower().split())
         self._frame()
 
     def _frame(self) -> None:
-        """Show what stands round rows where there are such."""
+        """Hide pairs and groups without visible rows."""
         for pair in self.pairs:
             pair.setVisible(not all(row.isHidden() for row in pair.rows))
         for group in self.groups.values():
@@ -159,14 +159,15 @@ class Properties(QScrollArea):
             group.unfold(bool(self.search.text()))
 
     def refresh(self) -> None:
-        """Show what the document says."""
+        """Show the values of the document."""
         self._last = ""
         if not self.section:
             return
         part, written = self._part, self._written
-        # What needs no value set, as RotationStrain, would otherwise never come in.
+        # Setting a value switches a stage on. A stage that needs no value, such as RotationStrain,
+        # needs this button.
         self.add.setVisible(isinstance(part, Stage) and part not in self._document.scene.stages)
-        # A drag elsewhere changes nothing here.
+        # A drag elsewhere changes nothing in this section.
         known_state = self.section, written, part.settings
         if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
             return
@@ -193,7 +194,7 @@ class Properties(QScrollArea):
     def show_found(
         self, section: str, figures: dict[str, Any], in_use: dict[str, Mapping[str, Any]]
     ) -> None:
-        """Show what a run has found of a section's parameters, and of all automatic ones."""
+        """Show results of a run about a section's parameters, and all automatic values it used."""
         if figures == self._found.get(section, {}) and in_use == self._in_use:
             return
         self._found[section], self._in_use = figures, in_use
@@ -202,14 +203,13 @@ class Properties(QScrollArea):
 
     def _forget(self) -> None:
         self._found, self._in_use = {}, {}
-        self._limited = 0.0  # what this one's come to is shown at once
+        self._limited = 0.0  # show the new scene's intervals without delay
         for row in self.rows.values():
-            row.show_resolved(None)  # what came of another scene's automatic values
+            row.show_resolved(None)  # remove the former scene's automatic values
 
     def _show_limits(self) -> None:
         begun, part = time.thread_time(), self._part
-        # A page that is shown again, and a run's figures, change nothing of what is feasible; but a
-        # draft's file may be another by now.
+        # Feasible intervals depend only on the settings, except that a draft file may have changed.
         if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
             self._feasible = part.settings, feasible_of(part)
         feasible, found = self._feasible[1], self._found.get(self.section, {})
@@ -217,23 +217,23 @@ class Properties(QScrollArea):
         if part is self._document.scene.view:
             known |= {"size": picture_size(self._document.scene)}
         if isinstance(part, Woven) and "pattern" in self.rows and part.draft_file is None:
-            with suppress(SpacemapError):  # the stage says why
+            with suppress(SpacemapError):  # the run of the stage reports the error
                 threads = part.cloth.threads
                 self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))
         for name, row in self.rows.items():
             row.show_resolved(known.get(name))
             row.show_feasible(feasible.get(name))
-            # Of a choice that says just that there is nothing more to tell.
+            # A choice that already shows this value needs no note.
             same = row.parameter.kind == "choice" and found.get(name) == getattr(part, name)
             row.show_in_force(row.parameter.tell(found[name]) if name in found and not same else "")
         taken = time.thread_time() - begun
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 
     def mark(self, error: SpacemapError, about: str = "value") -> None:
-        """Mark the field that an error names, if it is here."""
+        """Mark the field that an error names, if it is on this page."""
         row = self.rows.get(error.key or "")
         if row is not None and row.automatic is not None and row.automatic.isChecked():
-            row = self.rows.get(self._last, row)  # that one follows from what was set
+            row = self.rows.get(self._last, row)  # the automatic value follows from the edited one
         if row is not None and error.section in (None, self.section):
             row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
             if row.parameter.group:
@@ -241,7 +241,7 @@ class Properties(QScrollArea):
             self.ensureWidgetVisible(row)
 
     def take_back(self) -> bool:
-        """Show the document's values in place of those that it has refused; return if it has."""
+        """Replace refused values by the document's; return whether there were any."""
         refused = [row for row in self.rows.values() if row.about == "value"]
         for row in refused:
             self._show_value(row)
@@ -250,7 +250,7 @@ class Properties(QScrollArea):
         return bool(refused)
 
     def clear(self, about: str) -> None:
-        """Mark no field for something any more."""
+        """Remove the marks of one kind of error."""
         for row in self.rows.values():
             if row.about == about:
                 row.mark(None)
@@ -261,16 +261,18 @@ class Properties(QScrollArea):
         except InputError as error:
             error.section = error.section or self.section
             self.mark(error)
-            self.rows[name].about = "value"  # a part of it may be to blame, which has no mark
+            # Also set if `mark` has marked no row or another one.
+            self.rows[name].about = "value"
             self.refused.emit(error)
         else:
-            # Refused before, and the value it had is chosen again: nothing has changed.
+            # If the former value is chosen again after a refused one, the document does not change
+            # and `refresh` does not run.
             self.rows[name].mark(None)
             self._last = name
             self.accepted.emit(burst)
 
     def _restored(self) -> None:
         row = self.sender()
-        if row.about == "value":  # a run would fail with it again
+        if row.about == "value":  # an error of a run remains: the run would fail again
             row.mark(None)
             self.accepted.emit(0)

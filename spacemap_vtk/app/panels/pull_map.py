@@ -1,4 +1,4 @@
-"""The map of the biaxial pad: stretches along warp and weft, and what a cloth does there."""
+"""Map of the biaxial pad: the state of the cloth over its stretches along warp and weft."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from spacemap_vtk.app.widgets import is_dark, painter_on
 from spacemap_vtk.draw.actors.coloring import round_between
 from spacemap_vtk.textile.crimp.biaxial import StretchMap
 
-#: Pixels left of, right of, above and below the map.
+#: Margins of the map in pixels: left, right, above, below.
 _MARGINS = (52, 12, 10, 40)
-#: Pixels of the point's radius; between marks; least half width of a region that is named.
+#: In pixels: radius of the point; least distance of marks; least half width of a region with a
+#: name.
 _DOT, _WIDE, _ROOM = 6.0, 46.0, 18.0
-#: Colours of the lines of warp and weft, in the light and in the dark.
+#: Colours of the lines of warp and weft, in the light and in the dark theme.
 _COLORS = (("#c8502a", "#2c5f9e"), ("#ff8a5c", "#6cb4ee"))
-#: How far along a line its number may stand.
+#: Possible positions of a number along its line, as fractions of the line.
 _ALONG = (0.5, 0.35, 0.65, 0.22, 0.78, 0.1, 0.9)
-#: What a key moves the point by; with Shift so many times as far.
+#: Step of the point for one key press, and the factor with Shift.
 _STEP, _FAR = 0.002, 5
 _STEPS = {
     Qt.Key.Key_Left: (-1, 0),
@@ -46,13 +47,13 @@ _TIP = "Arrows move the point by 0.2 %, with Shift by 1 %; Home: as woven; Esc: 
 
 
 class PullMap(QWidget):
-    """The map, with a point where the cloth is."""
+    """The map, with a point at the present stretch."""
 
-    #: Stretches along warp and weft.
+    #: Stretch ratios along warp and weft.
     dragged = Signal(float, float)
-    #: Whether a drag goes on.
+    #: Whether a drag is in progress.
     held = Signal(bool)
-    #: The motion is wanted again.
+    #: The user wants to see the motion again.
     left = Signal()
 
     def __init__(self) -> None:
@@ -73,12 +74,12 @@ class PullMap(QWidget):
         self.update()
 
     def go(self, warp: float, weft: float) -> None:
-        """Put the point somewhere."""
+        """Move the point."""
         self.at = (warp, weft)
         self.update()
 
     def place(self, warp: float, weft: float) -> QPointF:
-        """Return where stretches are on the widget."""
+        """Convert stretch ratios to a position in the widget."""
         assert self.map is not None
         frame, (x, y) = self.frame(), (self.map.warp, self.map.weft)
         return QPointF(
@@ -91,14 +92,14 @@ class PullMap(QWidget):
         return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Pull the cloth to where the mouse is."""
+        """Stretch the cloth to the values under the mouse."""
         if event.button() == Qt.MouseButton.LeftButton and self.map is not None:
             self._down = True
             self.held.emit(True)
             self._drag(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Pull on."""
+        """Continue the drag."""
         if self._down:
             self._drag(event.position())
 
@@ -108,14 +109,14 @@ class PullMap(QWidget):
             self.held.emit(False)
 
     def event(self, event: QEvent) -> bool:
-        """Keep the keys of the map from being the menus'."""
+        """Reserve the keys of the map, which the menus also use."""
         override = event.type() == QEvent.Type.ShortcutOverride
         if override and isinstance(event, QKeyEvent) and event.key() in _KEYS:
             event.accept()
         return bool(super().event(event))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move the point, or let go."""
+        """Move the point, or return to the motion."""
         key = event.key()
         if self.map is None or key not in _KEYS:
             super().keyPressEvent(event)
@@ -128,18 +129,18 @@ class PullMap(QWidget):
             self._move(*(a + far * _STEP * b for a, b in zip(self.at, _STEPS[key], strict=True)))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Paint the map anew."""
+        """Paint the map again in the new size."""
         super().resizeEvent(event)
         self._picture = None
 
     def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
+        """Paint the map again in another theme."""
         if event.type() == QEvent.Type.PaletteChange:
             self._picture = None
         super().changeEvent(event)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint the map, once, and the point over it."""
+        """Paint the map, which is cached, and the point over it."""
         if self.map is None:
             return
         if self._picture is None:
@@ -189,11 +190,11 @@ class PullMap(QWidget):
         rest = self.place(1.0, 1.0)
         painter.drawLine(QPointF(frame.left(), rest.y()), QPointF(frame.right(), rest.y()))
         painter.drawLine(QPointF(rest.x(), frame.top()), QPointF(rest.x(), frame.bottom()))
-        # What lies past the border of a jam is covered, lines and all.
+        # The jammed regions cover the lines in them.
         beside, below = self._jams(found)
         self._taken = []
         labels = self._lines(painter, found, [beside, below])
-        painter.setPen(QPen(ink, 2.8))  # of which half is seen
+        painter.setPen(QPen(ink, 2.8))  # the inner half will be covered
         for part in (beside, below):
             painter.drawPolygon(part)
         painter.setPen(Qt.PenStyle.NoPen)
@@ -215,9 +216,9 @@ class PullMap(QWidget):
         return picture
 
     def _jams(self, found: StretchMap) -> list[QPolygonF]:
-        """Return the parts of the map where the warp jams, and where the weft does."""
+        """Return the regions of the map in which the warp jams and in which the weft jams."""
         (left, right), (low, high) = found.warp[[0, -1]], found.weft[[0, -1]]
-        wide, tall = 0.1 * (right - left), 0.1 * (high - low)  # with their outlines out of sight
+        wide, tall = 0.1 * (right - left), 0.1 * (high - low)  # puts the outer outlines out of view
         left, low = min(left, found.jam[0].min()) - wide, min(low, found.jam[1].min()) - tall
         beside = [(x, y) for x, y in zip(found.jam[0], found.weft, strict=True)]
         below = [(x, y) for x, y in zip(found.warp, found.jam[1], strict=True)]
@@ -229,8 +230,8 @@ class PullMap(QWidget):
     def _lines(
         self, painter: QPainter, found: StretchMap, jams: list[QPolygonF]
     ) -> list[tuple[QRectF, str, QColor]]:
-        """Paint lines of equal force, or else of yarn strain; return where their numbers stand."""
-        from contourpy import contour_generator  # with matplotlib, and not before it is needed
+        """Paint lines of equal force, or else of yarn strain; return places for their numbers."""
+        from contourpy import contour_generator  # installed with matplotlib; imported when needed
 
         palette, reached = self.palette(), self._reached(found)
         forces = found.force.max() > 0.0
@@ -259,7 +260,7 @@ class PullMap(QWidget):
     def _room(
         self, painter: QPainter, points: list[QPointF], text: str, jams: list[QPolygonF]
     ) -> QRectF | None:
-        """Return where on a line there is room for its number."""
+        """Find room for the number on a line."""
         area = painter.fontMetrics().boundingRect(text).toRectF().adjusted(-2, 0, 2, 0)
         for share in _ALONG:
             area.moveCenter(points[int(share * (len(points) - 1))])
@@ -271,12 +272,12 @@ class PullMap(QWidget):
         return None
 
     def _reached(self, found: StretchMap) -> NDArray[np.bool_]:
-        """Return where yarns do not jam."""
+        """Return a mask of the stretches at which no yarn jams."""
         reached: NDArray[np.bool_] = found.warp >= found.jam[0][:, None]
         return reached & (found.weft[:, None] >= found.jam[1])
 
     def _name_regions(self, painter: QPainter, found: StretchMap) -> None:
-        """Write into each region what yarns do there, where it is widest."""
+        """Write the name of each region (jam, slack, pressed) where the region is widest."""
         from scipy.ndimage import distance_transform_edt
 
         reached, frame = self._reached(found), self.frame()
@@ -286,7 +287,7 @@ class PullMap(QWidget):
             strains = found.strain.max(axis=0) > 1e-6
             regions.append(("pressed", reached & ~found.slack & ~strains))
         for name, where in regions:
-            # What stands at its middle is far from its border and from the frame's.
+            # Distance to the border of the region and of the map; the name goes to the largest.
             far = distance_transform_edt(np.pad(where, 1), sampling=cell)[1:-1, 1:-1]
             row, column = np.unravel_index(int(np.argmax(far)), far.shape)
             if far[row, column] < _ROOM:
@@ -299,7 +300,7 @@ class PullMap(QWidget):
                 painter.drawText(area, Qt.AlignmentFlag.AlignCenter, name)
 
     def _marks(self, painter: QPainter, found: StretchMap) -> None:
-        """Write stretches below and beside the map, in percent."""
+        """Write the scales of both stretches, in percent."""
         frame, middle = self.frame(), Qt.AlignmentFlag.AlignCenter
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         for mark in _marks_of(found.warp, frame.width()):
@@ -317,7 +318,7 @@ class PullMap(QWidget):
 
 
 def _marks_of(stretch: NDArray[np.float64], pixels: float) -> NDArray[np.float64]:
-    """Return marks in percent, at round numbers, that many pixels have room for."""
+    """Return round numbers in percent for the marks of a scale of given length in pixels."""
     low, high = 100.0 * (stretch[[0, -1]] - 1.0)
     steps = (step for step in (0.5, 1, 2, 5, 10, 20, 50) if pixels * step >= _WIDE * (high - low))
     step = next(steps, 100)

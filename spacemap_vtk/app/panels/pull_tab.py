@@ -1,4 +1,4 @@
-"""The biaxial pad: the tab where the cloth is pulled along warp and weft."""
+"""The biaxial pad: a tab to stretch the cloth along warp and weft."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from spacemap_vtk.textile.crimp.biaxial import stretch_map
 from spacemap_vtk.textile.crimp.interchange import Interchange
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 
-#: Milliseconds without another change until the map is found.
+#: Time without changes until the map is computed, in ms.
 _REST = 150
-#: Lines of what is told: of a fixed number, or the map would be painted anew with each word.
+#: Lines of the description. The number is fixed, because a change would resize and repaint the
+#: map.
 _LINES = 5
 _HINT = "Drag the point, and the cloth follows. Where it is hatched yarns jam. "
 _OF = (
@@ -39,18 +40,18 @@ _NONE = (
 
 
 class PullTab(QWidget):
-    """Pull the cloth along warp and weft."""
+    """Stretch the cloth along warp and weft, and describe its state."""
 
-    #: A `Pull` to show; None for the motion.
+    #: A `Pull` to show, or None for the motion.
     pulled = Signal(object)
-    #: Whether a drag goes on.
+    #: Whether a drag is in progress.
     held = Signal(bool)
 
     def __init__(self, document: Document) -> None:
         super().__init__()
         self._document = document
         self.map = PullMap()
-        rich = Qt.TextFormat.RichText  # all of it is the program's own words
+        rich = Qt.TextFormat.RichText  # safe: these texts contain nothing from files
         self.hint = note(_NONE[0], textFormat=rich)
         top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
         self.told = note(name="told", textFormat=rich, alignment=top)
@@ -74,7 +75,7 @@ class PullTab(QWidget):
             self.pulled.emit(None)
 
     def release(self) -> bool:
-        """Let go of the cloth, and say whether it was held."""
+        """Return the point to rest; return whether the cloth was stretched."""
         held = self.back.isEnabled()
         self.back.setEnabled(False)
         self.map.go(1.0, 1.0)
@@ -82,12 +83,12 @@ class PullTab(QWidget):
         return held
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Find the map when it is first seen."""
+        """Compute the map if the cloth has changed while the tab was hidden."""
         super().showEvent(event)
         self._follow()
 
     def _follow(self) -> None:
-        """Find the map of the present cloth, if it is seen."""
+        """Compute the map of the present cloth if the tab is visible."""
         scene = self._document.scene
         stage = scene.stage("crimp")
         known = (
@@ -120,7 +121,7 @@ class PullTab(QWidget):
         self.pulled.emit(Pull(warp, weft))
 
     def _words(self, warp: float, weft: float) -> str:
-        """Return what the cloth does at a stretch; heights are the mean of its crossings."""
+        """Describe the state of the cloth at a stretch; crimp heights are means over crossings."""
         crossings = self._crossings
         assert crossings is not None
         stretch = np.array([[warp], [weft]])
@@ -131,7 +132,7 @@ class PullTab(QWidget):
             words[0] += ": {:.4g} and {:.4g} N/m".format(*found.force[:, 0])
         crimp, height = (values.mean(axis=(1, 2)) for values in (state.crimp, state.height))
         words.append("Crimp {:.2f} and {:.2f} %".format(*100.0 * crimp))
-        # of the axes, from crest to trough, as Peirce has it
+        # Peirce's crimp height: of the yarn's axis, from crest to trough.
         words[-1] += ", heights {:.3g} and {:.3g} mm".format(*2e3 * height)
         words.append("Yarn strain {:.2f} and {:.2f} %".format(*100.0 * found.strain[:, 0]))
         if (lost := 1.0 - found.distance[0]) > 1e-6:

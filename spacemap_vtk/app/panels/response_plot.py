@@ -1,4 +1,4 @@
-"""The frequency response below the table of modes: a click chooses the nearest mode."""
+"""Plot of the frequency response below the table of modes; a click selects the nearest mode."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from spacemap_vtk.draw.figure.plots import handy
 from spacemap_vtk.draw.frame import Frame
 
 _Role = QPalette.ColorRole
-#: Pixels round the plot: left, right, top, bottom; and between two words below it.
+#: Margins of the plot in pixels: left, right, top, bottom. Below: least distance of two numbers
+#: of the axis.
 _MARGINS = (46, 8, 24, 18)
 _APART = 34
-#: Powers of ten that are seen below the highest peak.
+#: Shown decades below the highest peak.
 _DECADES = 5
-#: Milliseconds without another change until it is computed.
+#: Time without changes until the response is computed, in ms.
 _REST = 250
 _TIP = (
     "How far the loads, as sines in phase, swing the place that moves most in the first mode. "
@@ -34,11 +35,11 @@ _TIP = (
 
 
 class ResponsePlot(QWidget):
-    """Amplitude over frequency, both in powers of ten; a line for each mode."""
+    """Amplitude over frequency, both logarithmic, with a line for each mode."""
 
-    #: A mode that was clicked.
+    #: Index of the clicked mode.
     chosen = Signal(int)
-    #: A `Spectrum`.
+    #: The computed `Spectrum`.
     found = Signal(object)
 
     def __init__(self, document: Document, engine: Engine) -> None:
@@ -51,39 +52,40 @@ class ResponsePlot(QWidget):
         self.frequencies: NDArray[np.float64] = np.zeros(0)
         self.mode: int | None = None
         self._faded = False
-        #: How the scene moves that is drawn, and that whose response was asked for.
+        #: Keys of the drawn motion, and of the motion whose response was requested.
         self._drawn = self._asked = ""
         self._rest = later(self, self._ask, _REST)
         engine.beside_ready.connect(self._ready)
 
     def follow(self, frame: Frame) -> None:
-        """Ask for the response, if what moves is another."""
+        """Request the response if the motion of the scene has changed."""
         if frame.swing is None:
             before = self._drawn
             self._drawn = moving(self._document) if frame.values == self._document.values else ""
-            # A drag, which it would slow down, brings coarse frames, each with another response.
+            # Not during a drag: the work would slow it down, and each coarse frame has another
+            # response.
             still = not frame.coarse or self._drawn == before
             if still and self._drawn != self._asked and not self._rest.isActive():
                 self._rest.start()
 
     @property
     def current(self) -> bool:
-        """Whether what was asked for last is how the scene moves that is drawn."""
+        """Whether the requested response belongs to the drawn motion."""
         return self._drawn == self._asked
 
     def fade(self, old: bool) -> None:
-        """Draw the curve in grey while it is of modes that were before."""
+        """Draw the curve in grey while it belongs to former modes."""
         self._faded = old
         self.update()
 
     def forget(self) -> None:
-        """Show nothing until another response is there."""
+        """Hide the plot until a new response is computed."""
         self._drawn = self._asked = ""
         self.spectrum = None
         self.hide()
 
     def seen(self) -> None:
-        """Ask for what has changed while another tab was seen, or was pushed aside by its work."""
+        """Request the response again, as another tab may have replaced the work while hidden."""
         self._asked = ""
         self._rest.start()
 
@@ -98,7 +100,7 @@ class ResponsePlot(QWidget):
 
     def _ready(self, result: Any) -> None:
         if not isinstance(result, Spectrum) or not self._asked:
-            return  # what the tab of plots has asked for, or of a scene that has been left
+            return  # the result was requested by another tab, or belongs to a closed scene
         self.spectrum = result
         self.setVisible(bool(result.response.any()))
         self.found.emit(result)
@@ -109,14 +111,14 @@ class ResponsePlot(QWidget):
         return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
     def x_of(self, frequency: Any) -> Any:
-        """Return where frequencies [Hz] are on the widget."""
+        """Convert frequencies in Hz to x positions in the widget."""
         assert self.spectrum is not None
         low, high = np.log(self.spectrum.frequencies[[0, -1]])
         frame = self.frame()
         return frame.left() + (np.log(frequency) - low) / (high - low) * frame.width()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Choose the mode whose frequency is nearest."""
+        """Select the mode with the nearest frequency."""
         swinging = np.flatnonzero(self.frequencies > 0.0)
         if event.button() == Qt.MouseButton.LeftButton and len(swinging):
             away = abs(self.x_of(self.frequencies[swinging]) - event.position().x())

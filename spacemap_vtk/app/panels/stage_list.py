@@ -1,4 +1,4 @@
-"""The pipeline as a list."""
+"""List of the pipeline's stages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.scene import Scene
 
-#: Colour of the dot for each state, and the words for it.
+#: Colour of the dot and description of each state.
 STATES = {
     "fresh": ("#3fa45b", "up to date"),
     "stale": ("#9aa3ae", "waits to be run"),
@@ -34,18 +34,18 @@ STATES = {
 }
 _KEY = Qt.ItemDataRole.UserRole
 _CHECKED = Qt.CheckState.Checked
-#: Columns: the name with the state's dot, what the last run took, how many there were, whether the
-#: stage is on, which stands first, and whether what it gives is seen. Pixels of the last two.
+#: Columns: name with the state's dot, time of the last run, number of runs, box to switch the
+#: stage on (shown first), eye to show its result. Below: the width of the last two in pixels.
 _NAME, _TIME, _RUNS, _BOX, _EYE = range(5)
 _SMALL = 24
 
 
 class StageList(QTreeWidget):
-    """A line for each section: on or off, state, last run time, executions, seen or hidden."""
+    """One line per section: on or off, state, time of the last run, number of runs, visibility."""
 
-    #: The section that is chosen.
+    #: The selected section.
     chosen = Signal(str)
-    #: The section whose stage is to be on or off.
+    #: A section, and whether its stage shall be on.
     switched = Signal(str, bool)
 
     def __init__(self) -> None:
@@ -65,12 +65,13 @@ class StageList(QTreeWidget):
         header.moveSection(_BOX, 0)
         self.items: dict[str, QTreeWidgetItem] = {}
         self.states: dict[str, str] = {}
-        # Each new text lays the list out again: at every frame that would cost more than the frame.
+        # Runs to be written by `flush`. Each new text causes a new layout of the list, which would
+        # take longer than a frame if it happened at every frame.
         self._runs: dict[str, tuple[float, int]] = {}
-        #: What the boxes say, of the stages that have one.
+        #: State of the box of each stage that has one.
         self._boxes: dict[str, bool] = {}
         self._dots = {state: _dot(color, state == "off") for state, (color, _) in STATES.items()}
-        #: What shows and hides what the stage of a section gives to be seen, of those that do.
+        #: Action behind the eye of each section whose stage has one.
         self._eyes: dict[str, QAction] = {}
         self._looks = {on: _eye(on) for on in (False, True)}
         self._flush = later(self, self.flush, 250)
@@ -87,15 +88,15 @@ class StageList(QTreeWidget):
         self.itemClicked.connect(self._clicked)
 
     def look(self, eyes: Mapping[str, QAction]) -> None:
-        """Let the stages of some roles have an eye, which does what an action does."""
+        """Give the stages of certain roles an eye that triggers an action."""
         roles = {section: getattr(cls, "role", "") for section, cls in sections().items()}
         self._eyes = {section: eyes[role] for section, role in roles.items() if role in eyes}
         for seen in eyes.values():
             seen.toggled.connect(self._show_eyes)
 
     def restart(self, scene: Scene, anew: bool = True) -> None:
-        """Show a scene's stages; of another scene none has run, else those that come in."""
-        # All rows are in sight: the list is the picture of the pipeline.
+        """Show the stages of a scene; `anew` resets all, otherwise only the switched ones."""
+        # The height shows all rows without scrolling.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
         self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)
         connected = {stage.section for stage in scene.stages}
@@ -111,8 +112,8 @@ class StageList(QTreeWidget):
         self.show_boxes(scene)
 
     def show_boxes(self, scene: Scene) -> None:
-        """Check the boxes of the stages that are on, of those that can be off."""
-        # A scene cannot be without its source and surface, nor exchange crimp without yarns.
+        """Show the boxes of the stages that can be switched, checked if the stage is on."""
+        # Source and surface cannot be switched off, and crimp interchange needs a woven cloth.
         self._boxes.clear()
         for section, item in self.items.items():
             part, on = scene.parts[section], self.states[section] != "off"
@@ -148,19 +149,19 @@ class StageList(QTreeWidget):
         item.setForeground(_NAME, QBrush(QColor("#808b98")) if state == "off" else QBrush())
 
     def show_run(self, section: str, seconds: float, executions: int) -> None:
-        """Show how long a stage ran last, and how often it has run."""
+        """Show the time of the last run of a stage and its number of runs, after a delay."""
         self._runs[section] = seconds, executions
         if not self._flush.isActive():
             self._flush.start()
 
     def flush(self) -> None:
-        """Write what has been told since the last time."""
+        """Write the runs since the last call."""
         for section, (seconds, executions) in self._runs.items():
             took = f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
             self.items[section].setText(_TIME, took)
             self.items[section].setText(_RUNS, str(executions))
         self._runs.clear()
-        # Of a column that gets narrower Qt leaves pixels of what was written before.
+        # When a column gets narrower, Qt leaves pixels of the former text.
         self.viewport().update()
 
     def choose(self, section: str) -> None:
@@ -168,7 +169,7 @@ class StageList(QTreeWidget):
 
     def _changed(self, item: QTreeWidgetItem, column: int) -> None:
         section, on = item.data(_NAME, _KEY), item.checkState(_BOX) == _CHECKED
-        # Dots and texts are told of here, too.
+        # This is also called for changes of dots and texts.
         if self._boxes.get(section, on) != on:
             self._boxes[section] = on
             self.switched.emit(section, on)
@@ -180,7 +181,7 @@ class StageList(QTreeWidget):
 
 def _dot(color: str, hollow: bool) -> QIcon:
     icon = QIcon(_pixmap(_draw_dot, color, hollow, False))
-    # Qt would tint it with the line's own colour, and the chosen stage's state would be lost.
+    # Otherwise Qt would tint the dot of the selected row, which would hide its state.
     icon.addPixmap(_pixmap(_draw_dot, color, hollow, True), QIcon.Mode.Selected)
     return icon
 
@@ -192,7 +193,7 @@ def _eye(opened: bool) -> QIcon:
 
 
 def _pixmap(draw: Callable[..., None], *how: Any) -> QPixmap:
-    pixmap = QPixmap(96, 96)  # sharp on screens of many pixels, too
+    pixmap = QPixmap(96, 96)  # sharp on screens of high resolution, too
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = painter_on(pixmap)
     draw(painter, *how)

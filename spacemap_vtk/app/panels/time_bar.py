@@ -1,4 +1,4 @@
-"""The time bar: play, pause, loop, speed, scrub, step, go to."""
+"""The time bar: play, pause, step, scrub, loop and speed."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.units import format_quantity
 
 _STEPS = 2000
-#: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
+#: Interval of the timer while playing, in ms. Playing shows as many frames as can be computed.
 _TICK = 15
-#: Pixels below which some are left out, so that the slider stays long enough to be used,
-#: and the fewest that the others need.
+#: Widths in pixels below which some controls are hidden to keep the slider usable, and the
+#: smallest width of the bar.
 _WIDE, _MIDDLE, _NARROW = 560, 500, 380
 _STILL = "Nothing moves here: a stage of motion, such as the response, has times"
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
 class TimeBar(QWidget):
-    """Chooses the time that is shown."""
+    """Controls for the shown time."""
 
-    #: The time in s, and whether more will follow at once.
+    #: The time in s, and whether more changes will follow at once.
     moved = Signal(float, bool)
-    #: What the user typed is no time.
+    #: The error about a typed text that is not a time.
     refused = Signal(object)
-    #: The user has chosen a time: one that was refused is of no interest any more.
+    #: The user has chosen a time, so an earlier error is obsolete.
     chosen = Signal()
 
     def __init__(self) -> None:
         super().__init__()
         self.time = 0.0
-        #: Whether the last time asked for is not yet drawn: playing waits for it.
+        #: Whether playing waits for the frame of the last time.
         self.waiting = False
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
@@ -63,7 +63,7 @@ class TimeBar(QWidget):
         others = ((self.slider, 1), self.line, self.end, self.speed)
         row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
         self.setMinimumWidth(_NARROW)
-        #: What each says while there are times to choose.
+        #: Tooltips while the scene moves; otherwise `_STILL` replaces them.
         self._tips = {w: w.toolTip() for w in (self, *buttons, self.slider, self.line, self.speed)}
         self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
@@ -72,7 +72,7 @@ class TimeBar(QWidget):
         self.line.editingFinished.connect(self._typed)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Leave out in a narrow window what keys do too."""
+        """In a narrow window, hide controls that also have keys."""
         super().resizeEvent(event)
         for least, widgets in (
             (_WIDE, (self.first, self.last, self.end)),
@@ -86,7 +86,7 @@ class TimeBar(QWidget):
         return self.play.isChecked()
 
     def allow(self, moves: bool) -> None:
-        """Let a time be chosen where something moves."""
+        """Enable the bar if the scene moves."""
         if not moves:
             self.pause()
         self.setEnabled(moves)
@@ -94,7 +94,7 @@ class TimeBar(QWidget):
             widget.setToolTip(tip if moves else _STILL)
 
     def adopt(self, animation: Animation, at: float | None = None) -> None:
-        """Take range, frames and speed from a scene."""
+        """Set range, step and speed from a scene's animation settings."""
         speed = f"{animation.speed:g} ×"
         span = animation.span
         if at is not None or span != (self._start, self._stop):
@@ -139,7 +139,7 @@ class TimeBar(QWidget):
         share = (at - self._start) / (self._stop - self._start)
         with QSignalBlocker(self.slider):
             self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
-        # What is being typed stays.
+        # Do not overwrite a time that is being typed.
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(at, "s", 4) if at else "0 s")
             mark(self.line, bad=False)
@@ -157,7 +157,7 @@ class TimeBar(QWidget):
             self._settle()
 
     def _tick(self) -> None:
-        # Every change of the bar lets Qt draw the window anew, which costs as much as a frame.
+        # Every change of the bar makes Qt draw the window again, which costs as much as a frame.
         if self.waiting:
             return
         now = time.perf_counter()
@@ -180,7 +180,7 @@ class TimeBar(QWidget):
 
     def _typed(self) -> None:
         if not self.line.isModified():
-            return  # left as it was: what it shows is rounded
+            return  # not edited; the shown text is rounded and must not change the time
         self.line.setModified(False)
         try:
             at = View.parameter("time").check(self.line.text())

@@ -1,4 +1,4 @@
-"""The plots on the screen: drawn once by matplotlib, with a cursor that moves over the picture."""
+"""Plots drawn once by matplotlib, with a time cursor painted over the picture by Qt."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from spacemap_vtk.app.plots.curves import Curves
 from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, handy
 
-#: Colours of points, and pixels round each plot: left, right, top, between, bottom.
+#: Colours of points; below, the margins of the plots in pixels: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
 COMPONENTS = ("x", "y", "z", "size")
 _LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
-#: Height of a line of a legend, and room between a title and a legend beside it, likewise; what
-#: matplotlib leaves between a title and its plot, in points.
+#: Height of a line of the legend in pixels; gap between a title and the legend beside it in pixels;
+#: matplotlib's distance between a title and its plot in points.
 _LINE, _GAP, _PAD = 14, 10, 6.0
 
 
 class ShownCurves(NamedTuple):
-    """How curves are shown."""
+    """Options for showing curves."""
 
     quantity: str
     """Out of `spacemap_vtk.draw.figure.plots.QUANTITIES`."""
@@ -37,9 +37,9 @@ class ShownCurves(NamedTuple):
 
 
 class PlotCanvas(FigureCanvasQTAgg):
-    """Motion and energies over time, and the frequency response, one below the other."""
+    """Canvas with plots of motion and energies over time and of the frequency response."""
 
-    #: A time that was clicked, and whether the mouse is still down.
+    #: A clicked time in s, and whether the mouse button is still pressed.
     asked = Signal(float, bool)
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumHeight(240)
         self.axes: list[Axes] = []
-        #: Those with time along x.
+        #: Those of them with time along x.
         self.timed: list[Axes] = []
         self._time = 0.0
         self._pressed: Axes | None = None
@@ -78,11 +78,11 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes.tick_params(colors=ink, labelsize=7.5, length=0, which="both")
             axes.xaxis.label.set(color=ink, fontsize=8)
         self._place()
-        # Not at once: where the canvas is resized too, both are one picture.
+        # When Qt is idle, so that a change together with a resize is drawn once.
         self.draw_idle()
 
     def set_time(self, time: float) -> None:
-        """Move the cursor; nothing but a line is painted."""
+        """Move the time cursor; only its line is painted again."""
         before = self.columns()
         self._time = time
         for column in {*before, *self.columns()}:
@@ -95,7 +95,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         return float(low + (high - low) * min(max(share, 0.0), 1.0))
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Paint the picture, and the cursor over it."""
+        """Paint the picture and the cursor over it."""
         super().paintEvent(event)
         painter = QPainter(self)
         painter.setPen(QPen(self._ink, 1.2))
@@ -106,12 +106,12 @@ class PlotCanvas(FigureCanvasQTAgg):
         painter.end()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the margins, which are text and do not grow."""
+        """Keep the margins at constant size, as they contain text."""
         super().resizeEvent(event)
         self._place()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Go to the time that is clicked."""
+        """Go to the clicked time."""
         if event.button() == Qt.MouseButton.LeftButton:
             at = event.position()
             for axes in self.timed:
@@ -121,7 +121,7 @@ class PlotCanvas(FigureCanvasQTAgg):
                     self.asked.emit(self.time_at(axes, at.x()), True)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Scrub while the button is down."""
+        """Scrub while the mouse button is pressed."""
         if self._pressed is not None:
             self.asked.emit(self.time_at(self._pressed, event.position().x()), True)
 
@@ -131,7 +131,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             self.asked.emit(self.time_at(axes, event.position().x()), False)
 
     def columns(self) -> list[int]:
-        """Return where the cursor stands in each plot over time; out of sight outside."""
+        """Return the x position of the cursor in each plot over time; negative if not visible."""
         columns = []
         for axes in self.timed:
             box, (low, high) = axes.get_position(), axes.get_xlim()
@@ -158,7 +158,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         )
 
     def _head(self, axes: Axes, room: int) -> int:
-        """Write title and legend side by side, or below each other; return the lines below."""
+        """Place title and legend side by side or in lines; return the lines below the title."""
         text, ratio = axes.get_title(loc="left"), self.device_pixel_ratio
         renderer = self.get_renderer()
         title = axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=_PAD)
@@ -208,7 +208,7 @@ class PlotCanvas(FigureCanvasQTAgg):
 
 
 def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
-    """Return a component of vectors, or their size."""
+    """Return one component of vectors, or their magnitude for "size"."""
     if component == "size":
         return np.asarray(np.linalg.norm(vectors, axis=-1))
     return np.asarray(vectors[..., COMPONENTS.index(component)])
@@ -232,7 +232,7 @@ def _over_time(axes: Axes, curves: Curves) -> None:
 
 
 def _legend(axes: Axes, columns: int, color: str) -> Legend:
-    # Over the plot, right: no curve runs there.
+    # Above the plot on the right, where no curve can be.
     return axes.legend(
         frameon=False,
         ncols=columns,

@@ -1,4 +1,4 @@
-"""The curves of the plots, computed by the engine a little at a time."""
+"""Compute the curves of the plots in small steps, as background work of the engine."""
 
 from __future__ import annotations
 
@@ -29,19 +29,18 @@ if TYPE_CHECKING:  # it imports Qt
 
 FloatArray = NDArray[np.float64]
 
-#: What stages are that say how a scene moves.
-#: Times of a curve.
+#: Number of times of a curve.
 SAMPLES = 1500
-#: Times or frequencies that are computed before the engine looks for other work, at most.
+#: Most times or frequencies that are computed before the engine checks for other work.
 CHUNK = 60
-#: Seconds that such a part takes, about, where a single time takes long.
+#: Intended time of one such part in s.
 _PART = 0.1
-#: Shares of the work that are done when the steps have been taken, and when the motion is known.
+#: Progress when the time steps are finished, and when the motion is known.
 _STEPPED, _MOVED = 0.9, 0.97
 
 
 class Wish(NamedTuple):
-    """Curves wanted."""
+    """A request for curves."""
 
     key: str
     """Another word for another scene, range or set of points."""
@@ -53,30 +52,30 @@ class Wish(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What is plotted."""
+    """Data of the plots."""
 
-    #: Of the wish.
+    #: Key of the request.
     key: str
-    #: (p, 3) At rest [m].
+    #: (p, 3) Positions at rest in m.
     points: FloatArray
-    #: (t,) In s.
+    #: (t,) Times in s.
     times: FloatArray
-    #: (3, p, t, 3) Displacement [m], velocity [m/s] and acceleration [m/s²].
+    #: (3, p, t, 3) Displacement in m, velocity in m/s and acceleration in m/s².
     motion: FloatArray
-    #: Where the energy is over time [J]; None where that is not known.
+    #: Kinds of energy over time in J; None if unknown.
     balance: Balance | None
-    #: (f,) In Hz; empty where the response is not known.
+    #: (f,) Frequencies in Hz; empty if the response is unknown.
     frequencies: FloatArray
-    #: (p, f, 3) Amplitude of the displacement [m] under the loads as sines.
+    #: (p, f, 3) Amplitude of the displacement in m under sinusoidal loads.
     response: FloatArray
-    #: (n,) Frequencies of the modes in Hz.
+    #: (n,) Natural frequencies in Hz.
     modes: FloatArray
-    #: What is missing, and why.
+    #: Sentence about missing data and the reason.
     note: str = ""
 
 
 def moving(document: Document) -> str:
-    """Return another word for another way in which a scene moves."""
+    """Return a key that changes when the motion of a scene changes."""
     scene = document.scene
     last = scene.deforming if scene.moves else scene.source
     stages = scene.stages[: scene.stages.index(last) + 1]
@@ -84,7 +83,7 @@ def moving(document: Document) -> str:
 
 
 def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]:
-    """Compute curves; pauses every few milliseconds, and yields the share that is done."""
+    """Compute curves; yields the progress (0 to 1) at short intervals."""
     yield 0.0
     times = np.linspace(wish.start, wish.stop, SAMPLES)
     if not scene.moves:
@@ -92,7 +91,8 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
     mover = scene.deforming
     model = mover.motion
     if model is None:
-        # Of a stage of its own: the scene's would run anew at each time, and again for the view.
+        # A separate stage reads the motion: the scene's stage would run again at each time, and
+        # once more for the view.
         return None if mover.inputs else (yield from _read(type(mover)(**mover.settings), wish))
     linear = None if (moved := scene.stage("mover")) is None else moved.motion
     response = linear if isinstance(linear, Response) else None
@@ -108,14 +108,14 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
     begun = 0.0
     if moved is not None and isinstance(moved, TransientResponse):
         begun = _STEPPED
-        for time in times:  # a step may take long, and a part of the curves many steps
+        for time in times:  # one at a time, since a step can take long
             model.at(float(time))
             yield begun * float(time - wish.start) / (wish.stop - wish.start)
     motion = np.zeros((3, len(places), len(times), 3))
     energies, potential = np.zeros((len(times), 4)), np.zeros(len(times))
     known = "kinetic_energy" in scene.arrays
     work_at_start = float(model.energies(np.zeros(1))[0, 3]) if known else 0.0
-    # All that is asked of a span of times one after the other: its states are found once.
+    # All quantities of one span of times in sequence, so that its states are computed only once.
     for part in _quick_parts(len(times)):
         share = begun + (_MOVED - begun) * part.start / len(times)
         for number, weight in enumerate(weights):
@@ -136,18 +136,18 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
 class Spectrum:
     """Frequency response, and the effective mass and resolution of each mode."""
 
-    #: (f,) In Hz; empty where the response is not known.
+    #: (f,) Frequencies in Hz; empty if the response is unknown.
     frequencies: FloatArray
-    #: (f,) Amplitude of the displacement [m] where the first mode moves most.
+    #: (f,) Amplitude in m at the point that moves most in the first mode.
     response: FloatArray
-    #: (n, 3) Share of the mass that can move along x, y and z, that a mode moves.
+    #: (n, 3) Effective mass of each mode along x, y and z, as a fraction of the mass that can move.
     shares: FloatArray
-    #: (n,) By which share the frequency of a sheet's mode is estimated to be too high.
+    #: (n,) Estimated relative error of each frequency of a sheet: how far it is too high.
     errors: FloatArray
 
 
 def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
-    """Compute the frequency response, effective masses and errors; pauses likewise."""
+    """Compute frequency response, effective masses and errors; yields the progress."""
     yield 0.0
     solver, mover = scene.stage("solver"), scene.stage("mover")
     frequencies, answers = np.zeros(0), np.zeros((1, 0, 3))
@@ -178,7 +178,7 @@ def _answers(
         for part in _parts(len(frequencies)):
             try:
                 answer = response.frequency_response(weight, frequencies[part])
-            except InputError:  # an undamped mode was met exactly
+            except InputError:  # a frequency is exactly that of an undamped mode
                 frequencies[part] *= ASIDE
                 answer = response.frequency_response(weight, frequencies[part])
             answers[number, part] = abs(answer)
@@ -187,7 +187,7 @@ def _answers(
 
 
 def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
-    """Follow points through a motion out of a file: at its own steps, linear between them."""
+    """Read the motion of points from a file at its time steps; linear in between."""
     cage = reader.update().output
     rest, cells = points_of(cage), tetrahedra_of(cage)
     steps = reader.time_steps([])
@@ -219,7 +219,7 @@ def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
 
 
 def _quick_parts(count: int) -> Iterator[slice]:
-    """Yield parts of a range, each so short that what is done with it takes no long time."""
+    """Yield slices of a range, sized so that the work on each takes about `_PART` seconds."""
     first, size, begun = 0, 1, perf_counter()
     while first < count:
         yield slice(first, first + size)

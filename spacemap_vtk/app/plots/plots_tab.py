@@ -1,4 +1,4 @@
-"""The plots tab: when its curves are computed, and what is done with them."""
+"""The plots tab: requests curves, shows them and saves them."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ from spacemap_vtk.io.registry import name_filter, writer, written
 if TYPE_CHECKING:
     from spacemap_vtk.app.plots.chart import PlotCanvas
 
-#: Milliseconds without another change until curves are computed.
+#: Time without changes until curves are computed, in ms.
 _REST = 250
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
 _OLD = "These curves are of the motion before the change."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
-#: What is saved of a point over time, with its unit.
+#: Quantities saved for a point over time, with their units.
 _ROWS = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
 
 
 class PlotsTab(QWidget):
-    """Plots of the motion, computed once for each change; playing moves a cursor."""
+    """Plots of the motion, computed once after each change; playing only moves a cursor."""
 
-    #: A time to go to, and whether more will follow at once.
+    #: A time in s to go to, and whether more will follow at once.
     asked = Signal(float, bool)
-    #: What went wrong with the curves, and that there are others.
+    #: Error of the computation; `shown` is emitted when new curves replace it.
     failed = Signal(object)
     shown = Signal()
-    #: What went wrong with a file of them, and that it is written.
+    #: Error of writing a file; `written` is emitted when a file is written.
     unwritten = Signal(object)
     written = Signal()
 
@@ -63,9 +63,9 @@ class PlotsTab(QWidget):
         self._key = ""
         self._time = 0.0
         self._moved = False
-        #: The scene that was drawn last, as a file has it.
+        #: Values of the scene that was drawn last.
         self._drawn: dict[str, Any] = {}
-        #: Made when it is first seen: matplotlib takes a while to import.
+        #: Created when the tab is first shown, because importing matplotlib takes time.
         self.canvas: PlotCanvas | None = None
         self.quantity = QComboBox()
         self.quantity.addItems([name.capitalize() for name in QUANTITIES])
@@ -83,10 +83,10 @@ class PlotsTab(QWidget):
         self.save.setMenu(menu)
         self.hint = note(_HINT)
         for box in (self.quantity, self.component):
-            narrow(box, 4)  # in a narrow window words are cut rather than the view
+            narrow(box, 4)  # in a narrow window, shorten the words rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
         second = row(None, (self.clear, 1), (self.save, 1))
-        #: How far the curves are, with a button that gives them up, or computes them after all.
+        #: Progress of the curves, with a button that cancels or starts the computation.
         self.bar, self.run = QProgressBar(), QPushButton("Cancel")
         self.run.clicked.connect(self._run_clicked)
         third = row(None, (self.bar, 1), self.run)
@@ -106,7 +106,7 @@ class PlotsTab(QWidget):
         self._later()
 
     def follow(self, frame: Frame) -> None:
-        """Move the cursor to a frame's time, and see whether the curves are still right."""
+        """Move the cursor to a frame's time; request new curves if the motion has changed."""
         if frame.swing is not None:
             return
         self._time = frame.time
@@ -122,7 +122,7 @@ class PlotsTab(QWidget):
         self._engine.ask_beside(None)
 
     def save_picture(self) -> None:
-        """Ask for a name, and save the plots as they are seen."""
+        """Ask for a file name and save a picture of the plots."""
         assert self.canvas is not None
         figure = self.canvas.figure
 
@@ -134,17 +134,17 @@ class PlotsTab(QWidget):
         self._save("plots.png", written("plot"), save)
 
     def save_times(self) -> None:
-        """Ask for a name, and save what is plotted over time."""
+        """Ask for a file name and save the curves over time."""
         assert self.curves is not None
         self._save("motion.csv", {".csv": "table"}, partial(_write, _times_of(self.curves)))
 
     def save_frequencies(self) -> None:
-        """Ask for a name, and save the frequency response."""
+        """Ask for a file name and save the frequency response."""
         assert self.curves is not None
         self._save("response.csv", {".csv": "table"}, partial(_write, _response_of(self.curves)))
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Begin to plot, or catch up."""
+        """Create the canvas if there is none, and update the curves."""
         super().showEvent(event)
         if self.canvas is None:
             from spacemap_vtk.app.plots.chart import PlotCanvas
@@ -160,10 +160,10 @@ class PlotsTab(QWidget):
     def hideEvent(self, event: QHideEvent) -> None:
         super().hideEvent(event)
         if self.curves is None or self.curves.key != self._key:
-            self._key = ""  # another tab's work pushes these curves aside
+            self._key = ""  # another tab's work may replace the computation of these curves
 
     def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
+        """Draw the plots again in another theme."""
         if event.type() == QEvent.Type.PaletteChange:
             self._draw()
         super().changeEvent(event)
@@ -187,7 +187,7 @@ class PlotsTab(QWidget):
             self.rest.start()
             return
         if self._drawn != self._document.values:
-            return  # its run has failed or was given up: what the engine has is another scene's
+            return  # the last run failed or was cancelled, so the engine has older values
         self._key = wish.key
         if self._moved:
             self.hint.setText("Computing…")
@@ -197,7 +197,7 @@ class PlotsTab(QWidget):
             self._ready(None)
 
     def _show_work(self, button: str) -> None:
-        """Show how far the curves are while the button says Cancel; without words nothing."""
+        """Show the button, with the progress bar if it is "Cancel"; an empty text hides both."""
         self.bar.setValue(0)
         self.bar.setVisible(button == "Cancel")
         self.run.setText(button)
@@ -214,9 +214,9 @@ class PlotsTab(QWidget):
 
     def _ready(self, result: Any) -> None:
         if not (isinstance(result, Curves | BaseException | None) and self.isVisible()):
-            return  # what another tab has asked for
+            return  # the result was requested by another tab
         if isinstance(result, Curves) and self.run.text() == "Compute":
-            return  # it was done just as it was cancelled
+            return  # the computation ended at the moment when it was cancelled
         self._show_work("")
         if isinstance(result, BaseException):
             self.failed.emit(result)
@@ -233,13 +233,13 @@ class PlotsTab(QWidget):
         if self.canvas is not None:
             self.canvas.setVisible(result is not None)
         if result is not None and not self._chosen:
-            # The component that moves most says most.
+            # Show the component with the largest motion.
             sizes = abs(result.motion[0]).max(axis=(0, 1), initial=0.0)
             self.component.setCurrentIndex(int(np.argmax(sizes)))
         self._draw()
 
     def _tell(self) -> None:
-        """Say how the curves are asked for, or that they are older than the fields."""
+        """Show a hint for use, or that the curves are older than the scene."""
         if self.curves is not None and self.isVisible():
             hint = f"{_HINT if self.points else _TIP} {self.curves.note}"
             self.hint.setText(hint if self.curves.key == self.wish().key else _OLD)
@@ -264,7 +264,7 @@ class PlotsTab(QWidget):
         self._key = ""
         self._engine.ask_beside(None)
         self._show_work("")
-        self.curves = None  # nobody takes another scene's for this one's
+        self.curves = None  # do not show curves of another scene
         self.hint.setText(_HINT)
         self._enable()
         if self.canvas is not None:
@@ -292,7 +292,7 @@ class PlotsTab(QWidget):
 
 
 def _times_of(curves: Curves) -> dict[str, FloatArray]:
-    """Return what is plotted over time by its headings, in SI."""
+    """Return the columns of the table over time by heading, in SI units."""
     columns = {"time [s]": curves.times}
     for number in range(len(curves.points)):
         for (name, unit), motion in zip(_ROWS, curves.motion, strict=True):
@@ -304,7 +304,7 @@ def _times_of(curves: Curves) -> dict[str, FloatArray]:
 
 
 def _response_of(curves: Curves) -> dict[str, FloatArray]:
-    """Return the frequency response likewise."""
+    """Return the columns of the frequency response by heading, in SI units."""
     columns = {"frequency [Hz]": curves.frequencies}
     for number, answer in enumerate(curves.response):
         columns |= _along_axes("amplitude", number, "m", answer)

@@ -1,4 +1,4 @@
-"""The widget that VTK draws the view into."""
+"""The VTK widget of the 3D view."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from spacemap_vtk.app.view.render_widget import RenderWidget
 from spacemap_vtk.draw.actors.shade_layer import ShadeLayer
 from spacemap_vtk.draw.camera import front_of, lit_renderer
 
-# Of OpenGL.
+# Constants of OpenGL.
 _READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
 _COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
 _TEXEL = """
@@ -34,45 +34,45 @@ vec4 texel(vec2 at)
 
 
 class Canvas(RenderWidget):
-    """Shows one renderer, lit, that the mouse turns as in every VTK program."""
+    """Show one renderer with lights; the mouse turns it as in other VTK programs."""
 
-    #: It is about to draw.
+    #: Emitted before each drawing.
     painting = Signal()
 
     def __init__(self, parent: QWidget | None) -> None:
         super().__init__(parent)
         self._painting = False
-        #: Seconds that the last picture took.
+        #: Time of the last drawing in s.
         self.took = 0.0
         self.renderer = lit_renderer()
         self.render_window.SetMultiSamples(0)
-        # VTK would copy what it has drawn into a second buffer; Qt gets it from the first.
+        # Avoids a copy into a second buffer; Qt reads the first one.
         self.render_window.SwapBuffersOff()
         self.render_window.AddRenderer(self.renderer)
-        #: Draws over all else, if it is to.
+        #: Renderer in front of everything, off by default.
         self.front = front_of(self.render_window, self.renderer)
         self.front.SetLayer(2)
         self.front.DrawOff()
-        #: Draws shadows between, if it is to.
+        #: Layer of contact shadows between the two renderers, off by default.
         self.shade = ShadeLayer(self.render_window, self.renderer, 1)
         self.render_window.SetNumberOfLayers(3)
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
-        # What the mouse turns is drawn when Qt comes to it, once, however many moves came before.
+        # Mouse moves only request a paint event, so that Qt draws once for many moves.
         self.interactor.EnableRenderOff()
         self._asking = self.interactor.AddObserver("RenderEvent", self._ask_for_paint)
         self.interactor.Initialize()
 
     def initializeGL(self) -> None:
-        """Find the OpenGL function that waits, for the context that there is now."""
+        """Find ``glFinish`` of the present OpenGL context."""
         super().initializeGL()
         place = int(self.context().getProcAddress(b"glFinish"))
         self.wait = ctypes.CFUNCTYPE(None)(place)
         self._quickened = False
 
     def _quicken(self) -> None:
-        """Let smooth edges take two thirds of their time, to the same pixels."""
-        # VTK's filter has its texture interpolated even in the middle of texels, which software
-        # OpenGL does at full length; only its last look lies between them.
+        """Patch the FXAA shader to take two thirds of its time, with the same pixels."""
+        # VTK's shader interpolates the texture even at texel centres, which is slow in software
+        # OpenGL. Only its last lookup lies between texels; the others read the texel directly.
         self._quickened = True
         smooth = vtkOpenGLFXAAFilter()
         smooth.Execute(self.renderer)
@@ -85,10 +85,12 @@ class Canvas(RenderWidget):
         before, search, rest = source.partition("int vtkEndpointSearch(")
         rest, count = re.subn(r"texture(2D)?\(Input, (?!posEdgeAA)", "texel(", rest)
         smooth.ReleaseGraphicsResources()
-        # Where another VTK says it otherwise, or a driver takes no such words, all stays as it is.
+        # If the shader of another VTK version differs, or the driver cannot compile the patched
+        # one, the original stays in use.
         for text in (before + _TEXEL + search + rest, source) if count else ():
             program.ReleaseGraphicsResources(self.render_window)
-            program.GetVertexShader().Cleanup()  # it stays compiled where the other was not
+            # Otherwise the vertex shader stays compiled although the fragment shader is not.
+            program.GetVertexShader().Cleanup()
             shader.SetSource(text)
             program.SetCompiled(False)
             vtkObject.GlobalWarningDisplayOff()
@@ -98,23 +100,23 @@ class Canvas(RenderWidget):
                 break
 
     def paintGL(self) -> None:
-        """Draw, and hand Qt what was drawn."""
-        # Software draws in threads of its own, and whoever wants the result waits for them: ctypes
-        # lets the other threads of Python work meanwhile, where VTK's and Qt's functions do not.
+        """Render with VTK, and copy the picture into Qt's framebuffer."""
+        # Software OpenGL renders in its own threads, and reading the result waits for them. A wait
+        # through ctypes (`wait`) lets other Python threads run; VTK's and Qt's functions do not.
         window = self.render_window
         if self._painting or not window.GetReadyForRendering():
             return
         state = window.GetState()
-        state.Reset()  # Qt has drawn since
+        state.Reset()  # Qt has changed the OpenGL state since the last time
         state.Push()
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
         self.painting.emit()
         begin = perf_counter()
         try:
-            # Not the window's own Render: VTK lets go of Python's lock in that. Then its collector,
-            # which holds a lock of all threads, needs Python's to free an array, and a thread that
-            # has Python's waits for the collector's: both would stand for ever.
+            # Not Render of the window: VTK releases Python's lock (GIL) in it. VTK's garbage
+            # collector, which holds a global lock, then needs the GIL to free an array, while a
+            # thread with the GIL waits for the collector's lock: a deadlock.
             self.interactor.EnableRenderOn()
             if not self._quickened and self.renderer.GetUseFXAA():
                 self.interactor.Render()
@@ -128,9 +130,9 @@ class Canvas(RenderWidget):
             self.interactor.EnableRenderOff()
             self._painting = False
             self.took = perf_counter() - begin
-        # What is told while drawing may have made another context current.
+        # Handlers called during drawing may have made another context current.
         self.makeCurrent()
-        # As Qt rounds: at a scale of 1.5 it may have a row or column more than VTK.
+        # Round as Qt does: at a scale of 1.5 its buffer can have a row or column more than VTK's.
         scale = self.devicePixelRatioF()
         place = 0, 0, int(self.width() * scale + 0.5), int(self.height() * scale + 0.5)
         state.vtkglBindFramebuffer(_DRAW_FRAMEBUFFER, self.defaultFramebufferObject())
@@ -142,8 +144,9 @@ class Canvas(RenderWidget):
         state.Pop()
 
     def _draw_shaded(self) -> None:
-        """Draw what is below, and over it, once it is there, its shadows and what is in front."""
-        # Not while VTK draws: numpy lets go of Python's lock.
+        """Draw the scene, then its contact shadows and the front renderer over it."""
+        # The shadows are computed between two renderings: NumPy releases the GIL, which must not
+        # happen while VTK renders.
         front = self.front.GetDraw()
         self.front.DrawOff()
         self.interactor.Render()
@@ -160,7 +163,7 @@ class Canvas(RenderWidget):
             self.renderer.DrawOn()
 
     def close(self) -> bool:
-        """Let go of the interactor, which would keep this widget, and free what VTK holds."""
+        """Detach from the interactor, which keeps this widget alive, and free VTK's resources."""
         self.interactor.RemoveObserver(self._asking)
         return super().close()
 
@@ -170,12 +173,12 @@ class Canvas(RenderWidget):
 
     @property
     def camera(self) -> vtkCamera:
-        """What the view is seen through."""
+        """The active camera."""
         return self.renderer.GetActiveCamera()
 
     def image(self) -> NDArray[np.uint8]:
-        """Draw, and return what is seen."""
+        """Draw the view, and return its pixels, shape (height, width, 3)."""
         drawn = self.grabFramebuffer().convertToFormat(QImage.Format.Format_RGB888)
         rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), -1)
-        # Each row begins at a multiple of four bytes.
+        # Each row of a QImage is padded to a multiple of four bytes.
         return rows[:, : 3 * drawn.width()].reshape(drawn.height(), drawn.width(), 3).copy()

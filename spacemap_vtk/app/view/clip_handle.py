@@ -1,4 +1,4 @@
-"""What the mouse takes hold of to move and turn the plane that cuts the view open."""
+"""Handle by which the mouse moves and turns the clip plane."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PLANE = (0.30, 0.61, 0.78)
 
 
 class ClipHandle:
-    """The plane as one sees it: its border, and an arrow along its normal."""
+    """The visible clip plane: its border, and an arrow along its normal."""
 
     def __init__(
         self, interactor: vtkRenderWindowInteractor, moved: Callable[[bool], object]
@@ -31,14 +31,14 @@ class ClipHandle:
         plane, held = self.shape.GetPlaneProperty(), self.shape.GetSelectedPlaneProperty()
         plane.SetOpacity(0.10)
         plane.SetColor(*_PLANE)
-        # VTK's own is a green that would tint the cloth while the mouse holds the plane.
+        # VTK's default is a green that would tint the cloth while the mouse holds the plane.
         held.SetOpacity(0.16)
         held.SetColor(*_PLANE)
         self.shape.SetEdgeColor(*_PLANE)
         self.shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self.shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
         self.widget = vtkImplicitPlaneWidget2()
-        # No key of its own: I would bring up the plane of a cut that is none.
+        # Without VTK's key: "I" would show the plane when nothing is cut.
         self.widget.KeyPressActivationOff()
         self.widget.SetInteractor(interactor)
         self.widget.SetRepresentation(self.shape)
@@ -52,11 +52,11 @@ class ClipHandle:
         ]
 
     def place(self, cut: Cut, points: NDArray[np.float64], pixels: float) -> None:
-        """Stand where a plane cuts what is seen; lines are so many pixels times as wide."""
+        """Put the handle at a cut through the visible points; `pixels` scales the line widths."""
         self.shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
         self.shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
         low, high = points.min(axis=0), points.max(axis=0)
-        # A flat cloth too gets a box that the mouse can take hold of.
+        # Enlarge the box, so that the mouse can also hold it for a flat cloth.
         slack = 0.15 * float(np.linalg.norm(high - low))
         bounds = np.stack([low - slack, high + slack], axis=1).ravel()
         self.shape.PlaceWidget(bounds.tolist())
@@ -65,17 +65,17 @@ class ClipHandle:
 
     @property
     def cut(self) -> Cut:
-        """Normal and origin of the plane where it is now."""
+        """Normal and origin of the plane at present."""
         plane = vtkPlane()
         self.shape.GetPlane(plane)
         return plane.GetNormal(), plane.GetOrigin()
 
     def show(self, on: bool) -> None:
-        """Be seen, or not."""
+        """Show or hide the handle."""
         self.widget.SetEnabled(on)
 
     def close(self) -> None:
-        """Let go of the interactor, before it is freed."""
+        """Detach from the interactor, before the interactor is freed."""
         self.widget.SetEnabled(False)
         for observer in self._observers:
             self.widget.RemoveObserver(observer)

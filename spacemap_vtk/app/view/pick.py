@@ -1,4 +1,4 @@
-"""A point of the fabric that the user has picked."""
+"""Points of the fabric that the user has picked."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Pick:
-    """What is known of a picked point."""
+    """A picked point: yarn, crossing and positions."""
 
-    #: Its yarn: ends from 0 on, then picks; None on an object.
+    #: Index of the yarn, ends first, then picks; None on an object without yarns.
     yarn: int | None
-    #: 0 warp, 1 weft.
+    #: 0 for warp, 1 for weft.
     family: int | None
-    #: The yarn's number among its family's, from 1 on, as weavers count and the draft does.
+    #: Number of the yarn in its family, counted from 1 as weavers and drafts do.
     number: int | None
-    #: Likewise that of the nearest yarn of the other family; None where there is none.
+    #: Number of the nearest yarn of the other family, also from 1; None if there is none.
     crossed: int | None
-    #: Where it is, where it is at rest, and the difference, in m.
+    #: Position, position at rest, and their difference, in m.
     position: Point
     rest: Point
     displacement: Point
-    #: By the number of a surface's points, which of them it is, and how far off at rest [m].
+    #: Cache: for each number of points of a surface, the index of the nearest point and its
+    #: distance at rest in m.
     _nearest: dict[int, tuple[int, float]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
 
     @property
     def name(self) -> str:
-        """Yarn and crossing, for people; empty on an object."""
+        """Yarn and crossing in words; empty on an object."""
         if self.number is None or self.family is None:
             return ""
         words = "end", "pick"
@@ -53,15 +54,15 @@ class Pick:
 
     @property
     def text(self) -> str:
-        """One line for people."""
+        """A line that describes the point for the user."""
         where = ", ".join(format_quantity(c, "m", 4) for c in self.position)
         of = f"{self.name}   " if self.name else ""
         return f"{of}at ({where})   {_moved(self.displacement)}"
 
     def label(self, frame: Frame, span: Span | None) -> tuple[NDArray[np.float64], str]:
-        """Return where it is in a frame, and what stands there: name, what is shown, place."""
+        """Return the position in a frame, and a label with name, shown value and position."""
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
-        # Near yarns may be of another part of the cloth.
+        # The yarns drawn near the camera may belong to another part of the cloth.
         found = [(surface, *self._nearest_of(surface, frame.relief)) for surface in drawn]
         surface, nearest, _ = min(found, key=lambda one: one[2])
         at = points_of(surface)[nearest].astype(np.float64)
@@ -86,7 +87,7 @@ class Pick:
         return at, "\n".join(filter(None, lines)).replace("-", "−")
 
     def _nearest_of(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
-        """Return which point of a surface it is, and how far that is; it may go so far off."""
+        """Find the nearest point of a surface and its distance; keep a cached one within `off`."""
         points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
         number, far = self._nearest.get(len(points), (0, -np.inf))
         rest = points[number] - (0.0 if moved is None else moved.GetTuple3(number))
@@ -105,7 +106,7 @@ def _moved(displacement: NDArray[np.float64] | Point) -> str:
 
 
 def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None = None) -> Pick:
-    """Read what a surface, or that of a part of a cloth, says of one of its points."""
+    """Read yarn, crossing and positions at a point of a surface of yarns or of an object."""
     position = points_of(surface)[point].astype(float)
     moved = surface.GetPointData().GetArray("displacement")
     displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
@@ -114,7 +115,7 @@ def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None 
     if cells.HasArray("yarn") and cells.HasArray("family"):
         yarns, families = (vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "family"))
         yarn, family = int(yarns[cell]), int(families[cell])
-        # Ends stand side by side along x, picks along y.
+        # Ends are arranged along x, picks along y.
         if cloth is None:
             firsts = [int(yarns[families == k].min(initial=len(yarns))) for k in (0, 1)]
         else:
@@ -132,7 +133,7 @@ def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None 
 
 
 def read_sheet(sheet: vtkPolyData, cell: int, part: Point, behind: bool, cloth: Cloth) -> Pick:
-    """Read which yarn lies on top at a part of a cell of a cloth's sheet; or does so behind."""
+    """Read the yarn on top, or on the back, at a position in a cell of a cloth's sheet."""
     corners = vtk_to_numpy(sheet.GetPolys().GetConnectivityArray()).reshape(-1, 4)[cell]
     r, s = part[:2]
     shares = np.array([(1 - r) * (1 - s), r * (1 - s), r * s, (1 - r) * s])

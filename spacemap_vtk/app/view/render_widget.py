@@ -1,14 +1,15 @@
-"""A Qt widget that VTK draws into.
+"""A Qt widget in which VTK renders.
 
-VTK draws into framebuffers of its own, in the OpenGL context that Qt has made for the widget; VTK
-never gets the window itself. So the widget works on X11, Wayland, Windows and macOS alike, and can
-stand among others that Qt draws.
+VTK renders into its framebuffers in the OpenGL context that Qt has made for the widget; it has no
+access to the window. Therefore the widget works on X11, Wayland, Windows and macOS, and can be
+placed among other Qt widgets.
 
-- VTK asks for its context by an event. It is answered by the context's own ``makeCurrent``:
-  the widget's binds a framebuffer, too, which VTK would not know of.
-- A context belongs to the thread that made it. Elsewhere the event is not answered: Qt would abort.
-- What VTK holds in the context is freed while the context is there and current. Otherwise the
-  driver would free it in another context, which crashes much later.
+- VTK requests its context by an event. The handler calls ``makeCurrent`` of the context, not of
+  the widget: the widget's method also binds a framebuffer, without VTK's knowledge.
+- A context belongs to the thread that made it. In other threads the event is ignored, because Qt
+  would abort.
+- VTK's resources are freed while the context exists and is current. Otherwise the driver would
+  free them in another context, which crashes much later.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ _BUTTONS = {
     Qt.MouseButton.MiddleButton: "MiddleButton",
     Qt.MouseButton.RightButton: "RightButton",
 }
-#: VTK's number of the hand; its Python modules have no name for it.
+#: VTK's number of the hand cursor (VTK_CURSOR_HAND), for which VTK's Python modules have no name.
 _CURSOR_HAND = 9
 #: What Qt reports for one step of a mouse wheel, in eighths of a degree.
 _WHEEL_STEP = 120
 
 
 def _format() -> QSurfaceFormat:
-    """Return the OpenGL that VTK needs; multisampling is done in VTK's own framebuffers."""
+    """Return the OpenGL format that VTK needs; multisampling is done in VTK's framebuffers."""
     wanted = QSurfaceFormat()
-    # On Wayland Qt may otherwise take OpenGL ES, which cannot compile VTK's shaders.
+    # On Wayland Qt may otherwise choose OpenGL ES, which cannot compile VTK's shaders.
     wanted.setRenderableType(QSurfaceFormat.RenderableType.OpenGL)
     wanted.setProfile(QSurfaceFormat.OpenGLContextProfile.CoreProfile)
     wanted.setVersion(3, 2)
@@ -50,11 +51,11 @@ def _format() -> QSurfaceFormat:
 
 
 class RenderWidget(QOpenGLWidget):
-    """Connects a VTK render window, and the interactor that the mouse drives, to Qt."""
+    """Connect a VTK render window and its interactor to Qt."""
 
     def __init__(self, parent: QWidget | None) -> None:
-        # The default format, not the widget's own: on Wayland a widget whose format differs from
-        # that of the window around it stays black.
+        # Set the default format, not the widget's: on Wayland a widget stays black if its format
+        # differs from that of the window around it.
         QSurfaceFormat.setDefaultFormat(_format())
         super().__init__(parent)
         self.setUpdateBehavior(QOpenGLWidget.UpdateBehavior.NoPartialUpdate)
@@ -68,7 +69,7 @@ class RenderWidget(QOpenGLWidget):
         self.interactor.SetRenderWindow(self.render_window)
         self._context: QOpenGLContext | None = None
         self._wheel_angle = 0
-        # VTK holds these methods, and by them the widget, until the observers are removed.
+        # VTK keeps these methods, and therefore the widget, alive until the observers are removed.
         self._observers = [
             self.render_window.AddObserver(event, answer)
             for event, answer in (
@@ -79,11 +80,11 @@ class RenderWidget(QOpenGLWidget):
         ]
 
     def initializeGL(self) -> None:
-        """Let VTK use the context that there is now."""
+        """Prepare VTK for the present OpenGL context."""
         context = self._context = self.context()
         context.aboutToBeDestroyed.connect(self._leave_context)
         window = self.render_window
-        # VTK finds the functions of OpenGL where Qt has found them; kept, as VTK may ask again.
+        # VTK loads the OpenGL functions through Qt. The callback is kept, as VTK may call it later.
         self._loader = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_char_p)(
             lambda name: int(context.getProcAddress(name) or 0)
         )
@@ -96,14 +97,14 @@ class RenderWidget(QOpenGLWidget):
         window.SetOwnContext(0)
 
     def resizeGL(self, width: int, height: int) -> None:
-        """Give VTK the widget's size in pixels of the screen."""
+        """Give VTK the size of the widget in device pixels."""
         scale = self.devicePixelRatioF()
         self.interactor.UpdateSize(max(1, round(width * scale)), max(1, round(height * scale)))
         self.interactor.ConfigureEvent()
         self.render_window.SetDPI(round(72 * scale))
 
     def close(self) -> bool:
-        """Free what VTK holds in the context; nothing can be drawn afterwards."""
+        """Free VTK's resources in the context; nothing can be drawn afterwards."""
         closed = super().close()
         self.render_window.Finalize()
         for observer in self._observers:
@@ -111,7 +112,7 @@ class RenderWidget(QOpenGLWidget):
         return closed
 
     def _leave_context(self) -> None:
-        """Free what VTK holds in a context that is about to go; another may follow."""
+        """Free VTK's resources in a context that is being destroyed; another one may follow."""
         self._make_current()
         self.render_window.Finalize()
         self.render_window.SetReadyForRendering(False)
@@ -134,11 +135,11 @@ class RenderWidget(QOpenGLWidget):
         self.setCursor(Qt.CursorShape.PointingHandCursor if hand else Qt.CursorShape.ArrowCursor)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Hand it to VTK."""
+        """Pass the event to VTK."""
         self._press_or_release(event, "Press")
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Hand it to VTK."""
+        """Pass the event to VTK."""
         self._press_or_release(event, "Release")
 
     def _press_or_release(self, event: QMouseEvent, what: str) -> None:
@@ -148,21 +149,21 @@ class RenderWidget(QOpenGLWidget):
             self.interactor.InvokeEvent(f"{button}{what}Event")
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Hand it to VTK."""
+        """Pass the event to VTK."""
         self._locate(event)
         self.interactor.MouseMoveEvent()
 
     def enterEvent(self, event: QEnterEvent) -> None:
-        """Hand it to VTK."""
+        """Pass the event to VTK."""
         self._locate(event)
         self.interactor.EnterEvent()
 
     def leaveEvent(self, _event: QEvent) -> None:
-        """Hand it to VTK."""
+        """Pass the event to VTK."""
         self.interactor.LeaveEvent()
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        """Hand whole steps to VTK; a touchpad sends parts of one."""
+        """Pass whole wheel steps to VTK; a touchpad sends parts of a step, which are summed."""
         self._locate(event)
         self._wheel_angle += event.angleDelta().y()
         if abs(self._wheel_angle) >= _WHEEL_STEP:
@@ -173,7 +174,7 @@ class RenderWidget(QOpenGLWidget):
             self._wheel_angle = 0
 
     def _locate(self, event: QMouseEvent | QEnterEvent | QWheelEvent) -> None:
-        """Tell VTK where the mouse is, in pixels from below, and which keys are held."""
+        """Give VTK the mouse position in device pixels from the bottom, and the modifier keys."""
         scale, at, held = self.devicePixelRatioF(), event.position(), event.modifiers()
         self.interactor.SetEventInformation(
             round(at.x() * scale),

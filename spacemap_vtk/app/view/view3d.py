@@ -1,4 +1,4 @@
-"""The 3D view."""
+"""The 3D view: draws frames, moves the camera and picks points."""
 
 from __future__ import annotations
 
@@ -42,28 +42,29 @@ from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 if TYPE_CHECKING:
     from spacemap_vtk.app.view.clip_handle import ClipHandle
 
-#: Milliseconds after the camera's last move until it counts as at rest.
+#: Time after the last camera move until the camera counts as at rest, in ms.
 _REST = 220
-#: Half the pixels a mouse may move in a click.
+#: Most pixels that the mouse may move during a click.
 _STEADY = 3.0
-#: Seconds that a picture of what moves may take with smooth edges, and without, to have them next.
+#: While something moves, the next picture has smooth edges (FXAA) only if the last one took less
+#: time, in s: with smooth edges, and without.
 _SMOOTH, _ROUGH = 0.2, 0.1
-#: Of VTK: the mouse turns the camera.
+#: VTK's interactor state while the mouse turns the camera (VTKIS_ROTATE).
 _TURNING = 1
 
 
 class View3D(QWidget):
-    """Draws frames; the mouse turns, moves and zooms as in every VTK program."""
+    """Draw frames; the mouse turns, moves and zooms as in other VTK programs."""
 
-    #: A point that was clicked at: a `Pick`.
+    #: A `Pick`, the point that was clicked.
     picked = Signal(object)
-    #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
+    #: All picked points, a list of `Pick`. A click starts a new list, Shift+click adds to it.
     picks_changed = Signal(list)
-    #: The mouse has moved the plane that cuts: its normal and origin.
+    #: Normal and origin of the clip plane after the mouse has moved it.
     clipped = Signal(object, object)
-    #: A preset has taken the perspective away, or given it back.
+    #: Whether a camera preset has switched to parallel projection.
     flattened = Signal(bool)
-    #: The camera begins to move, or has come to rest.
+    #: Whether the camera has started to move; False when it has come to rest.
     moving = Signal(bool)
 
     def __init__(self, look: Look) -> None:
@@ -74,57 +75,60 @@ class View3D(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
-        #: Shown in place of a scene that is not drawn yet.
+        #: Thumbnail that is shown until the scene is drawn.
         self.preview = Preview(self)
-        #: What is drawn, but for what the mouse takes hold of and where it has picked.
+        #: All that is drawn except the clip plane's handle and the marks of picked points.
         self.scene_view = SceneView(self.plotter.renderer, shades=False, samples=FINE_SAMPLES)
         self.plotter.front.AddActor(self.scene_view.loads.through)
         self._place_signs = self.scene_view.annotations.led()
         self.plotter.shade.clear = self.scene_view.annotations.boxes
-        #: Where the user has picked.
+        #: Marks of the picked points.
         self.marks = DotsActor()
         self.marks.GetProperty().SetColor(*rgb("#d9642c"))
         self.plotter.renderer.AddActor(self.marks)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        #: The plane that the scene was cut with last, if it was.
+        #: The last clip plane of this scene, or None.
         self.last_cut: Cut | None = None
-        #: What moves it; there from the first cut on.
+        #: Handle that moves the clip plane; created with the first cut.
         self.handle: ClipHandle | None = None
-        #: What the scene says, and that with the background of a dark window.
+        #: View settings of the scene, and the same with the background of the window's theme.
         self._given: View | None = None
         self._view: View | None = None
         self._dark = False
-        #: Whether the frame is of a scene that has been left.
+        #: Whether the frame belongs to a scene that has been closed.
         self._left = False
         self._cut: tuple[object, Cut | None] = None, None
-        #: Points that the user has picked, the last one last; see `picks_changed`.
+        #: Picked points in the order of picking; see `picks_changed`.
         self.picks: list[Pick] = []
         self._pressed: QPointF | None = None
         self._closed = False
-        #: The preset that the camera was last brought to, and where it stood then.
+        #: The last camera preset, and the viewpoint it gave.
         self._aimed: tuple[str | None, Viewpoint] | None = None
         self._rest = later(self, self._come_to_rest, _REST)
         self._calm = later(self, self._shade, _REST)
-        #: What was drawn last.
+        #: Camera and size of the last drawing.
         self._looked_at: Seen | None = None
-        #: Whether the camera moves, or has only just.
+        #: Whether the camera moves or has moved a moment ago; whether the mouse holds it.
         self.steering = self._held = False
-        #: Whether what is up stays so while the mouse turns it; where the camera stood before.
+        #: Whether the up axis stays up while the mouse turns the view, and the viewpoint before the
+        #: last move.
         self.turntable = False
         self._stood: Viewpoint | None = None
-        #: Whether the last picture was of something that moves, and such take little time.
+        #: Whether the last picture showed something moving, and whether such pictures are quick.
         self._moved, self._quick = False, True
         self.plotter.painting.connect(self._prepare)
         self._observe_camera()
-        #: Sections of a scene file that a source has.
+        #: Sections of a scene file that belong to sources.
         self._sources = [
             name for name, cls in sections().items() if getattr(cls, "role", "") == "source"
         ]
-        self._made: tuple[object, float] = None, 0.0  # by what, and how large it is
-        #: The values of the scene that was drawn last.
+        #: Values of the source of the last fine frame, and the size of its object in m.
+        self._made: tuple[object, float] = None, 0.0
+        #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
-        #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
+        #: What the camera preset must show: the part of the width for the colour scale, whether
+        #: load arrows are shown, whether there is a cage.
         self._aimed_for = 0.0, False, False
 
     def show_frame(self, frame: Frame, view: View) -> None:
@@ -134,7 +138,7 @@ class View3D(QWidget):
         self.frame, self._left = frame, False
         self._take(view)
         if first:
-            self._drawn_values = frame.values  # the camera will be aimed at it below
+            self._drawn_values = frame.values  # the camera is aimed below
             self.last_cut = None
             self.forget_picks()
         self.refresh(render=False)
@@ -144,7 +148,7 @@ class View3D(QWidget):
         self.render()
 
     def leave(self) -> None:
-        """Show nothing until there is a frame: what was shown is of another scene."""
+        """Show nothing until the first frame of a new scene."""
         self._left, self.steering = True, False
         self._rest.stop()
         self.forget_picks()
@@ -156,7 +160,7 @@ class View3D(QWidget):
 
     @property
     def seen(self) -> Seen | None:
-        """What is looked at; None before there is anything."""
+        """Camera and size of the view; None before the first frame."""
         if self._aimed is None:
             return None
         ratio = self.plotter.devicePixelRatioF()
@@ -183,12 +187,12 @@ class View3D(QWidget):
 
     @property
     def _up(self) -> int:
-        """Which axis is up in the scene."""
+        """Index of the up axis in the scene."""
         frame, view = self.frame, self._view
         return 1 if frame is None or view is None else upward(view.camera or frame.camera)
 
     def steer(self, held: bool) -> None:
-        """Draw what takes little time while the camera is held, and for a moment afterwards."""
+        """Draw quickly while the mouse holds the camera, and for a moment afterwards."""
         self._held = held
         self._stir()
         if self.frame is None or (self.frame.light is None and not self.wants_more(self.frame)):
@@ -203,13 +207,13 @@ class View3D(QWidget):
             self._rest.start()
 
     def wants_more(self, frame: Frame) -> bool:
-        """Return whether what is drawn of a frame depends on what is in view."""
+        """Return whether the present camera may need a new frame."""
         if frame.cloth is not None:
             return True
         seen = self.seen
         if frame.enough == 0.0 or seen is None:
             return False
-        # Facets that were chosen for another view may be too few in this one, or too many.
+        # The number of facets was chosen for another view and may be too small or too large.
         scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
         return scale > frame.enough or frame.finer
 
@@ -218,32 +222,33 @@ class View3D(QWidget):
         if frame is not None and (frame.cloth is None or frame.seen == self.seen):
             self.scene_view.move(False)
             self._shade()
-        # Else there will be a frame for what is seen now.
+        # Otherwise a new frame for this camera will be requested.
         self.moving.emit(False)
 
     def _stir(self) -> None:
-        """Leave contact shadows out until nothing has moved for a moment: they take time."""
+        """Leave out contact shadows, which take time, until nothing has moved for a moment."""
         if self.plotter.shade.on:
             self.plotter.shade.want(0.0, 0.0)
             self.scene_view.shade(False)
         self._calm.start()
 
     def _shade(self) -> None:
-        """Draw contact shadows, as pictures have them."""
-        self.render()  # a camera that has been moved since is told of
+        """Draw contact shadows, as in exported pictures."""
+        self.render()  # reports a camera that has been moved since
         self._calm.stop()
         frame, strength = self.frame, self.scene_view.occlusion
         if frame is None or self._held or self.steering or strength == 0.0:
             return
         self.scene_view.shade(True)
-        # A sheet has them in its colours.
+        # A sheet has the shadows in its colours.
         folds = frame.cloth is None or frame.yarns is not None
         self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
     def _prepare(self) -> None:
         self._place_signs()
-        # In software they take a third of a frame's time, whatever is drawn (MSAA as long as all
-        # the rest): what moves has them while it is quick, found in fewer steps.
+        # With software rendering, smooth edges (FXAA) take a third of a frame's time, whatever is
+        # drawn; MSAA would take as long as everything else. While something moves, they are drawn
+        # only if pictures are quick, and with fewer search steps.
         renderer, took = self.plotter.renderer, self.plotter.took
         moving = self.steering or (self.frame is not None and self.frame.coarse)
         if moving and self._moved:
@@ -254,15 +259,15 @@ class View3D(QWidget):
         renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
 
     def adopt(self, view: View) -> None:
-        """Show the present frame as a scene's section ``[view]`` says."""
+        """Show the present frame with the settings of a scene's section ``[view]``."""
         if self._given is None:
-            self._fit(view.within(self._dark))  # behind what may never come
+            self._fit(view.within(self._dark))  # for the background, as there may never be a frame
         elif view.settings != self._given.settings:
             self._take(view)
             self.refresh()
 
     def darken(self, dark: bool) -> None:
-        """Have a dark or light background where neither the scene nor its style has one."""
+        """Set a dark or light background, used if neither the scene nor its style has one."""
         self._dark = dark
         self._take(self._given)
         self.refresh()
@@ -272,7 +277,7 @@ class View3D(QWidget):
         self._fit(self._view)
 
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame as `look` and the scene say."""
+        """Show the present frame with the settings of `look` and of the scene."""
         frame, view = self.frame, self._view
         if frame is None or view is None or self._left:
             return
@@ -290,20 +295,20 @@ class View3D(QWidget):
             self.plotter.front.SetDraw(view.loads)
             self._keep_whole()
         made = [frame.values.get(section) for section in self._sources]
-        if not frame.coarse and made != self._made[0]:  # a value may have made it much larger
+        if not frame.coarse and made != self._made[0]:  # a new value can change the size much
             size = float(np.ptp(extent_of(frame, False)))
             before, self._made = self._made[1], (made, size)
             if not 0.7 * size < before < 1.4 * size:
                 self._keep_whole()
         if frame.values != self._drawn_values and self._out_of_sight:
-            # A change of the scene may have moved it all away from where the user looks.
+            # A change of the scene may have moved everything out of the view.
             self.reset_camera(None)
         self._drawn_values = frame.values
         if render:
             self.render()
 
     def _placed(self, cut: Cut | None) -> Cut | None:
-        """Let the mouse take hold of a plane; return where it stands."""
+        """Put the handle on the clip plane; return the plane where the handle is."""
         if cut is not None and self._extent is not None:
             self.last_cut = cut
             self.handle = self.handle or self._made_handle()
@@ -314,7 +319,7 @@ class View3D(QWidget):
         return cut
 
     def _made_handle(self) -> ClipHandle:
-        # With VTK's widgets: most windows never cut anything.
+        # Imported only here, because it loads VTK's widgets and most users never clip.
         from spacemap_vtk.app.view.clip_handle import ClipHandle
 
         me = weakref.ref(self)
@@ -330,24 +335,24 @@ class View3D(QWidget):
         self._cut = self._cut[0], cut
         self.steer(not done)
         self.scene_view.cut_open(cut)
-        # To six digits, if it is not where it was.
+        # Rounded to six digits, and only if the plane has moved.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
         was, far = self.last_cut or np.inf, self.plotter.camera.distance
         if done and abs(np.subtract((normal, origin), was) / [[1.0], [far]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
 
     def render(self) -> None:
-        """Draw as soon as Qt comes to it."""
+        """Ask Qt to draw the view soon."""
         if not self._closed:
             if self.seen != self._looked_at and not self._held:
                 self._looked_at = self.seen
                 self.steer(False)
             self.plotter.renderer.ResetCameraClippingRange()
-            # Not plotter.render(): the widget would draw a second time when Qt paints it.
+            # Not plotter.render(): the widget would be drawn again when Qt paints it.
             self.plotter.update()
 
     def reset_camera(self, name: str | None = "three-quarter") -> None:
-        """Look at the whole."""
+        """Aim the camera at the whole scene; None keeps the direction."""
         points = self._extent
         if points is None:
             return
@@ -359,24 +364,24 @@ class View3D(QWidget):
             camera.SetParallelProjection(flat)
             self.flattened.emit(flat)
         if not flat:
-            # The scale of a parallel projection that shows as much as the perspective does.
+            # A parallel projection with this scale shows as much as the perspective.
             camera.SetParallelScale(half_height(camera))
         self._aimed = name, self.place
         self.render()
 
     def zoom(self, factor: float) -> None:
-        """Look from nearer."""
+        """Move the camera nearer by a factor."""
         nearer(self.plotter.camera, factor)
         self.render()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the whole in sight."""
+        """Keep the whole scene in view."""
         super().resizeEvent(event)
         self.preview.setGeometry(self.rect())
         self._keep_whole()
 
     def _keep_whole(self) -> None:
-        """Fit the view to another form of its picture, unless the user has moved the camera."""
+        """Aim the camera again for the present size, unless the user has moved it."""
         if self._aimed is None or self.frame is None:
             return
         (name, before), now = self._aimed, self.place
@@ -385,7 +390,7 @@ class View3D(QWidget):
 
     @property
     def _out_of_sight(self) -> bool:
-        """Whether the whole scene lies beyond one side of the picture."""
+        """Whether the whole scene lies outside one side of the picture."""
         points = self._extent
         if self._aimed is None or points is None:
             return False
@@ -403,15 +408,15 @@ class View3D(QWidget):
 
     @property
     def place(self) -> Viewpoint:
-        """Where the camera stands."""
+        """The viewpoint of the camera."""
         return Viewpoint.of(self.plotter.camera)
 
     def place_for(self, size: tuple[int, int]) -> Viewpoint:
-        """Return where a picture of some size shows what this view shows, as large as it fits."""
+        """Compute the viewpoint from which a picture of another size shows the same, enlarged."""
         frame, seen = self.frame, self.seen
         if frame is None or seen is None:
             return self.place
-        # The scale stands beside what is shown, not over it.
+        # The colour scale is drawn beside the scene, not over it.
         room = scale_share(size) if seen.aside else 0.0
         aspect, other = (
             (1.0 - share) * width / height
@@ -422,22 +427,22 @@ class View3D(QWidget):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What a scene's view would have to say to look as this does."""
+        """Settings of a scene's section ``[view]`` that give the look of this view."""
         view, look = self._view or View(), self.look
         triad, bar = look.triad or view.triad, look.scale_bar or view.scale_bar
         return {**view.settings, "triad": triad, "scale_bar": bar}
 
     def panels(self, scene: Scene) -> list[str]:
-        """Return what a picture of a scene shows that shows what is seen here."""
+        """Return the panels of a picture that shows the same parts as this view."""
         fabric = self.look.fabric or not scene.moves
         return ["both" if fabric and self.look.cage else "fabric" if fabric else "cage"]
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
-        """Keep a picked point, and mark it."""
+        """Add a picked point and mark it; `alone` removes the others."""
         self._keep_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
 
     def forget_picks(self) -> None:
-        """Forget the picked points."""
+        """Remove all picked points."""
         if self.picks:
             self._keep_picks([])
 
@@ -448,7 +453,7 @@ class View3D(QWidget):
         self.picks_changed.emit(list(picks))
 
     def _mark(self) -> None:
-        """Show picked points where they are now."""
+        """Draw the marks and labels of the picked points at their present positions."""
         frame, span = self.frame, self.scene_view.span
         labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
         self.scene_view.annotations.labels = labels
@@ -456,7 +461,7 @@ class View3D(QWidget):
         self.marks.place(np.array([at for at, _ in labels]).reshape(-1, 3))
 
     def pick(self, x: float, y: float) -> Pick | None:
-        """Return what lies under a point of the widget."""
+        """Pick the point of the fabric at a position in the widget."""
         if self.frame is None:
             return None
         ratio = self.plotter.devicePixelRatioF()
@@ -476,12 +481,12 @@ class View3D(QWidget):
             return None
         if cloth is None or surface is not self.frame.surface:
             return read_point(surface, cell, point, cloth)
-        surface = self.scene_view.sheet.GetMapper().GetInput()  # while it moves a coarser one
+        surface = self.scene_view.sheet.GetMapper().GetInput()  # coarser than the frame's in motion
         behind = np.dot(picker.GetMapperNormal(), self.plotter.camera.GetDirectionOfProjection())
         return read_sheet(surface, cell, picker.GetPCoords(), behind > 0.0, cloth)
 
     def click(self, at: QPointF, adding: bool = False) -> None:
-        """Pick what lies under a point of the widget, if anything does; an axis turns it."""
+        """Pick a point at a position in the widget, or look along an axis if its sign is there."""
         side = self._side_at(at)
         if side is not None:
             self.reset_camera(side)
@@ -492,22 +497,22 @@ class View3D(QWidget):
             self.picked.emit(found)
 
     def _side_at(self, at: QPointF) -> str | None:
-        """Return from which side an axis shows it that ends at a point of the widget."""
+        """Return the side to look from after a click on an axis at a position in the widget."""
         ratio, height = self.plotter.devicePixelRatioF(), self.plotter.height()
         way = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
         if way is None:
             return None
         if np.dot(way, self.plotter.camera.GetDirectionOfProjection()) < -0.999:
-            way = -way  # it is looked at from there
+            way = -way  # the camera already looks from this side
         return next(s for s in SIDES if np.array_equal(seen_from(s, self._up)[0], way))
 
     def image(self) -> NDArray[np.uint8]:
-        """Return what is seen, once nothing moves."""
+        """Draw the view with contact shadows, and return its pixels."""
         self._shade()
         return self.plotter.image()
 
     def shut(self) -> None:
-        """Free the window of OpenGL; nothing can be drawn afterwards."""
+        """Free the OpenGL resources; nothing can be drawn afterwards."""
         if not self._closed:
             self._closed = True
             self.plotter.removeEventFilter(self)
@@ -517,7 +522,7 @@ class View3D(QWidget):
             self.frame = None
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Tell a click from a drag; VTK sees both."""
+        """Distinguish clicks from drags; VTK receives both."""
         if event.type() == QEvent.Type.MouseButtonPress:
             if event.button() == Qt.MouseButton.LeftButton:
                 self._pressed = event.position()
@@ -533,7 +538,7 @@ class View3D(QWidget):
         return False
 
     def _fit(self, view: View) -> None:
-        """Keep dots and lines as wide as they are on other screens, and as the scene wants them."""
+        """Set the widths of dots and lines for this screen and for the scene's settings."""
         pixels = self.plotter.devicePixelRatioF()
         point = pixels * view.line_scale
         self.marks.GetProperty().SetPointSize(PICKED * point)

@@ -1,4 +1,4 @@
-"""The tools over the view: what is shown, in which colours, and from where."""
+"""The tool bar above the view: visible parts, colours and camera."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
 from spacemap_vtk.scenes.styles import STYLES
 
-#: What can be shown: name, words, key, and the role of the stage whose eye it is.
+#: Parts that can be shown: name, label, key, and role of the stage that has an eye for it in the
+#: list of stages.
 _SHOWN = (
     ("fabric", "Fabric", "F", "surface"),
     ("cage", "Cage", "C", "cage"),
@@ -25,9 +26,9 @@ _SHOWN = (
     ("triad", "Axes", "", ""),
     ("scale_bar", "Scale bar", "", ""),
 )
-#: Of these, what a window shows of itself, and a scene can ask for.
+#: Those of them that the window can show on its own, and that a scene can require.
 _SIGNS = ("triad", "scale_bar")
-#: Keys of cameras: the far side of a number's is behind Ctrl; V is PyVista's.
+#: Keys of camera presets. Ctrl+number is the side opposite to the number's; V is PyVista's key.
 _CAMERA_KEYS = {
     "three-quarter": "1",
     "isometric": "V",
@@ -40,48 +41,49 @@ _CAMERA_KEYS = {
     "lying": "5",
     "face": "6",
 }
-#: Pixels that the choice of colours takes at most.
+#: Largest width of the colour choice in pixels.
 _WIDEST = 220
-#: What marks a menu where there is room.
+#: Mark of a menu, shown if there is room.
 _MENU_MARK = " ▾"
-#: Normal of the plane that cuts at first.
+#: Normal of the first clip plane.
 _ACROSS = (-1.0, 0.0, 0.0)
 
 
 class ViewBar(QToolBar):
-    """What is shown, in which colours, from where."""
+    """Tool bar for visible parts, colours, camera, clip plane and style."""
 
-    #: A parameter of a scene's view, or "cage" or "fabric", and what it is to be.
+    #: A parameter of a scene's view, or "cage" or "fabric", and its new value.
     looked = Signal(str, object)
-    #: Colours at the bottom and at the top, as a scene file has them.
+    #: Background colours at the bottom and at the top, as in a scene file.
     backed = Signal(object, object)
-    #: Whether the cage shall hang before anything moves.
+    #: Whether the motion shall start from the equilibrium under the loads.
     hung = Signal(bool)
-    #: Normal and origin of the plane that cuts; None: there is none, or its place is automatic.
+    #: Normal and origin of the clip plane; None for no plane, or for an automatic origin.
     clipped = Signal(object, object)
 
     def __init__(self, view: View3D) -> None:
         super().__init__("View", objectName="view bar", iconSize=QSize(16, 16))
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-        # Qt's own arrow is black, and not seen in the dark.
+        # Qt's own arrow is black and invisible in the dark theme.
         more = self.findChild(QToolButton, "qt_toolbar_ext_button")
         more.setIcon(QIcon())
         more.setText("»")
         more.setToolTip("What has no room here")
         self._view = view
-        #: Menus of the bar, and how much of what helps to read it has no room: see `resizeEvent`.
+        #: Actions that open menus, and how many of the bar's reading aids are left out for lack of
+        #: room; see `resizeEvent`.
         self._menus: list[QAction] = []
         self._left_out = 0
         self._possible: list[str] = []
-        #: Signs that the scene itself asks for.
+        #: Those of `_SIGNS` that the scene requires.
         self._asked: list[str] = []
         self.shown: dict[str, QAction] = {}
-        #: The same by the role of a stage, for its eye.
+        #: The same actions by the role of a stage, for the eyes in the list of stages.
         self.eyes: dict[str, QAction] = {}
         for name, words, key, role in _SHOWN:
             tip = f"Show the {words.lower()} ({key})"
             shown = action(self, words, self._toggled, key, tip, name, checkable=True)
-            if name in _SIGNS:  # but for the menu: the bar has no room
+            if name in _SIGNS:  # only in the menu, as the bar has no room
                 setattr(view.look, name, QSettings().value(name) != "false")
                 shown.setChecked(getattr(view.look, name))
             else:
@@ -91,15 +93,15 @@ class ViewBar(QToolBar):
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
         self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
         self.addAction(self.hang)
-        # Narrow at first, so that nothing of the bar has to hide in a window of 1280 pixels; where
-        # there is room, it is wider.
+        # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
+        # if there is room.
         self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
         self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.coloring.setMaximumWidth(_WIDEST)
-        #: The same for the menu: a narrow window has no room for the box.
+        #: The same choices as menu actions, for windows too narrow for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
-        #: Both by groups, and only what the scene has.
+        #: Actions and separators of the menu, in groups; those the scene lacks are hidden.
         self.coloring_choices: list[QAction] = []
         for alike in GROUPS:
             for name, coloring in alike.items():
@@ -112,7 +114,7 @@ class ViewBar(QToolBar):
         self.coloring.currentIndexChanged.connect(
             lambda index: self.looked.emit("color", self.coloring.itemData(index))
         )
-        # One piece: where there is no room, both go behind the bar's arrow.
+        # One widget, so that label and box disappear together if there is no room.
         named = QWidget()
         named.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._label = QLabel("Colour by")
@@ -160,7 +162,7 @@ class ViewBar(QToolBar):
         self._menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Name the choice of colours, and mark menus as such, as far as there is room."""
+        """Show the label of the colour choice and the marks of menus if there is room."""
         super().resizeEvent(event)
         mark = self.fontMetrics().horizontalAdvance(_MENU_MARK) * len(self._menus)
         between = self._label.parentWidget().layout().spacing()
@@ -174,12 +176,12 @@ class ViewBar(QToolBar):
             self._label.setVisible(left_out < 1)
             for opening in self._menus:
                 opening.setIconText(opening.text() + _MENU_MARK * (left_out < 2))
-            # What has just found room comes out from behind the bar's arrow.
+            # Otherwise tools that fit now would stay behind the bar's arrow.
             self.layout().invalidate()
             self.layout().activate()
 
     def show_scene(self, scene: Scene) -> None:
-        """Show what a scene's colours mean, and what else they could."""
+        """Show the view settings of a scene and the choices that it offers."""
         possible = scene.colorings
         self.coloring.blockSignals(True)
         if possible != self._possible:
@@ -217,7 +219,7 @@ class ViewBar(QToolBar):
 
     @property
     def choices(self) -> list[QAction]:
-        """Every action, for a menu."""
+        """All actions, for the help."""
         return [
             *self.shown.values(),
             self.hang,
@@ -232,7 +234,7 @@ class ViewBar(QToolBar):
 
     @property
     def camera_choices(self) -> list[QAction]:
-        """What concerns the camera."""
+        """Actions of the camera."""
         return [*self.cameras.values(), self.orthographic, self.turntable]
 
     def _toggled(self, on: bool) -> None:
@@ -265,8 +267,7 @@ class ViewBar(QToolBar):
         self.backed.emit(*self.sender().data())
 
     def _menu(self, name: str, tip: str) -> QMenu:
-        # No button of its own: the menu behind the bar's arrow, for what has no room, takes only
-        # actions.
+        # An action, not a button: the menu behind the bar's arrow can contain only actions.
         menu = QMenu(self)
         opening = action(self, name, tip=tip)
         opening.setIconText(name + _MENU_MARK)

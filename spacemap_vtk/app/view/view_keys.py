@@ -1,4 +1,4 @@
-"""What keys alone do in the view: the habits of VTK and PyVista that a person brings along."""
+"""Keyboard commands of the view that users know from VTK and PyVista."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from PySide6.QtGui import QAction, QCursor
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.widgets import action
 
-#: How much nearer one press brings, as in PyVista.
+#: Zoom factor of one key press, as in PyVista.
 _ZOOM = 1.05
-#: How much nearer what is flown to comes, as in VTK.
+#: Zoom factor of flying to a point, as in VTK.
 _FLY = 1.3
 
 
 class ViewKeys(QObject):
-    """Makes the actions; they stand in the menu and in the help as all others do."""
+    """Create the actions of these keys, for the menu and the help."""
 
-    # Not VTK's own: S, F and 3 have another meaning here, so its wireframe could not be left again;
-    # its R changes the lens, and saved pictures would show another part than the view.
+    # VTK's own keys are not used. S, F and 3 have other meanings here, so VTK's wireframe could not
+    # be switched off; its R changes the view angle, and saved pictures would differ from the view.
 
-    #: By how many steps lines and dots shall be thicker.
+    #: Number of steps by which lines and dots shall become thicker.
     thickened = Signal(int)
 
     def __init__(self, view: View3D, parent: QObject) -> None:
@@ -32,18 +32,18 @@ class ViewKeys(QObject):
         self._view = view
         self.wireframe = self._action("Wireframe", "W", self._toggle_wireframe)
         self.wireframe.setCheckable(True)
-        #: What concerns the camera.
+        #: Actions of the camera.
         self.cameras = [
             self._action("Whole in sight", "R", partial(view.reset_camera, None)),
             self._action("To the point under the mouse", "Shift+F", self._fly),
             self._action("Nearer", "Up", partial(view.zoom, _ZOOM)),
             self._action("Farther", "Down", partial(view.zoom, 1.0 / _ZOOM)),
         ]
-        # Everywhere else the arrows choose: in lists, tables, fields.
+        # Only in the view: in lists, tables and fields the arrow keys select.
         for nearer in self.cameras[-2:]:
             nearer.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
             view.plotter.addAction(nearer)
-        #: What concerns what is seen.
+        #: Actions of the appearance and of picked points.
         self.looks = [
             self.wireframe,
             self._action("Thicker lines and dots", "+", partial(self.thickened.emit, 1)),
@@ -51,7 +51,7 @@ class ViewKeys(QObject):
             self._action("Read the point under the mouse", "P", lambda: view.click(self._mouse)),
             self._action("Forget what was read", "Esc", view.forget_picks),
         ]
-        # Elsewhere the key gives up other things.
+        # Enabled only with picked points, because Esc has other uses elsewhere.
         view.picks_changed.connect(self._may_forget)
         self._may_forget([])
 
@@ -77,5 +77,5 @@ class ViewKeys(QObject):
         return self._view.plotter.mapFromGlobal(QPointF(QCursor.pos()))
 
     def _action(self, name: str, key: str, slot: Callable[[], object]) -> QAction:
-        # Without "checked", which `partial` would take for its next argument.
+        # Drop Qt's argument "checked": `partial` would pass it as the next argument.
         return action(self, name, lambda _=False: slot(), key)

@@ -1,1 +1,1 @@
-"""The live pipeline in a browser: pictures are drawn here, and streamed."""
+"""The live pipeline in a browser: the server draws pictures and streams them."""

@@ -1,4 +1,4 @@
-"""A scene's parameters as rows of the page, made of their declarations."""
+"""Rows of the page for a scene's parameters, made from their declarations."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from spacemap_vtk.scenes.assignments import value_of
 from spacemap_vtk.scenes.chain import words_of
 from spacemap_vtk.scenes.scene import Scene
 
-#: What each kind of parameter is edited by. No kind that names files is among them: who has the
-#: page sees this scene, and nothing else of the machine.
+#: Editor for each kind of parameter. For security, kinds that name files are excluded: the page
+#: gives access to this scene and to no other file of the machine.
 _EDITORS = {
     "real": "number",
     "integer": "number",
@@ -34,35 +34,35 @@ _EDITORS = {
     "pattern": "text",
     "supports": "text",
 }
-#: What the page has a place of its own for, or what is only of files.
+#: Parameters that have other controls in the page or only concern output files.
 _ELSEWHERE = (
     *("view.color", "view.size", "view.time", "view.zoom", "view.shadows"),
     "animation.frames_per_second",
 )
-#: So many of a section's rows are seen at once, beside those that the scene's file has.
+#: Number of a section's rows that are shown at first, besides those written in the scene file.
 _FIRST = 3
 
 
 class ParameterRows:
-    """The rows, with what is refused of them."""
+    """The rows of all parameters, with their refused values."""
 
     def __init__(self) -> None:
         self._spans: dict[str, SliderSpan] = {}
-        #: What was refused, by key: the text, which stays, and why.
+        #: Refused values by key: the typed text, which stays in the row, and the reason.
         self._refused: dict[str, tuple[str | None, str]] = {}
-        #: What the last run has found, by section and name.
+        #: Results of the last run about parameters, by section and name.
         self.found: dict[str, Mapping[str, Any]] = {}
-        #: Feasible intervals by section, and the values that they are for: finding them takes as
-        #: long as a frame.
+        #: Cache by section: settings and their feasible intervals. Computing these takes as long as
+        #: a frame.
         self._feasible: dict[str, tuple[dict[str, Any], dict[str, tuple[float, float]]]] = {}
         self._there: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
-        #: The values that hold, as text with units; automatic ones as they were found.
+        #: Present values as text with units; for automatic ones, the value in use.
         self._shown: dict[str, str] = {}
 
     def of(
         self, scene: Scene, values: Mapping[str, Any], held: bool = False
     ) -> list[dict[str, Any]]:
-        """Return a scene's sections with their rows; what is feasible waits for a drag's end."""
+        """Make the sections of the page with their rows; keep feasible intervals during a drag."""
         self._there.clear()
         sections = []
         for section, part in scene.parts.items():
@@ -80,7 +80,7 @@ class ParameterRows:
         return sections
 
     def written(self, key: str, text: str) -> Any:
-        """Return what a line's text stands for, in its unit, in a scene file; None: the default."""
+        """Convert the text of a row to a value for a scene file; None for the default."""
         parameter = self._there[key][1]
         if text.strip() == "" and parameter.optional:
             return None
@@ -89,15 +89,15 @@ class ParameterRows:
         return value_of(text)
 
     def slid(self, key: str, step: int) -> Any:
-        """Return what a step of a slider stands for in a scene file."""
+        """Convert a step of a row's slider to a value for a scene file."""
         return self._spans[key].written(_number(self._there[key][1]), step)
 
     def __contains__(self, key: object) -> bool:
-        """Return whether there is such a row."""
+        """Return whether a row with this key exists."""
         return key in self._there
 
     def refuse(self, error: SpacemapError, key: str = "", text: str | None = None) -> bool:
-        """Let a row say why its value is refused; return whether there is that row."""
+        """Show in a row why its value was refused; return whether the row exists."""
         key = key or f"{error.section}.{error.key}"
         allowed = f"; allowed: {error.allowed}" if error.allowed else ""
         why = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
@@ -105,7 +105,7 @@ class ParameterRows:
         return key in self._there
 
     def accept(self, key: str = "") -> None:
-        """Forget what was refused: of a row, or in a run."""
+        """Forget the refused value of a row, or without a key the values that a run refused."""
         kept = {k: v for k, v in self._refused.items() if k != key and (key or v[0] is not None)}
         self._refused = kept
 
@@ -155,7 +155,7 @@ class ParameterRows:
         return rows
 
     def _span(self, key: str, parameter: Parameter[Any], value: float, interval: Any) -> SliderSpan:
-        # The span stays while the value is inside: a slider that jumps is no ruler.
+        # Keep the span while the value is inside, so that the slider does not jump.
         span = self._spans.get(key)
         if interval is not None or span is None or not span.low <= value <= span.high:
             self._spans[key] = span = span_of(_number(parameter), value, interval)
@@ -174,7 +174,7 @@ def _text(parameter: Parameter[Any], value: Any) -> str:
         return ""
     text = parameter.text(value)
     if parameter.kind == "vector" and parameter.unit:
-        text = text.removesuffix(f" {parameter.unit}")  # which stands beside the name
+        text = text.removesuffix(f" {parameter.unit}")  # the unit is shown beside the name
     return text.strip('"')
 
 

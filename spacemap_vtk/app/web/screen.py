@@ -1,4 +1,4 @@
-"""What the browser shows of a scene: frames drawn offscreen, from where the user looks."""
+"""The picture in the browser: frames drawn offscreen from the user's viewpoint."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.scenes.settings import FLAT, View
 
-#: JPEG's own measure of what rests, and of what moves.
+#: JPEG quality of still and of moving pictures.
 _STILL, _MOVING = 92, 75
-#: Pixels on a side that are drawn at least and at most: screens of many get fewer, enlarged.
+#: Least and most pixels along a side. Larger screens get an enlarged picture.
 _LEAST, _MOST = 64, 2560
-#: Degrees by which a drag across the whole picture turns, as in VTK's windows.
+#: Rotation in degrees for a drag across the whole picture, as in VTK.
 _TURN = 200.0
 
 
 class Screen:
-    """Draws the latest frame when it is asked for."""
+    """Draw the latest frame on request."""
 
     def __init__(self) -> None:
         self.window = Offscreen((960, 720))
         self.shown = SceneView(self.window.renderer, shades=False)
         self.window.add_in_front(self.shown.loads.through)
         self.frame: Frame | None = None
-        #: Counts what has changed the picture.
+        #: Counter of changes of the picture.
         self.version = 0
-        #: Whether the camera is being moved: what takes little time is drawn.
+        #: Whether the camera is being moved, so that pictures must be quick.
         self.steering = False
-        #: Whether the page is dark, and with it what lies behind a scene that says nothing of it.
+        #: Whether the page is dark, which also sets the background if the scene sets none.
         self.dark = False
         self._ratio = 1.0
         self._view = View()
-        #: The preset that the camera was last brought to, and where it stood then.
+        #: The last camera preset, and the viewpoint it gave.
         self._aimed: tuple[str | None, Viewpoint] | None = None
         self._drawn: tuple[int, bytes] = 0, b""
 
     def show(self, frame: Frame, view: View) -> None:
-        """Take another frame, or another view of it."""
+        """Set the frame and its view settings."""
         first = self.frame is None
         moved = view.camera != self._view.camera
         self.frame = frame
@@ -54,7 +54,7 @@ class Screen:
             self.aim(view.camera or frame.camera)
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
-        """Draw as many pixels as the browser has; they are so many for each of its units."""
+        """Set the size in CSS pixels, and the device pixels per CSS pixel."""
         most = _MOST / max(width, height, 1.0)
         self._ratio = min(max(ratio, 0.5), 2.0, max(most, 0.1))
         size = tuple(max(_LEAST, round(side * self._ratio)) for side in (width, height))
@@ -67,7 +67,7 @@ class Screen:
             self.aim(self._aimed[0])
 
     def aim(self, name: str | None) -> None:
-        """Look at the whole from one of `CAMERAS`; None: from where it is seen now."""
+        """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
         if self.frame is None:
             return
         camera, (width, height) = self.window.camera, self.window.size
@@ -82,7 +82,7 @@ class Screen:
         self.version += 1
 
     def steer(self, kind: str, x: float, y: float) -> None:
-        """Turn, move or zoom by shares of the picture's width and height, y upwards."""
+        """Turn, move or zoom by fractions of the picture's width and height, y upwards."""
         camera = self.window.camera
         if kind == "turn":
             camera.Azimuth(-_TURN * x)
@@ -103,7 +103,7 @@ class Screen:
         self.version += 1
 
     def hold(self, steering: bool) -> None:
-        """Draw what takes little time while the camera is moved."""
+        """Set whether the camera is being moved, so that drawing must be quick."""
         if steering != self.steering:
             self.steering = steering
             self.shown.move(steering)
@@ -111,15 +111,15 @@ class Screen:
 
     @property
     def seen(self) -> Seen | None:
-        """What is looked at; None before there is anything."""
+        """Camera and size of the picture; None before the first frame."""
         return None if self._aimed is None else Seen(self._place, self.shown.room, self.window.size)
 
     @property
     def picture(self) -> bytes:
-        """What is seen, as a JPEG; drawn again only if that has changed."""
+        """The picture as JPEG; drawn again only after a change."""
         if self.frame is not None and self._drawn[0] != self.version:
             moving = self.steering or self.frame.coarse
-            # Smooth edges cost as much as all the rest in software.
+            # With software rendering, smooth edges cost as much as everything else.
             self.window.renderer.SetUseFXAA(not moving)
             self.window.renderer.ResetCameraClippingRange()
             self.window.render(front=self._view.loads)

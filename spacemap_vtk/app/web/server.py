@@ -1,9 +1,10 @@
-"""Serves a scene to browsers on this machine: trame, behind a token.
+"""Serve a scene with trame to browsers on this machine, protected by a token.
 
-What can be asked for lies below ``/TOKEN/``, and wslink wants the token once more in the first
-message of a socket. A request by another name than this machine's own, as a page elsewhere would
-send it whose name has been made to point here, is refused, and so is a socket that another page
-opens. The page may load nothing from elsewhere.
+- All resources are below ``/TOKEN/``. wslink requires the token again in the first message of a
+  socket.
+- A request for a host name that is not this machine's is refused (DNS rebinding), and so is a
+  socket that another page opens.
+- The page may load nothing from other hosts.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from spacemap_vtk.app.web.session import TIME_STEPS, Session
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.vanishing import ENDING
 
-#: The packages of the extra ``[web]``, by the name they are imported under.
+#: Packages of the extra ``[web]``, by their import names.
 PACKAGES = ("trame", "trame_client", "aiohttp")
 _HEADERS = {
-    # Vue makes functions of the page's text: "unsafe-eval" is for that.
+    # Vue compiles the page's templates to functions, which needs "unsafe-eval".
     "Content-Security-Policy": "default-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'self'; form-action 'none'",
     "Cache-Control": "no-store",
@@ -47,7 +48,7 @@ _HERE = Path(__file__).parent
 def serve(
     name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str, str], object]
 ) -> None:
-    """Serve a scene until Ctrl-C; `told` is given the address, and one that opens it once."""
+    """Serve a scene until Ctrl-C; `told` receives the address and a one-time address."""
     require_local(host)
     require_free(host, port)
     require_packages("a page in a browser", PACKAGES, "web")
@@ -55,7 +56,7 @@ def serve(
 
 
 def require_local(host: str) -> None:
-    """Refuse an address that others than this machine could reach."""
+    """Raise an error for an address that other machines can reach."""
     if _is_local(host):
         return
     raise InputError(
@@ -72,9 +73,10 @@ async def _serve(
 ) -> None:
     from trame.app import get_server
 
-    # In small letters: trame's script makes all of a socket's address small.
+    # In lower case, because trame's script converts the address of the socket to lower case.
     token = secrets.token_hex(24)
-    # What a browser is started with can be read by all who list this machine's processes.
+    # One-time tickets: all users of this machine can read the command line of a browser, which
+    # must not contain the token.
     tickets = [secrets.token_hex(16)]
     server: Any = get_server("spacemap", client_type="vue3")
     session = Session(name, assignments, server.state)
@@ -86,7 +88,7 @@ async def _serve(
         ended = _ending()
         await asyncio.wait([served, server.ready], return_when=asyncio.FIRST_COMPLETED)
         if served.done():
-            served.result()  # raises what it has ended with
+            served.result()  # raises the error of the server
         at = f"[{host}]" if ":" in host else host
         root = f"http://{at}:{server.port}"
         told(f"{root}/{token}/", f"{root}/open/{tickets[0]}")
@@ -101,7 +103,7 @@ async def _serve(
 
 
 def _furnish(server: Any, session: Session, token: str) -> None:
-    """Give the server its page, and what that can ask for."""
+    """Give the server its page and the functions that the page can call."""
     from trame_client.module import vue3
 
     server.enable_module(vue3)
@@ -113,7 +115,7 @@ def _furnish(server: Any, session: Session, token: str) -> None:
             "serve": {"page": str(_HERE / "page")},
         }
     )
-    # All below the token; the longest names are looked for first.
+    # Put everything below the token. Longer names come first, because they are matched first.
     server.serve = {f"{token}/{name}": folder for name, folder in server.serve.items()}
     server.serve[token] = vue3.www
     state = server.state
@@ -130,7 +132,7 @@ def _furnish(server: Any, session: Session, token: str) -> None:
 
 
 def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
-    """Let in only who knows the token, by a name of this machine."""
+    """Accept only requests with the token and with a host name of this machine."""
     from aiohttp import web
     from trame_client.module import vue3
 
@@ -148,7 +150,7 @@ def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
         if not (own and (known or ticket) and _is_local(name)):
             raise web.HTTPForbidden(text=_REFUSED, headers=_HEADERS)
         if ticket:
-            tickets.clear()  # good for once
+            tickets.clear()  # valid only once
         if ticket or not rest:
             raise web.HTTPFound(f"/{token}/", headers=_HEADERS)
         response = await handler(request)
@@ -165,7 +167,8 @@ def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
         return web.FileResponse(Path(vue3.www) / "index.html")
 
     async def launcher(_request: Any) -> Any:
-        # Whom trame's script asks where its socket is, in place of words in the page's address.
+        # trame's script asks here for the address of its socket; otherwise these data would have
+        # to be in the page's address.
         return web.json_response({"sessionURL": f"ws://USE_HOST/{token}/ws", "secret": token})
 
     app.middlewares.append(guarded)
@@ -182,7 +185,7 @@ def _is_local(name: str) -> bool:
 
 async def _started(server: Any, host: str, port: int, token: str) -> None:
     """Serve until the server is stopped."""
-    # trame reads the command line, and has options of the same names as ours.
+    # trame parses the command line, whose options have the same names as some of trame's.
     server.cli.set_defaults(
         ws=f"{token}/ws", authKey=token, host=host, nosignalhandlers=True, server=True
     )
@@ -203,10 +206,11 @@ async def _started(server: Any, host: str, port: int, token: str) -> None:
 
 
 def require_free(host: str, port: int) -> None:
-    """Refuse a port that cannot be had; said before anything else is done."""
+    """Raise an error if a port is not available, before any other work."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
-        # As the server will: what has just ended leaves its port behind for a minute.
+        # As the server does: otherwise the port of a server that has just ended is blocked for a
+        # minute.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, os.name == "posix")
         try:
             probe.bind((host, port))
@@ -221,7 +225,7 @@ def require_free(host: str, port: int) -> None:
 
 
 def _ending() -> asyncio.Future[None]:
-    """Return what is done when somebody ends the program."""
+    """Return a future that is done when a signal ends the program."""
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[None] = loop.create_future()
 
@@ -229,7 +233,7 @@ def _ending() -> asyncio.Future[None]:
         if not ended.done():
             ended.set_result(None)
 
-    with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C is raised
+    with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C raises KeyboardInterrupt
         for number in (signal.SIGINT, *ENDING):
             loop.add_signal_handler(number, end)
     return ended
@@ -239,5 +243,5 @@ def open_browser(address: str) -> None:
     """Open the user's browser, if there is a screen for one."""
     if sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
         return
-    # Some browsers are waited for until they are closed.
+    # In a thread, because for some browsers `webbrowser.open` waits until they are closed.
     threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()

@@ -1,4 +1,4 @@
-"""A scene that is shown in a browser: what is wished for, what runs for it, and what is told."""
+"""The session of a scene in a browser: user input, runs, and the state of the page."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity
 
-#: Seconds after which a run is shown as one, and after which a camera is at rest.
+#: Time in s after which a run is shown as running, and after which the camera counts as at rest.
 _NOTICE, _REST = 0.15, 0.25
-#: Frames a second at most, and seconds that playing waits for a browser to fetch a picture.
+#: Most frames per second, and the time in s that playing waits until a browser fetches a picture.
 _RATE, _FETCH = 30.0, 1.0
-#: Steps of the time's slider.
+#: Number of steps of the time slider.
 TIME_STEPS = 2000
 
 
 class Session:
-    """One scene, as all the pages that are open see it."""
+    """One scene, shared by all open pages."""
 
-    # Everything here belongs to the thread of the server's loop, but for the pipeline while it
-    # runs, and the two things that it tells meanwhile.
+    # Everything belongs to the thread of the server's event loop, except the running pipeline and
+    # the progress that it reports.
 
     def __init__(self, name: str, assignments: Sequence[str], state: Any) -> None:
         scene = Scene.read(name)
         self._values = library.values_of(library.find(name), str(library.find(name).name))
         for assignment in assignments:
-            scene.set(assignment)  # its messages are those of the command line
+            scene.set(assignment)  # gives the error messages of the command line
             section, key, text = parsed(assignment)
             self._values = _put(self._values, section, key, value_of(text))
         self.base: Path | None = scene.file
@@ -59,7 +59,7 @@ class Session:
         self._wished, self.fetched = asyncio.Event(), asyncio.Event()
         self._time, self._clock = self.scene.view.time, 0.0
         self._rest: asyncio.TimerHandle | None = None
-        #: Whether what runs is but what is in view, and whether the user has ended it.
+        #: Whether the run only follows a camera move, and whether the user has cancelled the run.
         self._looking = self._given_up = False
         state.title, state.playing, state.picture = self.scene.title, False, 0
         state.work, state.failure, state.warnings = None, "", []
@@ -67,39 +67,39 @@ class Session:
         self._tell()
         self.ask()
 
-    # What the page asks for.
+    # Requests of the page.
 
     def set(self, key: str, text: str) -> None:
-        """Take what was typed or chosen."""
+        """Set a value that was typed or chosen."""
         if key in self.rows:
             self._change(key, self.rows.written(key, text), text)
 
     def switch(self, key: str, on: bool) -> None:
-        """Take what was ticked."""
+        """Set a flag."""
         if key in self.rows:
             self._change(key, bool(on))
 
     def slide(self, key: str, step: int, held: bool) -> None:
-        """Take a slider's place, while it is dragged or at the end of that."""
+        """Set the value of a slider, during a drag or at its end."""
         if key in self.rows:
             self._change(key, self.rows.slid(key, int(step)), coarse=held)
 
     def reset(self, key: str) -> None:
-        """Take the default again."""
+        """Reset a value to its default."""
         if key in self.rows:
             self._change(key, None)
 
     def color(self, name: str) -> None:
-        """Let the colours mean something else."""
+        """Set the colouring."""
         self._change("view.color", name)
 
     def seek(self, step: int, held: bool) -> None:
-        """Show another time, of the slider's."""
+        """Show the time at a step of the time slider."""
         span = self.scene.animation
         self._go(span.start + step / TIME_STEPS * (span.stop - span.start), held)
 
     def go(self, text: str) -> None:
-        """Show another time, as it was typed."""
+        """Show a typed time."""
         try:
             at = self.scene.view.parameter("time").check(text)
         except InputError as error:
@@ -108,7 +108,7 @@ class Session:
             self._go(at, False)
 
     def play(self) -> None:
-        """Let time go on, or stand still."""
+        """Start or pause playing."""
         self.state.playing = not self.state.playing
         self._clock = time.perf_counter()
         if self.state.playing and self._time >= self.scene.animation.stop:
@@ -116,18 +116,18 @@ class Session:
         self.ask(coarse=self.state.playing)
 
     def cancel(self) -> None:
-        """Give up what runs; the last picture stays."""
+        """Cancel the run and keep the last picture."""
         self._job, self.state.playing = None, False
         self._given_up = self._begun is not None
         self.pipeline.token.cancel()
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
-        """Draw in the size that a page has for the picture."""
+        """Set the size of the picture in the page."""
         self.screen.resize(width, height, ratio, dark)
         self._look()
 
     def aim(self, name: str | None = None) -> None:
-        """Look at the whole, from one of `CAMERAS` or from where it is seen now."""
+        """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
         if name is None or name in CAMERAS:
             self.screen.aim(name)
             self._look()
@@ -138,10 +138,10 @@ class Session:
             self.screen.steer(kind, float(x), float(y))
         self._look()
 
-    # What becomes of it.
+    # Work for these requests.
 
     def ask(self, coarse: bool = False) -> None:
-        """Ask for a frame of the scene as it is now; what waits is replaced."""
+        """Request a frame of the present scene; this replaces a waiting job."""
         values = self._values
         self._job = Job(
             values=values,
@@ -154,7 +154,7 @@ class Session:
         )
         if self._begun is not None:
             begun, job = self._begun
-            # For another time of the same scene the run goes on: all it prepares is needed.
+            # A run for another time of the same scene continues: the new job needs its results.
             late = time.perf_counter() - begun > PATIENCE and job.values != values
             if late or self._looking:
                 self.pipeline.token.cancel()
@@ -162,7 +162,7 @@ class Session:
         self._wished.set()
 
     async def run(self) -> None:
-        """Do one job after the other, always the last that was asked for."""
+        """Process jobs one after another, always the latest."""
         while True:
             await self._wished.wait()
             self._wished.clear()
@@ -174,14 +174,14 @@ class Session:
                 await self._step()
 
     def close(self) -> None:
-        """End what runs, and free what was taken."""
+        """Cancel the run and free all resources."""
         self._job = None
         self.pipeline.token.cancel()
         self._thread.shutdown()
         self.screen.close()
 
     async def _perform(self, job: Job) -> None:
-        # Cancelled in this thread, too: a cancel holds for the job that is taken, from here on.
+        # The token is made here, not when the run starts, so that no cancellation is lost.
         self.pipeline.token = CancelToken()
         self._begun, self._running = (time.perf_counter(), job), ("", 0.0, "")
         self._given_up = False
@@ -220,8 +220,8 @@ class Session:
             self._come_to_rest()
 
     async def _step(self) -> None:
-        """Go on to the time that it is now, once the last picture has been fetched."""
-        with contextlib.suppress(TimeoutError):  # nobody looks
+        """Advance to the present time of playing, after the last picture has been fetched."""
+        with contextlib.suppress(TimeoutError):  # no page is open
             await asyncio.wait_for(self.fetched.wait(), _FETCH)
         await asyncio.sleep(max(0.0, self._clock + 1 / _RATE - time.perf_counter()))
         if not self.state.playing or self._job is not None:
@@ -248,7 +248,7 @@ class Session:
         try:
             scene = Scene(values, self.base)
             if scene.view.color not in scene.colorings:
-                # What it showed has just gone: a run would be refused until it is reset.
+                # The quantity shown by colour has just gone; a run would fail until it is reset.
                 values = _put(values, "view", "color", None)
                 scene = Scene(values, self.base)
         except InputError as error:
@@ -269,9 +269,9 @@ class Session:
         self.state.failure = told
 
     def _look(self) -> None:
-        """Show what is looked at now, and all of it once the camera rests."""
+        """Show the picture from the new viewpoint, and refine it when the camera rests."""
         self._push()
-        if self._looking:  # at what is in view no more
+        if self._looking:  # the run is for a former viewpoint
             self._looking = False
             self.pipeline.token.cancel()
         if self._rest is not None:
@@ -295,7 +295,7 @@ class Session:
             self.state.picture = self.screen.version
 
     def _tell(self, held: bool = False) -> None:
-        """Tell the page what the scene is now."""
+        """Send the state of the scene to the page."""
         scene = self.scene
         self.state.sections = self.rows.of(scene, self._values, held)
         self.state.color = scene.view.color
@@ -318,7 +318,7 @@ class Session:
 
 
 def _put(values: dict[str, Any], section: str, key: str, written: Any) -> dict[str, Any]:
-    """Return a scene's values with another one; None: without it."""
+    """Return a scene's values with one value replaced, or removed by None."""
     table = {k: v for k, v in values.get(section, {}).items() if k != key}
     if written is not None:
         table[key] = written

@@ -1,4 +1,4 @@
-"""Lets document, engine, time bar and view act together."""
+"""Connect document, engine, time bar and view."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.job import Job, Pull, Swing
 from spacemap_vtk.scenes.scene import Scene
 
-#: Milliseconds after the last coarse frame until a smooth one is asked for.
+#: Time after the last coarse frame until a fine one is requested, in ms.
 _REST = 100
-#: Milliseconds after which a run is shown as one.
+#: Time after which a run is shown as running, in ms.
 _NOTICE = 150
-#: Shown as the step of a run that has been cancelled, until it has come to its end.
+#: Shown as the step of a cancelled run until the run has ended.
 _STOPPING = "stopping…"
 
 
 class Director(QObject):
-    """Asks the engine for what the window should show, and shows what comes."""
+    """Request frames from the engine for the present document and time, and show them."""
 
-    #: A frame has been drawn.
+    #: The frame that was drawn.
     drawn = Signal(object)
     failed = Signal(object)
-    #: A run that takes long: section, share done, and its step; empty when it has ended.
+    #: Section, progress (0 to 1) and step of a long run; ("", 0, "") when it has ended.
     progress = Signal(str, float, str)
-    #: The user has ended a run: what the picture therefore is not.
+    #: The user has cancelled a run; a clause that says how the picture differs from the scene.
     given_up = Signal(str)
 
     def __init__(
@@ -50,9 +50,10 @@ class Director(QObject):
         self.swing: Swing | Pull | None = None
         self._running = self._step = ""
         self._share = 0.0
-        #: Whether a drag goes on.
+        #: Whether a drag is in progress; whether the user has cancelled the run.
         self.held = self._giving_up = False
-        #: Whether what was asked for last is but what is now in view; and was, but is no longer.
+        #: Whether the last job only follows a camera move; whether such a job was cancelled because
+        #: the camera has moved on.
         self._looking = self._dropped = False
         self._settings: dict[str, dict[str, Any]] = {}
         self.rest = later(self, self._refine, _REST)
@@ -66,14 +67,15 @@ class Director(QObject):
         engine.progressed.connect(self._progressed)
         engine.failed.connect(self._failed)
         engine.cancelled.connect(self._cancelled)
-        # What ends is told while the thread is still busy with ending.
+        # When the end of a run is reported, the engine still counts as busy; therefore the state is
+        # checked again when it is idle.
         engine.idle.connect(self._idle)
         view.moving.connect(self._look)
 
     def ask(self, coarse: bool = False) -> None:
-        """Ask for a frame of the present document and time."""
+        """Request a frame for the present document and time."""
         document, scene, shown = self._document, self._document.scene, self._view.frame
-        # Until there is a frame the camera is where another scene was looked at from.
+        # Before the first frame of a scene, the camera is still the former scene's.
         here = shown is not None and shown.generation == self.generation
         self._asked = Job(
             values=document.values,
@@ -96,7 +98,7 @@ class Director(QObject):
             self.rest.stop()
 
     def swing_mode(self, swing: Swing | None) -> None:
-        """Show a mode in place of the motion; None: the motion again."""
+        """Show a mode instead of the motion; None returns to the motion."""
         if swing is None:
             self.swing = None
             self.ask()
@@ -106,29 +108,30 @@ class Director(QObject):
             self.ask(coarse=True)
 
     def pull(self, pull: Pull | None) -> None:
-        """Show the cloth pulled in place of the motion; None: the motion again."""
+        """Show a stretch of the cloth instead of the motion; None returns to the motion."""
         self._times.pause()
         self.swing = pull
-        # The latest wish counts: a drag's last one, too.
+        # Unlike a mode, each stretch is requested, also while the engine is busy: the last one of a
+        # drag must be shown.
         self.ask(coarse=pull is not None)
 
     def hold(self, held: bool) -> None:
-        """Put the smooth frame off while a drag goes on."""
+        """Delay the fine frame during a drag."""
         self.held = held
 
     def cancel(self) -> None:
-        """Give up what runs; the last picture stays."""
+        """Cancel the run and keep the last picture."""
         self._times.pause()
         self.rest.stop()
         self._giving_up, self._dropped = True, False
         self._engine.cancel()
         if self._running:
-            # A block of the work, or a single call into a library, is waited for.
+            # The run ends only after its present block of work or library call.
             self._step = _STOPPING
             self.progress.emit(self._running, self._share, self._step)
 
     def stop(self) -> None:
-        """End for good."""
+        """Stop the engine for good."""
         self.rest.stop()
         self._notice.stop()
         self._times.pause()
@@ -140,8 +143,8 @@ class Director(QObject):
         listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
         if connected != listed:
             self._stages.restart(self._document.scene, anew=False)
-        # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
-        # only looked at in another way runs nothing, and is smooth at once.
+        # A change may be the first of a drag, so request a coarse frame now and a fine one soon. A
+        # change of the view alone runs no stage and gets a fine frame now.
         before, self._settings = self._settings, _settings_of(self._document.scene)
         self.ask(coarse=self.held or before != self._settings)
 
@@ -167,7 +170,7 @@ class Director(QObject):
             self.ask(coarse=False)
 
     def _look(self, moving: bool) -> None:
-        """Ask for what is in view once the camera rests; give that up when it moves on."""
+        """Request a frame for the view when the camera rests; cancel it if the camera moves on."""
         frame = self._view.frame
         if moving and self._looking and self._engine.busy:
             self._looking, self._dropped = False, True
@@ -181,13 +184,13 @@ class Director(QObject):
 
     def _ready(self) -> None:
         self._times.waiting = self._dropped = False
-        # Before it is drawn: the engine has the next one to do meanwhile.
+        # Before drawing the frame, so that the engine computes the next one meanwhile.
         self._document.catch_up()
         frame = self._engine.take()
         if frame is None or frame.generation != self.generation:
             return
         scene = self._document.scene
-        # What a swing does not need has not run for it.
+        # Stages of motion have not run for a frame of a mode or pull.
         skipped = scene.moving if frame.swing is not None else []
         for stage in scene.stages:
             if stage in skipped:
@@ -200,7 +203,7 @@ class Director(QObject):
         before = self._view.frame
         self._view.show_frame(frame, scene.view)
         if before is None or before.generation != frame.generation:
-            self._look(moving=False)  # at once: its camera is known now
+            self._look(moving=False)  # the first frame has just aimed the camera
         self.drawn.emit(frame)
 
     def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
@@ -223,7 +226,7 @@ class Director(QObject):
         self._running = ""
         self.progress.emit("", 0.0, "")
         if self._engine.busy:
-            # The next run has begun. In a drag each takes its own time, not that of all together.
+            # The next run has started. In a drag, the delay is counted for each run, not for all.
             self._notice.start()
         else:
             self._notice.stop()
@@ -233,7 +236,7 @@ class Director(QObject):
         if job.generation != self.generation:
             return  # that scene has been left
         if job is self._asked:
-            # Of a newer wish the smooth frame is still to come.
+            # Only for the latest job: a newer one still needs its fine frame.
             self.rest.stop()
         self._times.pause()
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
@@ -242,7 +245,7 @@ class Director(QObject):
 
     def _cancelled(self) -> None:
         self._times.waiting = False
-        if self._dropped:  # what is shown is as fresh as it was
+        if self._dropped:  # only the view had changed, so the stages are still up to date
             self._dropped = False
             self._stages.set_state("surface", "fresh")
             self._end_notice()
@@ -251,7 +254,7 @@ class Director(QObject):
         self._end_notice()
 
     def _show_ended(self, section: str, state: str) -> None:
-        """Show what has become of a stage whose run has ended early; those below it wait."""
+        """Show the state of a stage whose run ended early; the stages after it become stale."""
         below = False
         for stage in self._document.scene.stages:
             if stage.section == section or below:
@@ -273,5 +276,5 @@ class Director(QObject):
 
 
 def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:
-    """Return the settings of all stages that run."""
+    """Return the settings of all connected stages."""
     return {stage.section: stage.settings for stage in scene.stages}

@@ -1,4 +1,4 @@
-"""The engine's own scene: brought to what a job asks for, and run stage by stage."""
+"""The engine's scene: set to the values of a job, and updated stage by stage."""
 
 from __future__ import annotations
 
@@ -44,20 +44,21 @@ from spacemap_vtk.scenes.level_of_detail import (
 )
 from spacemap_vtk.scenes.scene import Scene
 
-#: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
+#: Quadrilaterals that software rendering draws in 1/20 s, the time of a frame during a drag.
 COARSE_QUADS = 8_000
-#: Cells along each side of a sheet that moves, or is seen while the camera does.
+#: Cells along each side of a sheet while the sheet or the camera moves.
 _MOVING_CELLS = 48
-#: Of more patches, all in sight, fibres are too fine for the window; those in view have theirs.
+#: Surfaces with more patches are drawn without fibres, which would be too fine for the window.
+#: Yarns near the camera keep theirs.
 _FIBRED = 60_000
-#: How many times as many facets as are needed stay while the camera turns.
+#: Facets are kept while the camera turns if there are at most so many times the needed number.
 _SPARE = 3.0
-#: More quadrilaterals have fewer in their place while the camera moves.
+#: A surface with more quadrilaterals is replaced by a coarser one while the camera moves.
 _HEAVY_QUADS = 150_000
 
 
 class Pipeline:
-    """Runs one scene after the other; belongs to the engine's thread."""
+    """Update one scene at a time for jobs; used only by the engine's thread."""
 
     def __init__(
         self,
@@ -66,49 +67,51 @@ class Pipeline:
     ) -> None:
         self._ran, self._progressed = ran, progressed
         self._generation = -1
-        #: As the last job wanted it.
+        #: The scene with the values of the last job.
         self.scene: Scene | None = None
         self._settings: dict[str, dict[str, Any]] = {}
-        # Place of the first stage that is yet to be brought up to date, whatever the time.
+        # Index of the first stage that must run again even if the time is unchanged.
         self._first = 0
-        #: What the last surface takes to be drawn [bytes].
+        #: Bytes that drawing the last surface takes.
         self._drawn = 0
         self._coarse = PatchTessellator()
-        #: The motion that was looked at last, what rebuilds it, and its figures.
+        #: Last analysed motion with the stage that reconstructs its rotations, and its figures.
         self._looked_at: tuple[Motion | None, Stage | None] = None, None
         self._figures: dict[str, Any] | None = None
         self._swing = vtkTrivialProducer()
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
-        #: What gives near yarns more facets, and pixels of a metre up to which nobody needs them.
+        #: Gives yarns near the camera more facets, and the scale in pixels per metre up to which
+        #: the usual number of facets is enough.
         self._detail: Facets | None = None
         self._enough = 0.0
         self._sheet: Sheet | None = None
         self._near: NearYarns | None = None
-        #: What they were drawn as last, by what made it: they, and fewer facets of them.
+        #: Key of the last drawing of the near yarns, and their fine and coarse surfaces.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
-        #: Stops the present run; whoever takes the next job gives it a new one.
+        #: Cancels the present run. The caller sets a new token for each job.
         self.token = CancelToken()
 
     def run(self, job: Job) -> Frame:
-        """Return what a job asks for."""
+        """Compute the frame of a job."""
         with self.token.active():
             return self._run(job)
 
     def _run(self, job: Job) -> Frame:
         scene = self.prepared(job)
         *stages, surface = scene.stages
-        # A swing replaces the motion, which need not be known for it.
+        # A shown mode or pull replaces the motion, so the stages of motion need not run.
         solver, mover = scene.stage("solver"), scene.stage("mover")
         swing = job.swing if solver else None
         skipped = scene.moving if swing else []
-        # A swing never rests, a pull does.
+        # A shown mode never comes to rest, a pull does.
         coarse = job.coarse or isinstance(swing, Swing)
         sheet, piece = self._sheet_of(scene), WHOLE
-        if sheet is not None:  # in place of what has yarns
+        if sheet is not None:  # the sheet replaces the stages that build yarns
             piece = sheet.one
             skipped = [*skipped, *(stage for stage in stages[1:] if stage.makes == "object")]
-        # What lies above is fresh, and each update asks all the stages above, which takes its time.
+        # Stages before `first` are up to date. Updating them would take time, as each update checks
+        # all stages upstream of it.
         first = min(self._first, stages.index(mover)) if mover else self._first
         for stage in stages[first:]:
             if stage not in skipped:
@@ -160,7 +163,7 @@ class Pipeline:
         return frame
 
     def _detail_of(self, cloth: DrawnCloth, source: Stage, job: Job) -> Facets | None:
-        """Return what gives yarns near the camera more facets; None where nobody would see them."""
+        """Choose more facets for yarns near the camera; None if they would not be visible."""
         grid = source.GetOutputDataObject(0)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
         self._enough = pixels_enough(cloth.plies, points, patches)
@@ -169,7 +172,8 @@ class Pipeline:
             return None
         new = Facets(job.seen, LEAST_SIDES, quads_in_view(job.seen.size), cloth.plies)
         wanted = new(points, patches)
-        # What has as many, and not far more, stays: nothing is made again for a small turn.
+        # Keep the present facets if they are enough, and not far too many, so that a small turn of
+        # the camera rebuilds nothing.
         present = (
             np.full(1, AUTOMATIC_SIDES) if self._detail is None else self._detail(points, patches)
         )
@@ -179,7 +183,7 @@ class Pipeline:
         return self._detail
 
     def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: Sheet) -> Frame:
-        """Return a sheet's frame with the yarns that are seen near."""
+        """Add the yarns near the camera to the frame of a sheet."""
         whole, thin = frame.surface, thinned(frame.surface, sheet.cells, _MOVING_CELLS)
         if frame.coarse:
             frame = replace(frame, surface=thin)
@@ -211,7 +215,7 @@ class Pipeline:
         if why or near.part is None:
             return replace(frame, warnings=(*frame.warnings, why))
 
-        # What has not changed stays the same object: it is not handed to OpenGL again.
+        # Reuse unchanged objects, as new ones would be sent to OpenGL again.
         few = near.light(job.time)
         key = [near, frame.color, *(stage.executions for stage in near.stages)]
         if self._near_drawn is None or self._near_drawn[0] != key:
@@ -228,7 +232,7 @@ class Pipeline:
         return replace(frame, yarns=fine, around=around)
 
     def _lighter(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
-        """Return a frame with one of fewer facets to be drawn while the camera moves."""
+        """Add a frame with fewer facets, to be drawn while the camera moves."""
         few = self._coarse_surface(scene, source, coarse=True)
         if few is None:
             return frame
@@ -237,13 +241,13 @@ class Pipeline:
         return replace(frame, light=replace(frame, surface=surface))
 
     def prepared(self, job: Job) -> Scene:
-        """Return the scene with a job's values set; only what differs is touched."""
+        """Set the values of a job in the scene; values that are equal are not set again."""
         here = self.scene
         if here is None or job.generation != self._generation:
             here, self._first = Scene(job.values, job.base), 0
             self.scene, self._generation = here, job.generation
         else:
-            # An equal value changes nothing: only what lies downstream of a change runs.
+            # Only stages downstream of a changed value run.
             changed = {k: v for k, v in job.settings.items() if v != self._settings[k]}
             before = here.stages
             here.adopt(changed, job.values.keys())
@@ -255,17 +259,17 @@ class Pipeline:
         return here
 
     def _sheet_of(self, scene: Scene) -> Sheet | None:
-        """Return the sheet that a cloth of many yarns is drawn as."""
+        """Return the sheet that is drawn for a cloth with very many yarns, or None."""
         found = self._sheet
         if found is None or not found.serves(scene):
             many = choose_level(scene, window=True).has_sheet
             self._sheet = found = Sheet(scene) if many else None
-            self._near = self._near_drawn = None  # of the scene before
+            self._near = self._near_drawn = None  # these belong to the former scene
         return found
 
     def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
         cancel.check()
-        # What is made of the part in view beside the scene's stages is its surface.
+        # Stages that build only the part in view are reported as the stage of the surface.
         listed = stage in scene.stages
         section, before = stage.section if listed else scene.surface.section, stage.executions
         progressed = self._progressed
@@ -274,7 +278,7 @@ class Pipeline:
             progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
         progressed(section, 0.0, "")
-        # Only while it runs: an observer that stays would keep the window alive with the stage.
+        # Only during the update: a permanent observer would keep the window alive with the stage.
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
@@ -285,7 +289,7 @@ class Pipeline:
             self._ran(section, time.perf_counter() - begun, stage.executions)
 
     def _motion(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
-        """Return how far the motion turns; a drag's, which has another at each frame, waits."""
+        """Return the figures of the motion; during a drag, return the former ones to save time."""
         mover = scene.stage("mover")
         now = (mover and mover.motion), scene.stage("rotation")
         if not coarse and now != self._looked_at:
@@ -293,7 +297,7 @@ class Pipeline:
         return self._figures
 
     def _require_drawn(self, surface: vtkPolyData) -> None:
-        """Refuse a surface that could not be drawn; what is drawn already takes no more."""
+        """Raise an error if a surface needs too much memory in addition to the one drawn last."""
         size = DRAWN_POINT * surface.GetNumberOfPoints()
         if size > self._drawn:
             require(
@@ -304,7 +308,7 @@ class Pipeline:
         self._drawn = size
 
     def _coarse_surface(self, scene: Scene, source: Stage, coarse: bool) -> PatchTessellator | None:
-        """Return the quick tessellator, connected; None where the scene's own is as coarse."""
+        """Connect and return the coarse tessellator; None if the scene's own is as coarse."""
         patches = max(1, scene.source.GetOutputDataObject(0).GetNumberOfCells())
         subdivisions = scene.surface.sides
         if coarse:
@@ -317,7 +321,7 @@ class Pipeline:
 
     def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
-        # A mode has no velocity that could ride along.
+        # A mode has no velocity to interpolate.
         self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})
         source, crimp = scene.object_at_rest, scene.stage("crimp")
         if isinstance(crimp, CrimpInterchange):
@@ -331,7 +335,7 @@ class Pipeline:
 
 
 def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
-    """Put a mode's displacement on a cage."""
+    """Add the displacement of a mode to a cage."""
     count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
     mode = min(swing.mode, count - 1)
     side = float(np.ptp(points_of(cage), axis=0).max())
@@ -341,7 +345,7 @@ def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
 
 
 def _add_pull(cage: vtkUnstructuredGrid, pull: Pull) -> None:
-    """Stretch a cage about its middle."""
+    """Add the displacement of a uniform stretch about the middle of a cage."""
     points = points_of(cage).astype(np.float64)
     stretch = np.array([pull.weft, pull.warp, 1.0]) - 1.0
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
