@@ -141,7 +141,7 @@ def stretch_map(crossings: Interchange) -> StretchMap:
 
 
 def _slack(found: Resultants) -> Bools:
-    """Return where yarns are longer than their room by more than rounding."""
+    """Check where yarns are longer than their room by more than rounding."""
     return np.asarray((found.slack > 1e-9).any(axis=0))
 
 

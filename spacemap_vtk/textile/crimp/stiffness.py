@@ -14,8 +14,9 @@ axis, including torsion, like a bundle of fibres that slide on each other:
   gripped where it changes side, not within a float. The twist of the contacts acts in series with
   the beams: yarns that are pressed together by N resist it with k = 2 (1 - ν) N R = N D/2 (Hertz's
   contact of crossed cylinders of radius R = D/4, with ν = 0; the modulus cancels), and the cloth
-  shears by p1 p2/k. N is the pressure of yarns that would be straight if free: 12 B h/l^3 for each
-  change of side next to a crossing. A twill has half the changes of plain cloth, so half the grip.
+  shears by p1 p2/k. N is the contact force of yarns that would be straight if free: 12 B h/l^3 for
+  each change of side next to a crossing. A twill has half the changes of plain cloth, so half the
+  grip.
 
 Limits of shear: crossings do not slip. Yarns with set crimp press less than N, so their cloth is
 softer. All values hold for an endless cloth of repeats, whatever part of it is drawn.

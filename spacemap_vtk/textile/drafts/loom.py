@@ -20,7 +20,7 @@ Rows = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Loom:
-    """How a draft is set up on a loom.
+    """The set-up of a loom: threading, and tie-up and treadling or a liftplan.
 
     Parameters
     ----------

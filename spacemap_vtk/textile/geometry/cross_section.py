@@ -165,7 +165,7 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
 
 
 def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
-    """Return which of the crossed yarns a yarn touches."""
+    """Find the crossed yarns that a yarn touches."""
     if cloth.layers is None:
         return np.ones(cloth.size[1 - family], bool)
     own = cloth.layers.own

@@ -61,7 +61,7 @@ def spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> 
 
 
 def offset_error(family: Axes) -> float:
-    """Estimate by how much the cubics along a tube's top and bottom miss its radius."""
+    """Estimate by which share of the radius the cubics along a tube's top and bottom miss it."""
     part = np.arange(len(family.length))
     station = part + family.owner
     radius = family.radius[family.owner]

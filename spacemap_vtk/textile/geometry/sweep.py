@@ -200,7 +200,7 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
     )
 
     def spread(direction: Floats | float, along: Floats | float, bend: Floats | None) -> Floats:
-        """Compute the coefficients of a direction of the frames for all rings."""
+        """Compute one component of a frame vector, times the radius, for all rings."""
         if isinstance(direction, float) and (bend is None or isinstance(along, float)):
             return np.repeat(direction * lines.radius, 3 * lines.parts + 1)
         values = np.empty(len(points))

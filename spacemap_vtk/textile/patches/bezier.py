@@ -41,7 +41,7 @@ def arc_handle(angle: float) -> float:
 
 
 def rational_handles(angle: Floats | float) -> tuple[Floats, Floats]:
-    """Give handles and weights of rational cubics that are exact arcs of less than half a turn."""
+    """Compute handles and weights of rational cubics that are exact arcs below half a turn."""
     total = 1.0 + 2.0 * np.cos(0.5 * angle)
     return 2.0 * np.sin(0.5 * angle) / total, total / 3.0
 

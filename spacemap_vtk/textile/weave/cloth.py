@@ -117,7 +117,7 @@ class Cloth:
         Position of the middle between first and last end, and between first and last pick, in
         metres. Used to place a part of a cloth in the whole cloth.
     warnings : tuple of str
-        What was assumed or changed on the way to this cloth.
+        Assumptions and changes that led to this cloth.
     layers : Layers, optional
         Only for a double weave: two cloths, each with the crossings of its own yarns.
     layer_gap : float, optional

@@ -232,7 +232,7 @@ class Layers:
 def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
     """Decide from neighbouring threads whether the cloth of both threads of a crossing is above."""
     # The nearest threads of the other cloth vote, before and after, for both threads. At a corner
-    # of a block they are two against two; then those decide that form pairs with the threads.
+    # of a block the vote is two against two; then the voters that form pairs with them decide.
     over = np.where(drawdown, 1, -1).astype(np.int8)
     votes = np.zeros(over.shape, np.int8)
     for table, tally, crossed, weight in ((over, votes, picks, 2), (-over.T, votes.T, ends, 1)):
