@@ -2,6 +2,7 @@
 
 A place is a side of the mesh's bounding box, a box, a sphere, or a mask. After a colon it may name
 the components that count there, or a direction; otherwise all three components count:
+
     +y  -x:yz  -x:(0, 1, 1)       sides; the last along one direction, of any length
     box(0, 1 mm, 0, 1 mm, 0, inf) from and to along x, y and z
     sphere(0, 0, 0, 0.5 mm):z     centre and radius
