@@ -201,6 +201,7 @@ class Model:
 
         If the supports allow rigid motions, the part of the forces that accelerates the body as a
         whole is removed (inertia relief), and displacements are M-orthogonal to these motions.
+
         Parameters
         ----------
         forces : array_like of float, shape (3V,) or (3V, m)
