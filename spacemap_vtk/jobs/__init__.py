@@ -1,7 +1,7 @@
-"""Jobs: a picture, a film, a figure, a plot or a data file to be made of a scene.
+"""Jobs: each makes a picture, a film, a figure, a plot or a data file from a scene.
 
-One class for each kind of work, registered under the name of the kind. A new kind is one module
-with one class under `register`; the built-in ones are imported here.
+Each kind of job is one class, registered under the name of the kind. A new kind is a module with
+one class that `register` decorates; the built-in kinds are imported here.
 """
 
 from spacemap_vtk.jobs.data import DataJob, make_data_job

@@ -1,4 +1,4 @@
-"""Data files: of one time, of a series of times, or in pieces."""
+"""Jobs for data files: of one time, of a series of times, or in pieces."""
 
 from __future__ import annotations
 
@@ -29,26 +29,27 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.actors.surface_actor import Span
     from spacemap_vtk.scenes.scene import Scene
 
-#: Keys of `DATA` that change with time, so that numbered files may hold a time each.
+#: Keys of `DATA` whose data change with time, so that numbered files may hold one time each.
 _MOVING_DATA = ("patches", "surface", "cage", "moving", "painted", "yarns")
-#: A number in a file's name, or what is meant as one.
+#: A placeholder for a number in a file's name, or what looks like one.
 _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
-#: Pieces of a file by default, and at most.
+#: Default number of pieces of a file.
 _PIECES = 4
+#: Most pieces of a file.
 _MOST_PIECES = 10_000
 
 
 @register(*(kind for kind in DATA if kind not in ("moving", "modes")))
 @dataclass
 class DataJob(Job):
-    """Data of a scene at one time, or at several, or in pieces; see `make_data_job`."""
+    """Data of a scene at one time, at several times, or in pieces; see `make_data_job`."""
 
     output: Path
     #: A key of `spacemap_vtk.io.registry.DATA`.
     kind: str
-    #: In s; none: the scene's, of a series those of its film.
+    #: In s. Empty: the scene's time, or for a series the times of its film.
     times: Sequence[float] = ()
-    #: Parts that are made and written one after another, where the format has them.
+    #: Number of pieces that are made and written one after another, if the format has pieces.
     pieces: int = 0
 
     def __post_init__(self) -> None:
@@ -64,27 +65,27 @@ class DataJob(Job):
 
     @property
     def numbered(self) -> bool:
-        """Whether there is a file for each time."""
+        """Whether each time is written into a separate file."""
         return is_numbered(self.output, self.kind)
 
     @property
     def in_folder(self) -> bool:
-        """Whether other files may appear beside the output."""
+        """Whether other files may appear next to the output."""
         return True
 
     @property
     def is_series(self) -> bool:
-        """Whether data of many times are written."""
+        """Whether data of several times are written."""
         return self.numbered or writer(self.output, self.kind).times
 
     def decide_times(self, scene: Scene) -> Times:
-        """Return the times that are asked for, or the scene's, of a series those of its film."""
+        """Return the requested times; by default the scene's, or for a series its film's."""
         if self.is_series:
             return series_times(scene, self.times)
         return asked_times(self.times or [scene.view.time])
 
     def write(self, context: Context) -> str:
-        """Compute the data and write them; return how many times or pieces and how large."""
+        """Compute and write the data; return the number of times or pieces, and the size."""
         format_ = writer(self.output, self.kind)
         if format_.pieces:
             return self._write_pieces(context)
@@ -95,7 +96,7 @@ class DataJob(Job):
                 self, context, lambda time: data_at(context.scene, self.kind, time, span)
             )
         context.progress(0, 2)
-        # Computed before there is anything to be removed if the program is ended.
+        # Computed before the file is opened: if the program is ended, there is nothing to remove.
         content = data_at(context.scene, self.kind, context.times[0])
         context.progress(1, 2)
         report_losses(self, context, content)
@@ -111,7 +112,7 @@ class DataJob(Job):
 
 
 def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: Any) -> Job:
-    """Return the job that writes data of a kind; by default what the output's ending stands for."""
+    """Return the job that writes data of a kind; by default the first kind of the file's format."""
     if not kind and output.suffix.lower() in written():
         kind = writer(output).holds[0]
     check_data_output(output, kind, pieces)
@@ -121,7 +122,7 @@ def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: An
 
 
 def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
-    """Refuse an output that cannot hold data of a kind, or not in pieces."""
+    """Refuse an output that cannot hold data of this kind, or not in pieces."""
     ending = output.suffix.lower()
     wanted = None if ending in written() or kind not in DATA else kind
     numbered = is_numbered(output, kind)
@@ -148,7 +149,7 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
 
 
 def is_numbered(output: Path, kind: str) -> bool:
-    """Return whether data are written into a file for each time."""
+    """Return whether each time is written into a separate file."""
     if kind not in _MOVING_DATA or output.suffix.lower() not in written(kind):
         return False
     format_ = writer(output, kind)
@@ -156,7 +157,7 @@ def is_numbered(output: Path, kind: str) -> bool:
 
 
 def series_times(scene: Scene, times: Sequence[float]) -> Times:
-    """Return the times of a series: those that are asked for, or of the scene's film."""
+    """Return the requested times of a series; by default those of the scene's film."""
     if not times:
         return film_times(scene) if scene.moves else asked_times([scene.view.time])
     if len(times) > 1 and not scene.moves:
@@ -174,18 +175,18 @@ def series_times(scene: Scene, times: Sequence[float]) -> Times:
 
 
 def write_series(job: Job, context: Context, content_at: Callable[[float], Any]) -> str:
-    """Write data of several times, computed one after another; return how many and how large."""
+    """Compute and write data of several times, one by one; return their number and size."""
     times, steps = context.times, len(context.times) + 1
     context.progress(0, steps)
 
     def series(folder: Path) -> Iterator[tuple[float, Any]]:
-        # All together need not fit into memory.
+        # The data of all times together may not fit into memory.
         used = 0
         for done, time in enumerate(times, 1):
             yield time, content_at(time)
             if done <= 2:
                 more, used = size_of(folder) - used, size_of(folder)
-                if done == 2:  # what stays the same may be in the first alone
+                if done == 2:  # constant data may be in the first time only
                     left = (len(times) - 2) * more
                     require_room(folder / job.output.name, left, f"{len(times)} times")
             context.progress(done, steps)
@@ -206,8 +207,8 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
 
 
 def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> Any:
-    """Return data of a kind at a time; their colours have a scale with the ends `span`."""
-    moved = scene.last_object  # without a surface, which takes most
+    """Return data of a kind at a time; `span` gives the ends of their colour scale."""
+    moved = scene.last_object  # the surface, which costs most, is left out
     if kind == "yarns":
         from spacemap_vtk.draw.detail.seen_yarns import SeenYarns
 
@@ -219,43 +220,43 @@ def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> A
         from spacemap_vtk.draw.moving import moving
 
         return moving(scene, [time], None, lambda *_: None, span, sides=None)
-    if kind in ("draft", "analysis"):  # a draft needs no room for its yarns
+    if kind in ("draft", "analysis"):  # a draft is valid even if its yarns do not fit
         return scene.data(kind)
     from spacemap_vtk.datasets.arrays import copied
 
-    # Of a cage nothing below it is needed.
+    # A cage needs none of the stages after it.
     last = moved if kind == "patches" else scene.stages[-1]
     scene.update_stage(scene.deforming if kind == "cage" else last, time)
-    data = copied(scene.data(kind))  # what the pipeline has it would take for up to date
+    data = copied(scene.data(kind))  # with a time, the pipeline would take its data for up to date
     if scene.moves:
-        data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats tell it
+        data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats store it
     return data
 
 
 def report_losses(job: Job, context: Context, content: Any) -> None:
-    """Report what a format cannot hold of some data."""
+    """Report what the format cannot store of some data."""
     loses = writer(job.output, job.kind).loses
     for text in loses(content) if loses else ():
         context.report_loss(text)
 
 
 def size_of(folder: Path) -> int:
-    """Return how many bytes the files in a folder have."""
+    """Return the size of all files in a folder, in bytes."""
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def megabytes(size: int) -> str:
-    """Return a number of bytes in words."""
+    """Return a number of bytes as text in MB."""
     return f"{size / 1e6:.3g} MB"
 
 
 def counted(count: int, what: str) -> str:
-    """Return how many there are, in words."""
+    """Return a number and its noun, in the plural if needed."""
     return f"{count} {what}{'s' * (count > 1)}"
 
 
 def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
-    """Return the ends of the scale that the colours of all files have, where there is one."""
+    """Return the ends of the colour scale that all files share; None if there is no scale."""
     from spacemap_vtk.scenes.colorings import COLORINGS
 
     if not COLORINGS[scene.view.color].numbers:
@@ -266,7 +267,7 @@ def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
 
 
 def _pieces_at(context: Context, kind: str, count: int) -> Iterator[Any]:
-    """Yield the pieces of a surface or of patches, each made when it is asked for."""
+    """Yield the pieces of a surface or of patches; each is made when it is requested."""
     from spacemap_vtk.datasets.processes import WHOLE, Piece
     from spacemap_vtk.filters.algorithm import PIECE
 
@@ -278,5 +279,5 @@ def _pieces_at(context: Context, kind: str, count: int) -> Iterator[Any]:
             yield scene.data(kind)
         context.progress(count, count)
     finally:
-        for key, value in zip(PIECE, WHOLE, strict=True):  # for whoever updates the scene next
+        for key, value in zip(PIECE, WHOLE, strict=True):  # the next update needs the whole again
             scene.stages[-1].GetOutputInformation(0).Set(key, value)

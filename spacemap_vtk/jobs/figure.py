@@ -1,4 +1,4 @@
-"""Pages for publications."""
+"""Jobs for figures: pages for publications."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.figure.figure_page import FigurePage
     from spacemap_vtk.scenes.scene import Scene
 
-#: Fields of `FigurePage` in a record, in their order there.
+#: Fields of `FigurePage` that a record stores, in this order.
 _RECORDED = (
     *("lists", "paired", "cage", "columns", "end", "pick"),
     *("width", "dpi", "dark", "transparent"),
@@ -44,14 +44,14 @@ class FigureJob(Job):
             )
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is on the page."""
+        """Return the content of the page."""
         found: dict[str, Any] = {"what": self.kind}
         for name in ("times", "panels"):
             if value := list(getattr(self.page, name)):
                 found[name] = value
         page = {name: getattr(self.page, name) for name in _RECORDED}
         page["lists"] = list(page["lists"])
-        # A zero is refused, not left out.
+        # A zero must be stored, because it is refused later.
         found["page"] = {k: v for k, v in page.items() if v not in (None, []) and v is not False}
         return found
 
@@ -71,7 +71,7 @@ class FigureJob(Job):
         return cls(output, page)
 
     def decide_times(self, scene: Scene) -> Times:
-        """Return the times that are asked for; by default the page chooses its own."""
+        """Return the requested times; by default the page chooses its times."""
         return asked_times(self.page.times)
 
     def write(self, context: Context) -> str:

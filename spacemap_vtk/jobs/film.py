@@ -1,4 +1,4 @@
-"""Films, and numbered frames."""
+"""Jobs for films and numbered frames."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.scenes.scene import Scene
 
-#: Smallest side of a film that is drawn at half the scene's size, in pixels.
+#: Smallest side, in pixels, of a film that is drawn at half the scene's size.
 _SMALLEST = 16
 
 
 @register()
 @dataclass
 class FilmJob(Job):
-    """A film, or a file for each of its frames."""
+    """A film, or a separate file for each of its frames."""
 
     output: Path
-    #: In pixels; None: the scene's, of a .gif half of that.
+    #: In pixels. None: the scene's size, or half of it for a .gif.
     size: tuple[int, int] | None = None
-    #: What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; none: as the scene says.
+    #: Content of each panel: ``"fabric"``, ``"cage"`` or ``"both"``. Empty: as in the scene.
     panels: Sequence[str] = ()
-    #: Where it is seen from; None: as the scene says.
+    #: Viewpoint. None: the scene's.
     place: Viewpoint | None = None
     #: Whether only the edges of the fabric's facets are drawn.
     wireframe: bool = False
-    #: Processes that draw; None: as many as there is work and memory for.
+    #: Number of processes that draw. None: as many as the work is worth and the memory allows.
     workers: int | None = None
-    #: Whether frames are drawn again that a film which was stopped has left.
+    #: Whether frames that a stopped film has left are drawn again.
     again: bool = False
 
     kind = "film"
@@ -69,7 +69,7 @@ class FilmJob(Job):
 
     @property
     def numbered(self) -> bool:
-        """Whether there is a file for each time."""
+        """Whether each frame is written into a separate file."""
         return self.output.suffix.lower() in written("frames")
 
     @property
@@ -78,7 +78,7 @@ class FilmJob(Job):
 
     @property
     def in_folder(self) -> bool:
-        """Whether other files may appear beside the output."""
+        """Whether other files may appear next to the output."""
         return self.numbered
 
     def decide_times(self, scene: Scene) -> Times:
@@ -93,7 +93,7 @@ class FilmJob(Job):
         return film_times(scene)
 
     def write(self, context: Context) -> str:
-        """Draw the frames, encode them, and return how many were there from before."""
+        """Draw and encode the frames; return a sentence on those that existed before."""
         from spacemap_vtk.jobs.frames import FilmSettings, KeptFrames, write_film
         from spacemap_vtk.scenes import face
 
@@ -106,7 +106,7 @@ class FilmJob(Job):
             scene, context.times, (width, height), self.panels, self.place, self.wireframe
         )
         kept = KeptFrames(self.output, settings.digest, self.again)
-        # A frame that is kept is a .png already.
+        # A frame that is kept is a .png already, so it is copied.
         copied = self.numbered and self.output.suffix.lower() == ".png"
         format_ = None if copied else writer(self.output, self._holds)
         with telling_refusals(self.output, "" if whole else self.output.name), kept.held():
@@ -114,5 +114,5 @@ class FilmJob(Job):
                 found = write_film(
                     file, format_, scene, settings, kept, context.progress, self.workers
                 )
-            kept.remove()  # not before the film is there
+            kept.remove()  # only after the film is complete
         return found

@@ -1,7 +1,8 @@
-"""Frames of a film: drawn in one process or several, encoded meanwhile, kept until all are there.
+"""Draw a film's frames in one process or several, encode them meanwhile, keep them until the end.
 
-Frames wait in a folder beside the film, whole pictures each. A film that is stopped or fails leaves
-them there, and the same film goes on from them; the folder goes when the film is whole.
+Each frame is kept as a picture in a folder next to the film. If a film is stopped or fails, its
+frames stay there, and the same film continues from them. The folder is deleted when the film is
+complete.
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, taken, vanishing
 from spacemap_vtk.workers import EndedError, in_processes, process_count
 
-#: What is added to a film's name for the folder of its frames, and the file that says whose.
+#: Suffix of a film's name for the folder of its frames, and name of the file that identifies them.
 _FOLDER, _MARK = ".frames", "of.txt"
-#: Frames that wait for whoever encodes them, and seconds between two looks at how that fares.
+#: Most frames that wait for the encoder, and seconds between two checks that it still runs.
 _AHEAD, _PATIENCE = 4, 0.2
-#: Pixels for which a process is worth its start.
+#: Number of pixels that make it worthwhile to start a process.
 _WORTHWHILE = 20_000_000
 
 
@@ -58,11 +59,11 @@ class BusyError(InputError):
 
 @dataclass(frozen=True)
 class FilmSettings:
-    """What all frames of a film have in common: all that a process needs to draw one."""
+    """Settings that all frames of a film share; a process needs no others to draw one."""
 
     file: Path | None
     settings: dict[str, dict[str, Any]]
-    #: The sections that the scene has.
+    #: Names of the sections that the scene has.
     given: tuple[str, ...]
     times: tuple[float, ...]
     size: tuple[int, int]
@@ -80,30 +81,30 @@ class FilmSettings:
         place: Viewpoint | None = None,
         wireframe: bool = False,
     ) -> FilmSettings:
-        """Return the settings of a film of a scene as it is now."""
+        """Return the settings of a film of a scene in its present state."""
         seen = size, tuple(panels), place, wireframe
         return cls(scene.file, scene.settings, scene.given, tuple(times), *seen)
 
     @property
     def request(self) -> PictureRequest:
-        """The pictures it consists of."""
+        """Number, size and content of the film's pictures."""
         return PictureRequest(self.size, len(self.times), self.panels, self.wireframe)
 
     def scene(self) -> Scene:
-        """Return the scene, not yet run."""
+        """Return the scene before its pipeline has run."""
         scene = Scene({}, self.file)
         scene.adopt(self.settings, self.given)
         return scene
 
     def picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
-        """Return what draws the frames of its scene."""
+        """Return an object that draws the frames of a scene."""
         seen = self.size, self.panels, self.place, extent
         clear = scene.view.transparent
         return Picture(scene, self.times, *seen, clear=clear, wireframe=self.wireframe)
 
     @property
     def digest(self) -> str:
-        """Another one for another film, files that it is made from, or another program."""
+        """Digest of the film's settings, of its input files, and of the program's version."""
         paths = set(paths_in(self.settings))
         motion = self.settings["motion"]["file"]
         if "motion" in self.given and motion is not None:
@@ -116,31 +117,31 @@ class FilmSettings:
 
 @dataclass(frozen=True)
 class KeptFrames:
-    """The frames of a film that are there, in a folder of their own beside it."""
+    """Frames of a film that exist already, in a folder next to it."""
 
     output: Path
-    #: Of the film's settings.
+    #: Digest of the film's settings.
     digest: str = ""
-    #: Whether frames from before are drawn again.
+    #: Whether frames that exist already are drawn again.
     again: bool = False
 
     @property
     def folder(self) -> Path:
-        """Where they lie."""
+        """Folder of the frames."""
         return self.output.with_name(self.output.name + _FOLDER)
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of frames that exist."""
         return len(list(self.folder.glob("*.png")))
 
     def path(self, number: int) -> Path:
-        """Return where a frame lies."""
+        """Return the path of a frame."""
         return self.folder / f"{number:06d}.png"
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Keep others that make the same file from the folder: the system tells of each alive."""
+        """Lock the folder against other processes; the system frees the locks of ended ones."""
         mark = self.folder / _MARK
         while True:
             if self.folder.is_symlink() or mark.is_symlink():
@@ -164,15 +165,15 @@ class KeptFrames:
                         cure="Wait until it has ended, or choose another name.",
                     ) from None
                 except OSError:
-                    there = True  # a disk that knows no locks
-                # Whoever has ended just now has taken the folder along.
+                    there = True  # the disk has no locks
+                # A process that has just ended may have deleted the folder; then try again.
                 if there:
                     mark.touch()
                     yield
                     return
 
     def open(self, count: int) -> list[int]:
-        """Return the numbers of those that are there; those of another film go."""
+        """Return the numbers of frames that exist; delete those of another film."""
         mark = self.folder / _MARK
         if self.again or mark.read_text() != self.digest:
             for path in self.folder.iterdir():
@@ -188,29 +189,30 @@ class KeptFrames:
         return [number for number in range(count) if self._whole(number)]
 
     def write(self, number: int, image: Image) -> Image:
-        """Keep a frame."""
+        """Keep a frame, and return it."""
         part = self.path(number).with_suffix(f".{os.getpid()}")
-        part.unlink(missing_ok=True)  # it may lead elsewhere
+        part.unlink(missing_ok=True)  # it may be a link to another place
         write_png(part, image)
         os.replace(part, self.path(number))
         return image
 
     def read(self, number: int) -> Image:
-        """Return a frame."""
+        """Read a frame."""
         with PIL.Image.open(self.path(number)) as image:
             return np.asarray(image)
 
     def remove(self) -> None:
-        """Let them go."""
+        """Delete the folder and its frames."""
         if (self.folder / _MARK).is_file():
-            # At once, or who is killed meanwhile leaves frames that nobody knows.
+            # The folder is moved away first. Otherwise a process that is killed meanwhile would
+            # leave frames that no film recognises.
             with suppress(OSError), vanishing(hidden(self.folder.parent)) as gone:
                 os.replace(self.folder, gone)
 
     def _whole(self, number: int) -> bool:
         try:
             with PIL.Image.open(self.path(number)) as image:
-                image.verify()  # its checksums: the machine may have lost its power
+                image.verify()  # reads its checksums: the machine may have lost its power
         except (OSError, SyntaxError):
             return False
         return True
@@ -225,12 +227,12 @@ def write_film(
     tell: Tell,
     workers: int | None = None,
 ) -> str:
-    """Write a film, or numbered frames where there is no format; say what was there before."""
+    """Write a film, or numbered frames without a format; return how many existed before."""
     there = set(kept.open(len(settings.times)))
     try:
         _write(file, format_, scene, settings, kept, there, tell, workers)
     except BaseException as error:
-        # A disk that is full is not left so, unless the frames were there before.
+        # After a full disk or a cancellation frames are deleted, unless some existed before.
         given_up = isinstance(error, (OSError, Cancelled)) and not there
         if given_up or not kept.count:
             kept.remove()
@@ -255,7 +257,7 @@ def _write(
     tell(done, len(steps))
     frames: Queue[Future[Image] | None] = Queue(_AHEAD)
     encode = partial(_encode, file, format_, scene.animation.frames_per_second, frames)
-    # One thread makes files of frames or frames of files, one the film, and this one draws.
+    # One thread converts frames to files or back, one makes the film, and this one draws.
     with (
         ThreadPoolExecutor(1) as pool,
         _one_cache(kept.folder, count),
@@ -302,9 +304,9 @@ def _encode(
 
 @contextmanager
 def _under_way(work: Callable[[], None]) -> Iterator[Future[None]]:
-    """Let a thread do what must end before the block is left, and may not hold up the program."""
-    # A signal that is heard in Python code which VTK calls ends the program there and then: who is
-    # waited for at that moment, as a pool's threads are, would wait for frames for ever.
+    """Run work in a thread that ends before the block is left, and cannot hold up the program."""
+    # A signal that arrives in Python code called by VTK ends the program at once. At the end Python
+    # waits for the threads of a pool, and these would wait for frames for ever.
     done: Future[None] = Future()
 
     def run() -> None:
@@ -325,7 +327,7 @@ def _under_way(work: Callable[[], None]) -> Iterator[Future[None]]:
 def _hand_over(
     frame: Future[Image] | None, frames: Queue[Future[Image] | None], encoding: Future[None]
 ) -> None:
-    """Wait for room, unless who takes the frames has ended: what ails him is raised."""
+    """Wait until the queue has room; if the encoder has ended, raise its error."""
     while not encoding.done():
         with suppress(Full):
             frames.put(frame, timeout=_PATIENCE)
@@ -334,13 +336,13 @@ def _hand_over(
 
 
 def _stop() -> Image:
-    raise Cancelled("the film was stopped")  # upon which writers see to their files
+    raise Cancelled("the film was stopped")  # writers then clean up their files
 
 
 def _drawn(
     scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
-    """Draw frames, and yield what keeps each."""
+    """Draw frames, and yield a function for each that keeps it."""
     picture = settings.picture(scene)
     try:
         for number in missing:
@@ -352,10 +354,10 @@ def _drawn(
 def _drawn_by(
     count: int, scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
-    """Let processes draw frames, and yield what reads each."""
+    """Let processes draw frames, and yield a function for each that reads it."""
     if draws_without_opengl():
         scene.warn(WITHOUT_OPENGL)
-    # What is solved here they find in the cache.
+    # The processes find in the cache what is solved here.
     choose = partial(choose_scale, scene, settings.size, settings.panels, settings.place, False)
     sheet = Sheet(scene) if choose_level(scene, settings.request).has_sheet else None
     extent = over_motion(scene, settings.times, sheet, choose)
@@ -375,12 +377,12 @@ def _drawn_by(
             yield partial(kept.read, number)
 
 
-#: What a process draws with, by the frames that it draws.
+#: Object with which this process draws, by the frames that it draws.
 _begun: dict[KeptFrames, Picture] = {}
 
 
 def draw_frame(task: tuple[FilmSettings, KeptFrames, Extent, int]) -> list[str]:
-    """Draw one frame of a film, and return what its stages say."""
+    """Draw one frame of a film, and return the warnings of its stages."""
     settings, kept, extent, number = task
     if kept not in _begun:
         warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
@@ -391,19 +393,19 @@ def draw_frame(task: tuple[FilmSettings, KeptFrames, Extent, int]) -> list[str]:
 
 
 def _count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None) -> int:
-    """Return how many processes draw frames."""
+    """Return the number of processes that draw frames."""
     if asked == 1 or not frames:
         return 1
     level = choose_level(scene, settings.request)
     if level.has_sheet:
-        return asked or 1  # drawn piece by piece, it keeps the cores busy
+        return asked or 1  # a sheet is drawn in pieces, which keeps all cores busy
     pixels = frames * prod(settings.size)
     return process_count(frames, pixels // _WORTHWHILE, level.bytes, asked)
 
 
 @contextmanager
 def _one_cache(folder: Path, count: int) -> Iterator[None]:
-    """Let processes share what is solved, where nothing is kept for later."""
+    """Let processes share solved results even if there is no lasting cache."""
     if count == 1 or cache.folder() is not None:
         yield
         return

@@ -1,8 +1,9 @@
-"""The base of all jobs, their registry, and how they travel as JSON.
+"""Base class of all jobs, their registry, and their form in JSON.
 
-A job holds what is asked for and where it goes, and nothing of the scene. It is refused when it is
-made if its output cannot be written, so that nobody waits for a scene first. `Job.run` decides the
-times once, by `Job.decide_times`, and makes the file; the record in the file states the same times.
+A job holds what is requested and where it goes, and nothing of the scene. If its output cannot be
+written, it is refused when it is made, so that nobody waits for a scene first. `Job.run` decides
+the times once, by `Job.decide_times`, and makes the file; the record in the file states the same
+times.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.scenes.scene import Scene
 
-#: Keys of all records that versions before the classes of jobs have written, whatever the kind: a
-#: class ignores those that it has no field for.
+#: Keys that all records from versions before the job classes contain, whatever the kind. A class
+#: ignores those for which it has no field.
 _EARLIER_KEYS = {
     *("what", "times", "size", "panels", "place", "wireframe", "motions", "tolerance"),
     *("subdivisions", "pieces", "framed", "point", "quantity", "curves", "samples", "page"),
 }
-#: Called with how many steps are done, and of how many. It cancels the job by raising `Cancelled`.
+#: Called with the number of steps done and of all steps. It raises `Cancelled` to cancel the job.
 Progress = Callable[[int, int], object]
-#: Called with a sentence for each thing that the format of the file cannot hold.
+#: Called with a sentence for each thing that the format of the file cannot store.
 ReportLoss = Callable[[str], object]
 
 
@@ -43,12 +44,12 @@ class Times(NamedTuple):
 
     #: In s.
     values: Sequence[float] = ()
-    #: What the record in the file states: one time, or the first and the last; empty: none.
+    #: Times that the record in the file states: one, or the first and the last; empty if none.
     span: tuple[float, ...] = ()
 
 
 def asked_times(times: Sequence[float]) -> Times:
-    """Return times that the user has chosen."""
+    """Return the times that a user has chosen, with their ends."""
     ends = times[:1] if len(times) == 1 else [*times[:1], *times[-1:]]
     return Times(times, tuple(ends))
 
@@ -61,45 +62,45 @@ def film_times(scene: Scene) -> Times:
 
 @dataclass(frozen=True)
 class Context:
-    """What a job works with while it runs."""
+    """Scene, times and callbacks of a job that runs."""
 
     scene: Scene
-    #: Those of `Job.decide_times` [s].
+    #: Times from `Job.decide_times`, in s.
     times: Sequence[float]
     progress: Progress
     report_loss: ReportLoss
-    #: Whether the output appears only when it is complete. Otherwise the caller sees to that.
+    #: Whether the output appears only when it is complete. Otherwise the caller ensures that.
     whole: bool
 
 
 class Job(ABC):
-    """A file, or a series of files, to be made of a scene."""
+    """A piece of work that makes a file, or a series of files, from a scene."""
 
-    # A kind of job is a dataclass under `register`: a field `output`, and the fields that this kind
-    # needs, with defaults.
+    # A kind of job is a dataclass that `register` decorates. It has a field `output`, and the
+    # fields that this kind needs, with defaults.
 
-    #: The name of the kind, which the record in the file holds as ``what``.
+    #: Name of the kind, which the record in the file stores as ``what``.
     kind: str
-    #: The file; of a series of files, with a number such as ``%04d`` in its name.
+    #: The file; for a series of files, a name with a number such as ``%04d``.
     output: Path
-    #: The command and the options that ask for this kind of job.
+    #: The command and the options that request this kind of job.
     command: ClassVar[str] = "export"
-    #: Fields that say how the job is done, not what comes: a record does not hold them.
+    #: Fields that change how the job is done but not its result; a record does not store them.
     unrecorded: ClassVar[tuple[str, ...]] = ()
 
     @property
     def numbered(self) -> bool:
-        """Whether there is a file for each time."""
+        """Whether each time is written into a separate file."""
         return False
 
     @property
     def in_folder(self) -> bool:
-        """Whether other files may appear beside the output."""
+        """Whether other files may appear next to the output."""
         return False
 
     @property
     def is_series(self) -> bool:
-        """Whether data of many times are written."""
+        """Whether data of several times are written."""
         return False
 
     def decide_times(self, scene: Scene) -> Times:
@@ -117,9 +118,9 @@ class Job(ABC):
         report_loss: ReportLoss | None = None,
         whole: bool = True,
     ) -> str:
-        """Make the file of a scene, and return a sentence about it, or an empty text."""
-        # By default the scene warns of what the format cannot hold. Without `whole` the caller sees
-        # to it that the output appears complete or not at all.
+        """Make the file from a scene, and return a sentence about it, or an empty text."""
+        # By default the scene warns of what the format cannot store. Without `whole` the caller
+        # ensures that the output appears complete or not at all.
         from spacemap_vtk.scenes.origin import record_of
 
         times = self.decide_times(scene)
@@ -131,7 +132,7 @@ class Job(ABC):
 
     @contextmanager
     def open_output(self, whole: bool) -> Iterator[Path]:
-        """Yield the path to write to."""
+        """Yield the path to which the output is written."""
         if not whole:
             yield self.output
         elif self.in_folder:
@@ -142,12 +143,12 @@ class Job(ABC):
                 yield file
 
     def write_output(self, context: Context, holds: str, content: Any) -> None:
-        """Write content by the writer of what is a key of `registry.DRAWN` or `registry.DATA`."""
+        """Write content with the writer for a key of `registry.DRAWN` or `registry.DATA`."""
         with self.open_output(context.whole) as file:
             writer(file, holds).write(file, content)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the kind, as ``what``, and all fields but the output that differ from defaults."""
+        """Return the kind, as ``what``, and all fields but `output` that differ from defaults."""
         found: dict[str, Any] = {"what": self.kind}
         for each in fields(self):  # type: ignore[arg-type]
             if each.name not in ("output", "kind"):
@@ -170,12 +171,12 @@ class Job(ABC):
 
 
 JobClass = TypeVar("JobClass", bound=type[Job])
-#: The class of each kind of job, by the name of the kind.
+#: The class of each kind of job.
 JOBS: dict[str, type[Job]] = {}
 
 
 def register(*kinds: str) -> Callable[[JobClass], JobClass]:
-    """Register a class of jobs under the names of its kinds; by default under its own."""
+    """Register a job class under the names of its kinds; by default under its `kind`."""
 
     def add(job_class: JobClass) -> JobClass:
         JOBS.update(dict.fromkeys(kinds or (job_class.kind,), job_class))
@@ -201,7 +202,7 @@ def make_job(kind: str, output: Path, **fields: Any) -> Job:
 
 
 def job_from_json(given: Mapping[str, Any], output: Path) -> Job:
-    """Return the job that a record or another process describes; the record may be a stranger's."""
+    """Return the job that a record or another process describes; do not trust a record."""
     try:
         return class_of(str(given["what"])).from_json(given, output)
     except InputError:
@@ -211,17 +212,17 @@ def job_from_json(given: Mapping[str, Any], output: Path) -> Job:
 
 
 def floats(numbers: Sequence[Any]) -> list[float]:
-    """Return numbers of a field as floats."""
+    """Convert the numbers of a field to floats."""
     return [float(number) for number in numbers]
 
 
 def words(texts: Sequence[Any]) -> list[str]:
-    """Return texts of a field."""
+    """Convert the items of a field to texts."""
     return [str(text) for text in texts]
 
 
 def picture_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
-    """Return width and height of a field in pixels."""
+    """Convert a field to width and height in pixels."""
     if not size:
         return None
     width, height = map(int, size)
@@ -229,7 +230,7 @@ def picture_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
 
 
 def viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
-    """Return the viewpoint of a field, which may be a list of numbers."""
+    """Convert a field, which may be a list of numbers, to a viewpoint."""
     if not place:
         return None
     from spacemap_vtk.draw.camera import Viewpoint
@@ -238,7 +239,7 @@ def viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
 
 
 def require_number(path: Path, what: str) -> None:
-    """Refuse a name of a series of files without exactly one number."""
+    """Refuse a file name that does not contain exactly one placeholder for a number."""
     if not re.fullmatch(r"[^%]*%0?\d*d[^%]*", path.name):
         stem = re.sub("%[0-9]*[a-z]?", "", path.stem).rstrip("-_")
         example = path.with_name(f"{stem}-%04d{path.suffix}")

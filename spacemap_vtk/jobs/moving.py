@@ -1,4 +1,4 @@
-"""Surfaces that move, in one file: by a motion over time, or by mode shapes."""
+"""Jobs for moving surfaces in one file: a motion over time, or mode shapes."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 @register()
 @dataclass
 class MovingJob(Job):
-    """The surface with its motion, or a file for each time."""
+    """The surface with its motion, or a separate file for each time."""
 
     output: Path
-    #: In s; none: those of the scene's film.
+    #: In s. Empty: the times of the scene's film.
     times: Sequence[float] = ()
-    #: How far the surface may be from its motion [m]; None: so that nobody sees it.
+    #: Largest distance between the surface and its motion, in m. None: one that cannot be seen.
     tolerance: float | None = None
-    #: Of each patch; None: as the scene says, or as a player bears.
+    #: Subdivisions of each patch. None: those of the scene, or as many as a player can show.
     subdivisions: int | None = None
-    #: What yarns are as curves, see `spacemap_vtk.draw.detail.seen_yarns.STRANDS`.
+    #: What the curves of the yarns are, see `spacemap_vtk.draw.detail.seen_yarns.STRANDS`.
     curves: str = "yarns"
 
     kind = "moving"
@@ -64,31 +64,31 @@ class MovingJob(Job):
 
     @property
     def numbered(self) -> bool:
-        """Whether there is a file for each time."""
+        """Whether each time is written into a separate file."""
         return is_numbered(self.output, self.kind)
 
     @property
     def in_folder(self) -> bool:
-        """Whether other files may appear beside the output."""
+        """Whether other files may appear next to the output."""
         return True
 
     @property
     def is_series(self) -> bool:
-        """Whether data of many times are written."""
+        """Whether data of several times are written."""
         return True
 
     @property
     def holds_curves(self) -> bool:
-        """Whether the file has yarns as curves."""
+        """Whether the file stores yarns as curves."""
         curved = self.output.suffix.lower() in (".usdc", ".usda")
         return curved and not self.numbered
 
     def decide_times(self, scene: Scene) -> Times:
-        """Return the times that are asked for, or of the scene's film."""
+        """Return the requested times; by default those of the scene's film."""
         return series_times(scene, self.times)
 
     def write(self, context: Context) -> str:
-        """Compute the motion and write it; return how large and how near it is."""
+        """Compute and write the motion; return its size and its error in words."""
         from spacemap_vtk.draw.moving import moving
 
         scene, times = context.scene, context.times
@@ -117,10 +117,10 @@ class MovingJob(Job):
 @register()
 @dataclass
 class ModesJob(Job):
-    """The surface as it hangs, with a shape and a swing for each mode."""
+    """The surface in equilibrium, with a shape and an oscillation for each mode."""
 
     output: Path
-    #: Of each patch; None: as the scene says, or as a player bears.
+    #: Subdivisions of each patch. None: those of the scene, or as many as a player can show.
     subdivisions: int | None = None
 
     kind = "modes"
@@ -131,7 +131,7 @@ class ModesJob(Job):
 
     @property
     def in_folder(self) -> bool:
-        """Whether other files may appear beside the output."""
+        """Whether other files may appear next to the output."""
         return True
 
     def decide_times(self, scene: Scene) -> Times:
@@ -139,7 +139,7 @@ class ModesJob(Job):
         return asked_times([scene.view.time])
 
     def write(self, context: Context) -> str:
-        """Compute the shapes and write them; return how many there are."""
+        """Compute and write the shapes; return their number and their size in words."""
         from spacemap_vtk.draw.moving import mode_shapes
 
         made = mode_shapes(
@@ -166,7 +166,7 @@ def _checked_subdivisions(count: Any) -> int | None:
 
 
 def _save(job: Job, context: Context, made: Any) -> str:
-    """Write a surface that moves, and return what came of it in words."""
+    """Write a moving surface; return its targets, error and size in words."""
     with job.open_output(context.whole) as file:
         writer(file, job.kind).write(file, made)
         size = file.stat().st_size

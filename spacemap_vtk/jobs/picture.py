@@ -1,4 +1,4 @@
-"""Pictures of a scene at one time."""
+"""Jobs for pictures of a scene at one time."""
 
 from __future__ import annotations
 
@@ -27,30 +27,31 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
-#: Rays for each pixel of a traced picture, by default and at most.
+#: Default number of rays for each pixel of a traced picture.
 SAMPLES = 64
+#: Most rays for each pixel.
 MOST_SAMPLES = 65_536
 
 
 @register()
 @dataclass
 class PictureJob(Job):
-    """A picture."""
+    """A picture of a scene at one time."""
 
     output: Path
-    #: In s; None: the scene's.
+    #: In s. None: the scene's time.
     time: float | None = None
-    #: In pixels; None: the scene's.
+    #: In pixels. None: the scene's size.
     size: tuple[int, int] | None = None
-    #: What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; none: as the scene says.
+    #: Content of each panel: ``"fabric"``, ``"cage"`` or ``"both"``. Empty: as in the scene.
     panels: Sequence[str] = ()
-    #: Where it is seen from; None: as the scene says.
+    #: Viewpoint. None: the scene's.
     place: Viewpoint | None = None
     #: Whether only the edges of the fabric's facets are drawn.
     wireframe: bool = False
-    #: Whether it is seen from where the scene's film is seen from.
+    #: Whether the camera is that of the scene's film.
     framed: bool = False
-    #: Rays that are traced for each pixel; 0: none, it is drawn.
+    #: Number of rays for each pixel. 0: the picture is drawn without ray tracing.
     samples: int = 0
 
     kind = "picture"
@@ -72,7 +73,7 @@ class PictureJob(Job):
             )
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is asked for; the time as a list of one."""
+        """Return the requested values, with the time as a list of one."""
         found = super().as_json()
         time = found.pop("time", None)
         times = {} if time is None else {"times": [time]}
@@ -86,12 +87,12 @@ class PictureJob(Job):
         return super().from_json({k: v for k, v in given.items() if k != "times"}, output)
 
     def decide_times(self, scene: Scene) -> Times:
-        """Return the time that is asked for, or the scene's."""
+        """Return the requested time; by default the scene's."""
         return asked_times([scene.view.time if self.time is None else self.time])
 
     def write(self, context: Context) -> str:
         """Draw the picture and write it."""
-        # Drawn before there is anything to be removed if the program is ended.
+        # Drawn before the file is opened: if the program is ended, there is nothing to remove.
         self.write_output(context, "picture", self._draw(context))
         return ""
 
@@ -124,7 +125,7 @@ class PictureJob(Job):
 
 
 def fill_background(output: Path, holds: str, scene: Scene) -> None:
-    """Draw the background of a scene that has none, where the format needs one."""
+    """Draw the background of a transparent scene if the format needs one."""
     if scene.view.transparent and not writer(output, holds).alpha:
         scene.warn(f"a {output.suffix} cannot be transparent, and has its background")
         scene.assign("view", "transparent", False)

@@ -1,4 +1,4 @@
-"""Plots of curves: the motion of a point, the tensile tests of a cloth."""
+"""Jobs for plots: the motion of a point, the tensile tests of a cloth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class PlotJob(Job):
     """The motion of a point over time, and its frequency response or its energies."""
 
     output: Path
-    #: Position at rest [m]; none: where the first mode moves most.
+    #: Position at rest, in m. Empty: the point that the first mode moves most.
     point: Sequence[float] = ()
     #: A key of `spacemap_vtk.draw.figure.plots.QUANTITIES`.
     quantity: str = "displacement"

@@ -1,4 +1,4 @@
-"""Sheets of several pictures: a motion over time, the shapes of a scene's modes."""
+"""Jobs for sheets of several pictures: a motion over time, or the mode shapes of a scene."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 @register()
 @dataclass
 class StoryboardJob(Job):
-    """A picture of a motion: time to the right, the cage above the fabric, or a row a motion."""
+    """A picture of a motion: time to the right, the cage above the fabric, or a row per motion."""
 
     output: Path
-    #: In s; none: over the first mode's period.
+    #: In s. Empty: times within the period of the first mode.
     times: Sequence[float] = ()
-    #: In pixels; None: wide enough for its columns.
+    #: In pixels. None: wide enough for the columns.
     size: tuple[int, int] | None = None
-    #: Keys of `spacemap_vtk.scenes.motions.MOTIONS`, a row for each; none: the cage above the
-    #: fabric, moved as the scene says.
+    #: Keys of `spacemap_vtk.scenes.motions.MOTIONS`, a row for each. Empty: the cage above the
+    #: fabric, moved as in the scene.
     motions: Sequence[str] = ()
 
     kind = "storyboard"
@@ -59,7 +59,7 @@ class StoryboardJob(Job):
             )
 
     def decide_times(self, scene: Scene) -> Times:
-        """Return the times that are asked for, or those of a swing."""
+        """Return the requested times; by default those of one oscillation."""
         if not scene.moves:
             raise InputError(
                 f"{scene.file or scene.title}: a storyboard needs a scene that moves",

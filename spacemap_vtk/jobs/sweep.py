@@ -1,8 +1,8 @@
-"""A sweep carried out: a picture, a scene and figures of each run, a table and a contact sheet.
+"""Carry out a sweep: a picture, a scene and figures for each run, a table and a contact sheet.
 
-Runs are independent, and nothing of one depends on who carries it out: a worker gets values and
-gives back bytes, which are written here. So it may be a process or a machine far away, files are
-whole or not there, and a sweep that was interrupted goes on where it was.
+Runs are independent of each other, and of who carries them out: a worker gets values and returns
+bytes, which are written here. A worker may therefore be a process or a remote machine. Files are
+written whole or not at all, and a sweep that was interrupted continues where it was.
 """
 
 from __future__ import annotations
@@ -48,32 +48,32 @@ from spacemap_vtk.units import format_quantity
 from spacemap_vtk.vanishing import vanishing_folder
 from spacemap_vtk.workers import in_processes, on_cluster, process_count
 
-#: What stands in the folder beside the runs.
+#: Files in the folder besides those of the runs.
 TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
-#: By which a record is known.
+#: Text that identifies a record of a sweep.
 _MARK = "files of a spacemap sweep"
-#: Seconds between two tables, of a sweep that goes on.
+#: Seconds between two updates of the table while a sweep runs.
 _OFTEN = 2.0
-#: Of several threads of a process one draws and solves at a time: VTK collects its garbage for all.
+#: Lets one thread of a process draw and solve at a time: VTK collects the garbage of all threads.
 _alone = threading.Lock()
 
 
 @dataclass
 class Result:
-    """What became of a run."""
+    """Result of a run."""
 
-    #: Headings and entries of a table.
+    #: Headings and entries of the table.
     figures: dict[str, str] = field(default_factory=dict)
-    #: Why it failed; empty where it did not.
+    #: Why the run failed; empty if it did not.
     error: str = ""
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
-    #: Files of pictures, one for each time.
+    #: Contents of the picture files, one for each time.
     pictures: list[bytes] = field(default_factory=list)
 
 
 def carry_out_run(run: Run) -> Result:
-    """Return the figures and the pictures of a run."""
+    """Run a scene, and return its figures and pictures."""
     result, begin = Result(), perf_counter()
     with _alone, blas_threads.one(), warnings.catch_warnings():
         warnings.simplefilter("ignore", SpacemapWarning)
@@ -84,14 +84,14 @@ def carry_out_run(run: Run) -> Result:
                     result.figures[figure.heading] = figure.entry
             result.pictures = [_picture(scene, t) for t in run.times or [scene.view.time]]
             result.warnings = scene.warnings
-        except Exception as error:  # of one run, told in its row
+        except Exception as error:  # reported in the row of this run
             result.error = one_line(error)
     result.seconds = perf_counter() - begin
     return result
 
 
 def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
-    """Yield what `info` and `modes` tell of a scene, and how far it has moved at each time."""
+    """Yield the figures that `info` and `modes` show, and the largest displacement at each time."""
     if scene.woven is not None:
         found = report.fabric(scene, asked[0] if asked and scene.moves else None)
         for warp, weft in yarn_figures(found):
@@ -135,7 +135,7 @@ def carry_out_sweep(
     cluster: str = "",
     again: bool = False,
 ) -> dict[str, Result]:
-    """Carry out all runs that are not there yet, and return what became of each, by its name."""
+    """Carry out all runs that have no result yet, and return all results by the run's name."""
     sweep.check()
     own = _claim(folder, sweep)
     found = {} if again else {run.name: kept for run in sweep.runs if (kept := _kept(folder, run))}
@@ -164,7 +164,7 @@ def carry_out_sweep(
                     written = perf_counter()
                 tell(len(found), len(sweep.runs))
     finally:
-        # Also of those that are there when it is ended in between.
+        # The results so far are written even if the sweep is interrupted.
         if found:
             _write(folder / TABLE, table_text(sweep, found))
             errors = {name: result.error for name, result in found.items() if result.error}
@@ -177,7 +177,7 @@ def carry_out_sweep(
 
 
 def pictures_of(folder: Path, run: Run) -> list[Path]:
-    """Return where the pictures of a run lie."""
+    """Return the paths of a run's pictures."""
     names = [run.name]
     if len(run.times) > 1:
         told = [format_quantity(time, "s").replace(" ", "") for time in run.times]
@@ -186,7 +186,7 @@ def pictures_of(folder: Path, run: Run) -> list[Path]:
 
 
 def table(sweep: Sweep, found: Mapping[str, Result]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and rows: the values, the figures, how long it took, what went wrong."""
+    """Return headings and rows of the table: values, figures, duration and error of each run."""
     figures = dict.fromkeys(name for run in found.values() for name in run.figures)
     keys = [with_unit(each.name, each.parameter.unit) for each in sweep.axes]
     rows = []
@@ -211,7 +211,7 @@ def _entry(each: ValueList, value: Any) -> str:
 
 
 def _claim(folder: Path, sweep: Sweep) -> set[str]:
-    """Return the names of all that a sweep writes; refuse to overwrite what is not its own."""
+    """Return the names of all files of a sweep; refuse to overwrite files of another origin."""
     if folder.exists() and not folder.is_dir():
         raise InputError(
             f"{folder}: a file of that name is in the way", cure="Choose another name."
@@ -236,7 +236,7 @@ def _claim(folder: Path, sweep: Sweep) -> set[str]:
 
 
 def _kept(folder: Path, run: Run) -> Result | None:
-    """Return what an earlier sweep has found of the same run; None of what failed."""
+    """Return the result of the same run in an earlier sweep; None if there is none or it failed."""
     try:
         told = json.loads((folder / f"{run.name}.json").read_text(encoding="utf-8"))
         same = told["digest"] == run.digest and not told["error"]

@@ -1,9 +1,9 @@
-"""A process of its own that runs one job and can be ended at any moment.
+"""Run one job in a separate process, which can be ended at any moment.
 
 ``python -m spacemap_vtk.jobs.worker`` reads a request as JSON from its standard input, see
-`request`, and prints a line of JSON for each message: ``{"done": 3, "of": 50}``, ``{"lost": ...}``
-for what the file cannot hold, and at last ``{"result": ...}``, or ``{"error": ...}`` if it fails.
-Whoever has started it makes the output appear, or removes it.
+`request`. It prints a line of JSON for each message: ``{"done": 3, "of": 50}``, ``{"lost": ...}``
+for what the file cannot store, and finally ``{"result": ...}``, or ``{"error": ...}`` if it fails.
+The process that has started it makes the output appear, or removes it.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from spacemap_vtk.vanishing import ended_by_exceptions
 
 #: Added to the process's niceness, so that the window stays responsive.
 _NICENESS = 5
-#: Attributes of an error that travel.
+#: Attributes of an error that are sent to the other process.
 _ERROR_PARTS = ("message", "section", "key", "value", "allowed", "cure")
 
 
 def request(job: Job, values: Mapping[str, Any], base: Path) -> str:
-    """Return a job and the values of its scene, in a folder, as the process reads them."""
+    """Return a job, the values of its scene and the scene's folder as the request for a worker."""
     asked = {"job": job.as_json(), "output": str(job.output), "values": values, "base": str(base)}
     return json.dumps(asked, default=str)
 
 
 def error_from_json(parts: Mapping[str, Any]) -> SpacemapError:
-    """Return the error that a process has sent."""
+    """Return the error that a worker has sent."""
     error = SpacemapError(**{name: part for name, part in parts.items() if name != "section"})
     error.section = parts.get("section")
     return error
 
 
 def main() -> None:
-    """Run the job on standard input."""
-    warnings.simplefilter("ignore", SpacemapWarning)  # the window shows what stages doubt
+    """Run the job that standard input describes."""
+    warnings.simplefilter("ignore", SpacemapWarning)  # the window shows the warnings of stages
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     try:
@@ -51,9 +51,9 @@ def main() -> None:
         asked = json.loads(sys.stdin.read())
         job = job_from_json(asked["job"], Path(asked["output"]))
         scene = Scene(asked["values"], Path(asked["base"]))
-        # The user has never heard of the hidden folder: errors name the file alone.
+        # Errors name the output file only, because the user does not know the hidden folder.
         with ended_by_exceptions(), telling_refusals(job.output, job.output.name):
-            if job.kind != "draft":  # whose yarns need no room
+            if job.kind != "draft":  # a draft is valid even if its yarns do not fit
                 scene.check()
             result = job.run(
                 scene,
@@ -71,7 +71,7 @@ def main() -> None:
 
 
 def _send(message: dict[str, Any]) -> None:
-    # A value may be of any type.
+    # The value in an error may be of any type.
     print(json.dumps(message, default=str), flush=True)
 
 

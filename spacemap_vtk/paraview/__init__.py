@@ -1,1 +1,1 @@
-"""The layer for ParaView: a plugin that is generated from the parameters' declarations."""
+"""Layer for ParaView: a plugin that is generated from the declared parameters."""

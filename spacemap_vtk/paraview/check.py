@@ -1,10 +1,10 @@
-"""Run by pvpython: say whether the plugin works in this ParaView."""
+"""Report whether the plugin works in this ParaView; pvpython runs this file."""
 
 import sys
 
 
 def main() -> None:
-    """Connect the six filters as ParaView's proxies, run them, and say how it went."""
+    """Connect the six filters as ParaView's proxies, run them, and report the result."""
     from paraview import simple
     from vtkmodules.vtkCommonCore import vtkVersion
 

@@ -1,7 +1,7 @@
-"""What the plugin adds to ParaView's scripting, on the side of the client.
+"""Extend ParaView's scripting, on the side of the client.
 
-Nothing here is needed for the filters to work. Without it (a client that leaves the plugin to its
-server) a number given for a text is refused.
+The filters work without this module. Without it (for example, if a client leaves the plugin to its
+server) ParaView refuses a number for a parameter that it stores as a text.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SCRIPTING = "paraview.servermanager"
 
 
 def prepare() -> None:
-    """Let scripts give what the filters themselves take: numbers for texts, units, None."""
+    """Let scripts set what the filters accept: numbers for texts, units, None."""
     if _SCRIPTING in sys.modules:
         _adapt(sys.modules[_SCRIPTING])
     else:
@@ -29,7 +29,7 @@ def prepare() -> None:
 
 
 class _WhenImported(MetaPathFinder):
-    """Adapts ParaView's scripting once it is imported; importing it here would change ParaView."""
+    """Adapts ParaView's scripting after its import; importing it here would change ParaView."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
         if name != _SCRIPTING:
@@ -50,17 +50,17 @@ class _WhenImported(MetaPathFinder):
 
 
 def _adapt(servermanager: Any) -> None:
-    """Make ``weave.WarpDiameter = 0.25e-3`` work, and say what is wrong with ``Ends = "many"``."""
+    """Accept ``weave.WarpDiameter = 0.25e-3``, and explain what is wrong with ``Ends = "many"``."""
     original = servermanager.Proxy.SetPropertyWithName
 
     def set_property(self: Any, name: str, value: Any) -> Any:
         parameter: Any = _parameter(self, name)
-        # A text may hold any number, and only the stage would say what is wrong with it.
+        # A text property accepts any text, and only the stage would report what is wrong with it.
         written = isinstance(value, str) and isinstance(parameter, (Real, Vector))
         if not written:
             try:
                 return original(self, name, value)
-            except (TypeError, RuntimeError):  # not the type or the number of values it holds
+            except (TypeError, RuntimeError):  # wrong type or wrong number of values
                 if parameter is None:
                     raise
         made = property_of(parameter)
@@ -70,7 +70,7 @@ def _adapt(servermanager: Any) -> None:
                 parameter.require_plausible(value)
             checked = parameter.check(value)
         except InputError as error:
-            # Of a ValueError ParaView would keep no more than that the value is not valid.
+            # From a ValueError ParaView would keep only that the value is not valid.
             raise TypeError(f"{self.GetXMLName()}: {error}") from None
         return original(self, name, made.write(checked))
 
@@ -78,7 +78,7 @@ def _adapt(servermanager: Any) -> None:
 
 
 def _parameter(proxy: Any, name: str) -> Parameter[Any] | None:
-    """Return what a property was made from; None if it is not one of ours."""
+    """Return the parameter from which a property was made, or None if it is not one of ours."""
     stage = PROXIES.get(proxy.GetXMLName())
     made = proxy.GetProperty(name)
     if stage is None or made is None:

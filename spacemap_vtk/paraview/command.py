@@ -1,4 +1,4 @@
-"""The command that says how ParaView finds the plugin."""
+"""The command `spacemap paraview`, which prints how ParaView finds the plugin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the plugin is, and what ParaView must be started with to find it."""
+"""Find the plugin, and define the environment in which ParaView finds it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLUGIN = _HERE / "plugin.py"
 
 
 def variables() -> dict[str, str]:
-    """Return the environment that makes ParaView load the plugin at its start."""
+    """Return the environment variables with which ParaView loads the plugin at its start."""
     return {
         "PYTHONPATH": str(_HERE / "startup"),
         "PV_PLUGIN_CONFIG_FILE": str(_HERE / "plugins.xml"),
@@ -22,7 +22,7 @@ def variables() -> dict[str, str]:
 
 
 def process_environment() -> dict[str, str]:
-    """Return this process's environment, changed so that ParaView loads the plugin."""
+    """Return this process's environment with the variables that make ParaView load the plugin."""
     return {**os.environ, **variables()}
 
 

@@ -1,8 +1,9 @@
-"""The stages as ParaView runs them: setters for its properties, messages in its output window.
+"""Run the stages in ParaView: setters for its properties, messages in its output window.
 
-ParaView calls no `update`, which would raise what went wrong. A hosted stage says it in the output
-window and hands on its last good output, so that a mistaken value leaves the picture as it was.
-Of several processes, which all know what went wrong in one of them, the first says it.
+ParaView does not call `update`, which would raise errors. A hosted stage shows an error in the
+output window and returns its last good output, so that a wrong value leaves the picture unchanged.
+If there are several processes, each of them knows of an error in any of them, and only the first
+shows it.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ _NOT_GENERATED = vtkDemandDrivenPipeline.DATA_NOT_GENERATED()
 
 
 class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
-    """What is the same for every stage in ParaView; stands before the stage's class."""
+    """Behaviour of every stage in ParaView; this base class precedes the stage's class."""
 
-    #: What ParaView looks for.
+    #: XML in which ParaView reads how to show the stage.
     _pvsm_proxy_xml: ClassVar[str]
 
     _error: BaseException | None
@@ -52,9 +53,9 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
     def ProcessRequest(
         self, request: vtkInformation, in_info: Inputs, out_info: vtkInformationVector
     ) -> int:
-        """Answer a request; what goes wrong is said, and the last good output stays."""
+        """Answer a request; after an error, show it and keep the last good output."""
         if not self._observed:
-            # ParaView has put an executive of its own in the place of the one that Stage watches.
+            # ParaView has replaced the executive that Stage observes.
             self._observed = True
             messages = self._vtk_messages
             self.GetExecutive().AddObserver("ErrorEvent", lambda *event: messages.clear())
@@ -67,7 +68,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
             for block in leaves(output):
                 arrays_to_points(block)
-                # What ParaView colours by where nobody has chosen.
+                # ParaView colours by the active scalars if nobody has chosen an array.
                 for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
                     if block.GetAttributes(kind).HasArray("color"):
                         block.GetAttributes(kind).SetActiveScalars("color")
@@ -75,7 +76,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
         return done
 
     def _tell(self, text: str) -> None:
-        """Say a warning in the output window, in place of Python's way."""
+        """Show a warning in the output window instead of issuing a Python warning."""
         vtkOutputWindow.GetInstance().DisplayWarningText(f"{type(self).__name__}: {text}.\n")
 
     def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
@@ -91,16 +92,18 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
 
 
 def arrays_to_points(data: Any) -> None:
-    """Move the cell arrays of Bézier patches to the points, where patches that share one agree."""
-    # To cut a curved quadrilateral VTK splits it into flat ones, and copies the row of its cell
-    # arrays once for each of these. Then it reads that copy at the number of the cell, not of the
-    # flat one: of all but the first few cells, past its end (vtkHigherOrderQuadrilateral::Contour
-    # and Clip, so in VTK 9.2 and still in 9.7). ParaView's *Slice*, *Clip* and *Contour* show
-    # nonsense, or crash where that memory is no one's; with more patches that is more likely, with
-    # 200,000 it is certain. Arrays of points are copied whole, and read right.
-    # Those of yarns do; `PatchTessellator` hands them to its polygons. A quantity or a flag that
-    # differs between neighbours, as what a yarn does from crossing to crossing, is its mean at the
-    # points that they share; of names and colours there is no mean, and they stay where they are.
+    """Move cell arrays of Bézier patches to the points, if patches agree there or have a mean."""
+    # To cut a curved quadrilateral, VTK splits it into flat ones and copies the row of its cell
+    # arrays for each of these. It then reads the copy at the index of the curved cell instead of
+    # the flat one: for all but the first few cells, this is past the end of the copy
+    # (vtkHigherOrderQuadrilateral::Contour and Clip, in VTK 9.2 and still in 9.7). ParaView's
+    # *Slice*, *Clip* and *Contour* then show nonsense, or crash if the memory belongs to nobody.
+    # This is more likely with more patches, and certain with 200,000. Point arrays are copied whole
+    # and read correctly.
+    # The arrays of yarns agree at shared points; `PatchTessellator` passes them to its polygons. A
+    # quantity or flag that differs between neighbours, such as one that varies along a yarn from
+    # crossing to crossing, becomes its mean at shared points. Names and colours have no mean, so
+    # they stay in the cells.
     if not data.IsA("vtkUnstructuredGrid") or cell_types(data) != [VTK_BEZIER_QUADRILATERAL]:
         return
     cells, points = data.GetCellData(), data.GetPointData()
@@ -125,7 +128,7 @@ def arrays_to_points(data: Any) -> None:
 
 
 def say(stage: Stage, error: BaseException | None) -> None:
-    """Show an error in the output window, which pvpython prints."""
+    """Show an error in the output window; pvpython prints it."""
     text = str(error) or type(error).__name__
     if not isinstance(error, SpacemapError):
         text = f"{type(error).__name__}: {text}"
@@ -135,7 +138,7 @@ def say(stage: Stage, error: BaseException | None) -> None:
 def hosted(
     stage: type[Stage], name: str | None = None, file: FileType | None = None
 ) -> type[Hosted]:
-    """Return a stage's class for ParaView."""
+    """Return the class that runs a stage in ParaView."""
     name = name or stage.__name__
     setters = {command(p): _setter(p) for p in stage.parameters.values()}
     made = cast(
@@ -154,15 +157,15 @@ def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
             value = read(*values)
             parameter.require_plausible(value)
             setattr(self, name, value)
-        except Exception as error:  # crossing VTK, it would be printed with a traceback
-            if is_first():  # every process is given the same
+        except Exception as error:  # VTK would print it with a traceback
+            if is_first():  # every process gets the same value
                 say(self, error)
 
     return set_parameter
 
 
 def proxies() -> dict[str, type[Hosted]]:
-    """Return every proxy of the plugin by name."""
+    """Return all proxies of the plugin by name."""
     draft, scene = FileType("draft", "draft"), FileType("file", "scene")
     return {
         **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
@@ -173,5 +176,5 @@ def proxies() -> dict[str, type[Hosted]]:
 
 
 PROXIES = proxies()
-# ParaView finds a class by module and name.
+# ParaView looks up a class by module and name.
 globals().update(PROXIES)

@@ -1,7 +1,7 @@
-"""The ParaView plugin: load this file by Tools > Manage Plugins, or see `spacemap paraview`.
+"""ParaView plugin: load this file with Tools > Manage Plugins, or see `spacemap paraview`.
 
-It finds the package by its own place, so that ParaView's Python needs nothing on its path: the
-folder that holds an installed spacemap_vtk may hold another numpy or VTK as well.
+The plugin finds the package by the path of this file, so that nothing needs to be on the path of
+ParaView's Python: the folder of an installed spacemap_vtk may also hold another numpy or VTK.
 """
 
 import importlib.util
@@ -23,7 +23,7 @@ def _import_package() -> None:
 if "spacemap_vtk" not in sys.modules:
     _import_package()
 
-# Only now can it be imported.
+# These imports work only after `_import_package`.
 from spacemap_vtk import __version__  # noqa: E402
 from spacemap_vtk.paraview import client, rendering  # noqa: E402
 from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
@@ -32,7 +32,7 @@ client.prepare()
 rendering.show_colors()
 rendering.guard_pictures()
 
-# ParaView reads these names, and looks for classes with XML among the module's attributes.
+# ParaView reads these names, and searches the module's attributes for classes with XML.
 paraview_plugin_name = "Space mapping"
 paraview_plugin_version = __version__
 globals().update(PROXIES, SpacemapOpaque=rendering.SpacemapOpaque)

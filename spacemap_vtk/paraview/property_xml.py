@@ -1,11 +1,13 @@
-"""ParaView properties, made from declared parameters.
+"""Make ParaView properties from declared parameters.
 
-A property is the XML that ParaView's server manager reads, and the ways to and fro: a value as
-ParaView holds it, and what ParaView hands to the setter, turned into a value for the parameter's
-own check. ParaView has no value for "automatic" (None): what may be so is a text, whose field is
-empty and says in grey what it stands for; ParaView hands it over as None. Lists of three numbers
-are texts too: three fields leave no room for -9.80665 in a panel of ParaView's own width. Kinds
-that are declared elsewhere are texts, with or without quotes.
+A property is the XML that ParaView's server manager reads, and two conversions: from what ParaView
+passes to the setter to a value for the parameter's check, and from a value to what ParaView stores.
+
+- ParaView has no value for "automatic" (None). A parameter that may be None is a text property. Its
+  field is then empty and shows in grey what this means; ParaView passes None to the setter.
+- Lists of three numbers are text properties too: in a panel of ParaView's default width three
+  fields have no room for -9.80665.
+- Parameters of kinds that are declared elsewhere are text properties, with or without quotes.
 """
 
 from __future__ import annotations
@@ -31,14 +33,14 @@ from spacemap_vtk.parameters import (
 from spacemap_vtk.parameters import Text as PlainText
 from spacemap_vtk.units import pretty
 
-#: A slider over a wider range than this cannot be used, and a field takes its place.
+#: Widest range of a slider; a wider one could not be used, and gets a field.
 _WIDEST_SLIDER = 1000.0
-#: What an empty field stands for, where it is the default.
+#: Values for which an empty field stands, if they are the default.
 _EMPTY = (None, ())
 
 
 class Property(NamedTuple):
-    """A parameter as ParaView shows it."""
+    """A parameter in the form of a ParaView property."""
 
     xml: Element
     read: Callable[..., Any]
@@ -53,31 +55,31 @@ def command(parameter: Parameter[Any]) -> str:
 
 
 def title(parameter: Parameter[Any]) -> str:
-    """Return a parameter's name in words, from which ParaView makes its name in Python too."""
+    """Return a parameter's label in capitalised words; ParaView makes its Python name from it."""
     words = parameter.label.replace("colour", "color").split()
     return " ".join(word[:1].upper() + word[1:] for word in words)
 
 
 def property_name(parameter: Parameter[Any]) -> str:
-    """Return a parameter's name in ParaView's Python: letters and digits of the title."""
+    """Return a parameter's name in ParaView's Python: the letters and digits of its title."""
     return "".join(filter(str.isalnum, title(parameter)))
 
 
 def property_of(parameter: Parameter[Any]) -> Property:
-    """Return a parameter's property."""
+    """Make the ParaView property of a parameter."""
     made = _kind_of(parameter)(parameter)
     made.xml.set("name", property_name(parameter))
     made.xml.set("label", title(parameter))
     made.xml.set("command", command(parameter))
     SubElement(made.xml, "Documentation").text = parameter.describe()
     if parameter.automatic and parameter.optional:
-        # Of a file, whose field takes no such text, ParaView ignores it.
+        # ParaView ignores this for a file, because the field of a file cannot show such a text.
         hint(made.xml, "PlaceholderText").text = parameter.show(None)
     return made
 
 
 def _kind_of(parameter: Parameter[Any]) -> Callable[[Any], Property]:
-    # By exact type: a subclass may take more than a number, as yarn counts do.
+    # The exact type decides: a subclass may accept more than a number, as yarn counts do.
     kind, numbers = type(parameter), (Real, Integer)
     makers: dict[type, Callable[[Any], Property]]
     makers = {Flag: _flag, Choice: _choice, FilePath: _file, PlainText: _plain}
@@ -131,7 +133,7 @@ def _flag(parameter: Flag) -> Property:
 
 
 def _choice(parameter: Choice) -> Property:
-    # The word, not its number: a state file must outlive a change of the list.
+    # The property stores the word, not its index: a state file must survive a change of the list.
     xml = _vector_property("String", [parameter.default or AUTOMATIC])
     words = SubElement(xml, "StringListDomain", name="list")
     for word in (*parameter.choices, *[AUTOMATIC] * parameter.optional):
@@ -164,12 +166,12 @@ def _text(parameter: Parameter[Any]) -> Property:
 
 
 def _written(parameter: Parameter[Any], value: Any) -> str:
-    """Return a value as a user would write it: without quotes, where it needs none."""
+    """Return a value as a user would write it, without quotes if it needs none."""
     if value in _EMPTY:
         return ""
     shown = parameter.show(value)
     bare = shown[1:-1] if len(shown) > 1 and shown[0] == shown[-1] == '"' else shown
-    # What is shown may be rounded; as JSON it is not.
+    # The shown value may be rounded; as JSON it is exact.
     for text in (bare, shown, json.dumps(value, default=str)):
         try:
             if parameter.check(_read_text(parameter, text)) == value:
@@ -183,11 +185,11 @@ def _read_text(parameter: Parameter[Any], text: str) -> Any:
     if text.strip() == "" and parameter.default in _EMPTY:
         return parameter.default
     try:
-        # What a scene file can say in one line is JSON too. No tomllib: ParaView 5.13 as Kitware
-        # ships it has Python 3.10.
+        # A value of a scene file in one line is JSON too. tomllib cannot be used: Kitware's
+        # ParaView 5.13 has Python 3.10.
         value = json.loads(text)
         parameter.check(value)
-    except ValueError:  # InputError is one too
+    except ValueError:  # InputError is a ValueError too
         return text.strip()
     return value
 
@@ -208,7 +210,7 @@ def _range(xml: Element, parameter: Real) -> None:
     low = parameter.minimum if parameter.minimum is not None else parameter.above
     high = parameter.maximum if parameter.maximum is not None else parameter.below
     if low is not None and high is not None and high - low > _WIDEST_SLIDER:
-        high = None  # the parameter's own check stays
+        high = None  # the parameter's check still applies
     integer = isinstance(parameter, Integer)
     bounds: dict[str, Any] = {}
     if low is not None:
@@ -222,7 +224,7 @@ def _range(xml: Element, parameter: Real) -> None:
 
 
 def _labels(xml: Element, labels: list[str]) -> None:
-    """Show units beside the fields: in the property's label they would enter its Python name."""
+    """Show units next to the fields; in the property's label they would enter its Python name."""
     if any(labels):
         shown = hint(xml, "ShowComponentLabels")
         for number, label in enumerate(labels):
@@ -230,6 +232,6 @@ def _labels(xml: Element, labels: list[str]) -> None:
 
 
 def hint(xml: Element, name: str) -> Element:
-    """Return a new hint of a property; of several elements of hints ParaView reads the last."""
+    """Add a hint to a property, in its only Hints element: of several ParaView reads the last."""
     hints = xml.find("Hints")
     return SubElement(SubElement(xml, "Hints") if hints is None else hints, name)

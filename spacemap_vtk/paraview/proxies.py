@@ -1,4 +1,4 @@
-"""Server-manager XML: how ParaView shows a stage, in which menu, with which properties."""
+"""Server-manager XML of a stage: how ParaView shows it, in which menu, with which properties."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.property_xml import hint, property_name, property_of
 
 CATEGORY = "Space mapping"
-#: Parameters that begin with the same word are a group if there are as many as this.
+#: Least number of parameters with the same first word that form a group.
 _SMALLEST_GROUP = 3
-#: ParaView's own icons, by what a stage is in a scene.
+#: ParaView's icons, by the role of a stage in a scene.
 _ICONS = {
     "cage": "pqUnstructuredGrid16.png",
     "solver": "pqSinusoidal24.png",
@@ -28,7 +28,7 @@ _ICONS = {
 
 
 class FileType(NamedTuple):
-    """What makes a source a reader."""
+    """The file parameter of a source, which makes it a reader."""
 
     parameter: str
     """Name of the parameter that is the file."""
@@ -37,7 +37,7 @@ class FileType(NamedTuple):
 
 
 def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None = None) -> str:
-    """Return the XML that makes a stage known to ParaView."""
+    """Return the XML that describes a stage to ParaView."""
     root = Element("ServerManagerConfiguration")
     group = SubElement(root, "ProxyGroup", name="filters" if stage.inputs else "sources")
     proxy = SubElement(
@@ -54,7 +54,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
         _input(proxy, port, name, kind)
     names = {name: property_name(p) for name, p in stage.parameters.items()}
     if file is not None:
-        names[file.parameter] = "FileName"  # by this name ParaView knows which property is the file
+        names[file.parameter] = "FileName"  # ParaView finds the property of the file by this name
     for name, parameter in stage.parameters.items():
         xml = property_of(parameter).xml
         if names[name] == "FileName":
@@ -85,7 +85,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
 
 
 def groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
-    """Return the parameters that are shown under a heading of their own."""
+    """Return the parameters that are shown in groups, by the heading of the group."""
     firsts = Counter(name.split("_")[0] for name, p in parameters.items() if not p.group)
     made: dict[str, list[Parameter]] = {}
     for name, parameter in parameters.items():
@@ -110,7 +110,7 @@ def _input(proxy: Element, port: int, name: str, kind: str) -> None:
 
 
 def _show_when(xml: Element, key: str, values: list[Any]) -> None:
-    """Let the panel show a property where another has one of these values; none: any but none."""
+    """Show a property only if another has one of these values; without values, if it has any."""
     shown = hint(xml, "PropertyWidgetDecorator")
     shown.attrib |= {"type": "GenericDecorator", "mode": "visibility", "property": key}
     if len(values) < 2:
@@ -120,7 +120,7 @@ def _show_when(xml: Element, key: str, values: list[Any]) -> None:
 
 
 def _times(proxy: Element) -> None:
-    """Tell ParaView's clock the times that the stage reports."""
+    """Give ParaView's clock the times that the stage reports."""
     for name, helper in (
         ("TimestepValues", "TimeStepsInformationHelper"),
         ("TimeRange", "TimeRangeInformationHelper"),

@@ -1,22 +1,19 @@
-"""ParaView's pictures: yarns in their own colours, and no picture of a batch without a display.
+"""Make ParaView draw yarns in their own colours, and draw nothing in a batch without a display.
 
-ParaView's *Map Scalars* follows the array that is coloured by: with it ticked, as it is by default,
-ParaView 5.11 sends colours through a colour map like any other numbers. What else it has does not
-do: a colour map in VTK's vector mode RGBCOLORS does not know that mode's name, and ends ParaView at
-the next choice of an array.
-
-ParaView shows a legend for every array that it colours by. One of colours that go through no colour
-map would tell the sizes of red, green and blue taken as a vector: it stays hidden.
-
-Without a display ParaView 5.11 itself ends with a print of its stack. Of several processes the
-first may wait for ever: it wants what the others have drawn, which take no part in the picture
-since they have found that there is no display.
-
-Of colours that go through no colour map ParaView 5.11 assumes that they may be translucent. To draw
-what is translucent, each of several processes must have what lies in a box of its own, so that all
-data are cut by planes and sent about before every picture: 60 x 60 yarns took 37 s of each
-processor for that, where drawing them takes 8. The yarns' colours are opaque, which ParaView's
-actors can be told, though by no property: each process is asked to tell its own.
+- *Map Scalars* is set according to the array that colours a representation. By default it is
+  ticked, and ParaView 5.11 then sends colours through a colour map like any other numbers. ParaView
+  has no other solution: a colour map in VTK's vector mode RGBCOLORS does not know the name of this
+  mode, and ends ParaView when the next array is chosen.
+- ParaView shows a legend for every array by which it colours. For colours without a colour map it
+  would show the magnitudes of (red, green, blue) as vectors, so it stays hidden.
+- Without a display, ParaView 5.11 alone ends with a printed stack. With several processes, the
+  first may wait for ever for what the others have drawn. They take no part in the picture, because
+  they have found that there is no display.
+- ParaView 5.11 assumes that colours without a colour map may be translucent. To draw translucent
+  data, each of several processes needs the data inside one box. All data are therefore cut by
+  planes and redistributed before every picture: for 60 x 60 yarns this took 37 s of each processor,
+  and drawing them takes 8 s. The yarns' colours are opaque. ParaView has no property for this, but
+  its actors can be set to opaque, and each process is asked to set its actors.
 """
 
 from __future__ import annotations
@@ -28,18 +25,17 @@ from typing import Any, ClassVar
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
 
-_NAME = 4  # place of the array's name in the property ColorArrayName
-#: The proxies that are observed.
+_NAME = 4  # index of the array's name in the property ColorArrayName
+#: Global ids of the proxies that are observed.
 _followed: set[int] = set()
-#: Of which representations all processes know whether they are opaque.
+#: Whether a representation is opaque, by its global id, as all processes know it.
 _told: dict[int, bool] = {}
 
 
 def show_colors() -> None:
-    """From now on set *Map Scalars* of each new representation, whenever its array changes."""
-    # It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
-    # them, and ticked for others. What a user ticks by hand stays until the next choice of an
-    # array.
+    """Set *Map Scalars* of each new representation, now and whenever its array changes."""
+    # It is unticked for three components of unsigned char named ``color``, which `WeaveSource` has,
+    # and ticked for all other arrays. A user's choice stays until another array is chosen.
     observers = {"representations": _follow, "scalar_bars": _follow_legend}
     _at_each_proxy(("PROCESS_CLIENT", "PROCESS_BATCH"), observers)
 
@@ -47,7 +43,7 @@ def show_colors() -> None:
 def _at_each_proxy(
     processes: Sequence[str], observers: Mapping[str, Callable[[Any], object]]
 ) -> None:
-    """In processes of some types, observe each new proxy of some groups."""
+    """Observe each new proxy of some groups, in processes of some types."""
     try:
         from paraview.modules.vtkRemotingCore import vtkProcessModule
         from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
@@ -81,8 +77,8 @@ def registered(session: Any, group: str) -> Iterator[Any]:
 
 
 def _weak(proxy: Any) -> Callable[[], Any]:
-    """Return what returns a proxy as long as it lives."""
-    # Python's collector takes an observer that refers to what it observes for garbage.
+    """Return a function that returns a proxy while it exists."""
+    # Python's collector would delete an observer that refers to the object that it observes.
     kept = vtkWeakReference()
     kept.Set(proxy)
     return kept.Get
@@ -99,7 +95,7 @@ def _follow(proxy: Any) -> None:
         if name and representation is not None:
             wanted = int(not (name == "color" and _has_colors(representation)))
             if mapped.GetElement(0) != wanted:
-                mapped.SetElement(0, wanted)  # handed on together with the array's name
+                mapped.SetElement(0, wanted)  # sent together with the array's name
 
     def tell(caller: Any, event: str) -> None:
         if (representation := alive()) is not None:
@@ -113,7 +109,7 @@ def _follow(proxy: Any) -> None:
 
 
 def _tell_opaque(proxy: Any) -> None:
-    """Tell all processes whether nothing shines through a representation."""
+    """Inform all processes whether a representation is opaque."""
     hides = (
         not proxy.GetProperty("MapScalars").GetElement(0)
         and proxy.GetProperty("Opacity").GetElement(0) >= 1.0
@@ -123,7 +119,7 @@ def _tell_opaque(proxy: Any) -> None:
     if _told.get(number, False) == hides:
         return
     _told[number] = hides
-    # To the actor of a client itself, and through a proxy of our own to those of its server.
+    # The client sets its actor directly, and those of its server through a proxy of this plugin.
     _force(number, hides)
     if (teller := session.NewProxy("sources", OPAQUE)) is not None:
         for place, value in enumerate((number, int(hides))):
@@ -145,7 +141,7 @@ def _follow_legend(proxy: Any) -> None:
 
 
 def _maps(legend: Any) -> bool:
-    """Whether anything goes through a legend's colour map, as far as it is known."""
+    """Return whether anything uses a legend's colour map; True if this is not known."""
     table = _table(legend)
     mapped = [
         bool(proxy.GetProperty("MapScalars").GetElement(0))
@@ -156,7 +152,7 @@ def _maps(legend: Any) -> bool:
 
 
 def _table(proxy: Any) -> int | None:
-    """Return the number of the colour map that a legend or representation has."""
+    """Return the global id of the colour map of a legend or representation."""
     own = proxy.GetProperty("LookupTable")
     table = own.GetProxy(0) if own is not None and own.GetNumberOfProxies() else None
     return None if table is None else int(table.GetGlobalID())
@@ -181,7 +177,7 @@ def _has_colors(representation: Any) -> bool:
 
 
 def guard_pictures() -> None:
-    """From now on no view of a batch begins to draw unless all its processes can."""
+    """Prevent the views of a batch from drawing unless all of its processes can."""
     observe = methodcaller("AddObserver", "StartEvent", _require_display)
     _at_each_proxy(("PROCESS_BATCH",), {"views": observe})
 
@@ -190,23 +186,23 @@ def _require_display(view: Any, event: str) -> None:
     from paraview.modules.vtkRemotingCore import vtkPVSession
     from paraview.modules.vtkRemotingViews import vtkPVRenderingCapabilitiesInformation
 
-    # what all processes can
+    # what all processes support
     found = vtkPVRenderingCapabilitiesInformation()
     view.GetSession().GatherInformation(vtkPVSession.RENDER_SERVER, found, 0)
     if not found.Supports(vtkPVRenderingCapabilitiesInformation.RENDERING):
-        # out of an observer, too, Python ends with it; mpirun then ends the other processes
+        # Python ends with this exception in an observer too; mpirun then ends the other processes.
         raise SystemExit(
             "spacemap: ParaView has no display to draw on. Set DISPLAY for each of its processes, "
             'or start it under "xvfb-run -a"; one that is built with EGL or OSMesa needs neither.'
         )
 
 
-#: A proxy of our own that tells actors.
+#: Name of the proxy that sets actors to opaque.
 OPAQUE = "SpacemapOpaque"
 
 
 class SpacemapOpaque(VTKPythonAlgorithmBase):
-    """Tells actors in each process of a server; it makes no data, and stands in no menu."""
+    """Sets actors to opaque in each process of a server; it makes no data and is in no menu."""
 
     _pvsm_proxy_xml: ClassVar[str] = f"""
 <ServerManagerConfiguration>
@@ -222,24 +218,25 @@ class SpacemapOpaque(VTKPythonAlgorithmBase):
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
 
     def set_opaque(self, number: int, opaque: int) -> None:
-        """Tell the actor of a representation, by the number that all processes know it by."""
+        """Set whether a representation's actor is opaque; `number` is the global id."""
         _force(number, bool(opaque))
 
 
-#: The actors of this process that are told to be opaque, by the number of their representation.
+#: Actors of this process that were set to opaque, by the global id of their representation.
 _forced: dict[int, vtkWeakReference] = {}
 
 
 def _force(number: int, opaque: bool) -> None:
-    """Let a representation's surface be opaque whatever its colours are, or not."""
-    # Where no script runs nothing has imported the classes of what the session holds; and one
-    # process alone that took its surface for opaque would wait for the others for ever.
+    """Make a representation's surface opaque whatever its colours are, or undo this."""
+    # These imports define the classes of the session's objects; where no script runs, nothing else
+    # imports them. If only one process took its surface for opaque, it would wait for the others
+    # for ever.
     from paraview.modules import vtkRemotingViews  # noqa: F401
     from paraview.modules.vtkRemotingCore import vtkProcessModule
     from vtkmodules import vtkRenderingCore  # noqa: F401
 
     if not opaque:
-        # the one that was told: another way to show it may have been chosen since
+        # Undo it for the same actor: another kind of representation may have been chosen since.
         actor = _forced.pop(number).Get() if number in _forced else None
         if actor is not None:
             actor.ForceOpaqueOff()

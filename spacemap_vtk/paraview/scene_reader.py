@@ -1,4 +1,4 @@
-"""SceneReader: a scene file as a source of ParaView."""
+"""SceneReader: a scene file as a source in ParaView."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SceneReader(Stage):
     # The time steps are the frames of the scene's film.
 
     section = "scene"
-    #: What `_request_data_object` makes is one; VTK would replace what is not.
+    #: VTK would replace the output of `_request_data_object` if it were not of this type.
     output_type = "vtkPointSet"
 
     file = FilePath(None, "The scene (.toml).", automatic="no scene")
@@ -42,9 +42,9 @@ class SceneReader(Stage):
 
     @property
     def scene(self) -> Scene:
-        """The scene; read again when the file has changed."""
-        # Here and not above: where ParaView brings Python 3.10 there is no tomllib, and all but
-        # scenes works.
+        """The scene; it is read again if the file has changed."""
+        # Imported here, because there is no tomllib where ParaView brings Python 3.10; everything
+        # except scenes works there.
         from spacemap_vtk.scenes.origin import elsewhere
         from spacemap_vtk.scenes.scene import Scene
 
@@ -58,7 +58,7 @@ class SceneReader(Stage):
         return self._kept[2]
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
-        """Return the first and the last frame's time of the scene's film."""
+        """Return the times of the first and the last frame of the scene's film."""
         times = self._times()
         return (times[0], times[-1]) if times else None
 
@@ -66,7 +66,7 @@ class SceneReader(Stage):
         """Run the scene's pipeline to `time`."""
         scene = self.scene
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SpacemapWarning)  # this stage says what those say
+            warnings.simplefilter("ignore", SpacemapWarning)  # this stage repeats them below
             scene.update(time, self.piece)
         for text in scene.warnings:
             self.warn(text)
@@ -74,7 +74,7 @@ class SceneReader(Stage):
 
     @property
     def replicated(self) -> bool:
-        """A cage is whole in each piece."""
+        """Whether each piece is the whole output, as it is for a cage."""
         return bool(self.show == "cage")
 
     def _times(self) -> list[float]:

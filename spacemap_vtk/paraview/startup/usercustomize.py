@@ -1,7 +1,7 @@
-"""Python runs this at its start when the folder is on PYTHONPATH, as `spacemap paraview` puts it.
+"""Restore `inspect.getargspec`, without which ParaView up to 5.11 loads no Python plugin.
 
-ParaView up to 5.11 asks for `inspect.getargspec`, which left Python in 3.11; without it no Python
-plugin loads. ParaView imports it before any plugin has a chance to act.
+Python runs this file at its start if the folder is on PYTHONPATH, as `spacemap paraview` sets it.
+Python 3.11 has removed `inspect.getargspec`, and ParaView imports it before a plugin can act.
 """
 
 import inspect
