@@ -1,1 +1,1 @@
-"""The draft as weavers see it: threading, tie-up, treadling and drawdown, to look at and edit."""
+"""The draft tab: view and editor of threading, tie-up, treadling and drawdown."""

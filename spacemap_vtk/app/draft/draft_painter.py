@@ -1,4 +1,4 @@
-"""Painting a draft: one picture for each grid, a pixel or a small square for each cell."""
+"""Paint a draft: one image per grid, with a pixel or a small square for each cell."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 from spacemap_vtk.app.draft.layout import GAP, Layout, PanelSpan, Place
 from spacemap_vtk.scenes.shown import Shown
 
-#: Cells of fewer pixels have no lines between them, and of fewer still no thread to be seen.
+#: Least sizes of a cell in pixels to draw lines between cells, and to draw round yarns.
 _LINED, _THREADED = 5, 6
-#: A heavier line after so many cells.
+#: Number of cells between heavier lines.
 GROUP = 4
 
-#: Of the light look and of the dark one.
+#: Colours of `Inks` in the light and in the dark theme.
 _INKS = (
     ("#ffffff", "#f4f6f8", "#26323e", "#2d6a8e", "#e3e8ee", "#b4bec9", "#66717e", "#d9642c"),
     ("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454"),
@@ -38,19 +38,19 @@ class Inks(NamedTuple):
 
     @classmethod
     def of(cls, dark: bool) -> Inks:
-        """Return those of the light or the dark look."""
+        """Return the colours of the light or the dark theme."""
         return cls(*(QColor(word) for word in _INKS[dark]))
 
 
 class Painting:
-    """Paints one draft in one layout."""
+    """Paint one draft in one layout."""
 
     def __init__(self, shown: Shown, layout: Layout, inks: Inks, colored: bool) -> None:
         self._shown, self._layout, self._inks = shown, layout, inks
         self._colored = colored
 
     def paint(self, painter: QPainter, ratio: float) -> None:
-        """Paint everything but what follows the mouse."""
+        """Paint all grids, strips and numbers, without the highlight under the mouse."""
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
         self._threads(painter, ratio)
         for name in ("threading", "treadling", "tieup"):
@@ -61,7 +61,7 @@ class Painting:
         self._numbers(painter)
 
     def hover(self, painter: QPainter, place: Place) -> None:
-        """Show which end, pick, shaft and treadle belong to a cell."""
+        """Highlight a cell with its end, pick, shaft and treadle."""
         across, down = self._layout.panels[place.panel]
         color = QColor(self._inks.hover)
         color.setAlpha(46)
@@ -76,7 +76,7 @@ class Painting:
         painter.drawRect(QRectF(_cell(across, down, place.x or None, place.y or None)))
 
     def _threads(self, painter: QPainter, ratio: float) -> None:
-        """Paint the drawdown, at larger cells as round threads."""
+        """Paint the drawdown, in large cells as round yarns."""
         x, y = self._layout.panels["drawdown"]
         columns, rows = _numbered(x), _numbered(y)
         over = self._shown.drawdown[np.ix_(rows, columns)]
@@ -109,7 +109,7 @@ class Painting:
         self._lines(painter, panel, faint=True)
 
     def _image(self, painter: QPainter, panel: str, cells: NDArray[np.uint8]) -> None:
-        """Draw a picture over the cells in sight."""
+        """Draw an image over the visible cells of a panel."""
         x, y = self._layout.panels[panel]
         target = QRect(
             x.begin + x.visible.start * x.size,
@@ -134,7 +134,7 @@ class Painting:
         painter.setClipRect(area.adjusted(0, 0, 1, 1))
         for span, upright in ((x, True), (y, False)):
             for index in range(span.visible.start, span.visible.stop + 1):
-                # Groups are counted from where the numbers begin.
+                # Heavier lines are counted from cell 1, which can be at either end.
                 number = span.cells - index if span.reversed else index
                 heavy = bool(span.cells) and number % GROUP == 0
                 edge = index in (0, max(span.cells, 1))
@@ -152,7 +152,7 @@ class Painting:
         painter.restore()
 
     def _numbers(self, painter: QPainter) -> None:
-        """Write numbers into the gaps between the grids."""
+        """Write the numbers of ends, picks, shafts and treadles between the grids."""
         font = QFont(painter.font())
         font.setPixelSize(10)
         painter.setFont(font)
@@ -175,33 +175,33 @@ class Painting:
 
 
 def _labelled(span: PanelSpan, room: int) -> list[tuple[int, int]]:
-    """Return numbers with enough room between them, and where their cells begin."""
+    """Choose numbers at least `room` pixels apart; return them with the pixels of their cells."""
     step = 1
     while step * span.size < room:
         step *= 2 if step > 1 else GROUP
     numbers = (1, *range(step, span.cells + 1, step)) if step > 1 else range(1, span.cells + 1)
     found = [(n, span.pixel(n)) for n in numbers if span.cells]
-    # The first number stands where it is not in the way of the second.
+    # Drop the first number if it is too close to the second.
     if len(found) > 1 and abs(found[1][1] - found[0][1]) < room:
         found = found[1:]
     return [(n, at) for n, at in found if span.low <= at + span.size / 2 <= span.high]
 
 
 def _numbered(span: PanelSpan) -> NDArray[np.intp]:
-    """Return the cells in sight as they stand on the screen, by their numbers from 0."""
+    """Return the indices of the visible cells in the order of the screen."""
     seen = np.arange(span.visible.start, span.visible.stop)
     return span.cells - 1 - seen if span.reversed else seen
 
 
 def _cell(x: PanelSpan, y: PanelSpan, column: int | None, row: int | None) -> QRect:
-    """Return a cell; None: all cells of that direction."""
+    """Return the rectangle of a cell; None means all cells in that direction."""
     left, wide = (x.begin, max(x.cells, 1) * x.size) if column is None else (x.pixel(column), 0)
     top, high = (y.begin, max(y.cells, 1) * y.size) if row is None else (y.pixel(row), 0)
     return QRect(left, top, wide or x.size, high or y.size)
 
 
 def _area(x: PanelSpan, y: PanelSpan) -> QRect:
-    """Return where a panel is seen."""
+    """Return the visible rectangle of a panel."""
     left, right = max(x.low, x.begin), min(x.high, x.begin + max(x.cells, 1) * x.size)
     top, bottom = max(y.low, y.begin), min(y.high, y.begin + max(y.cells, 1) * y.size)
     return QRect(left, top, max(0, right - left), max(0, bottom - top))
@@ -216,7 +216,7 @@ def _rgb(color: QColor) -> NDArray[np.uint8]:
 
 
 def _rounded(cells: NDArray[np.uint8], over: NDArray[np.bool_], size: int) -> NDArray[np.uint8]:
-    """Return squares of `size` pixels: the upper thread, darker at its edges."""
+    """Return cells of `size` pixels that show the upper yarn, darker at its edges."""
     across = np.abs(2 * (np.arange(size) + 0.5) / size - 1)
     shade = (1.0 - 0.42 * across**4).astype(np.float32)
     upright = np.broadcast_to(shade[None, :], (size, size))

@@ -1,4 +1,4 @@
-"""The draft tab: the grids, their tools, and the way of an edit into the scene."""
+"""The draft tab: grids, tools, and the transfer of edits to the scene."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from spacemap_vtk.io.registry import draft_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 from spacemap_vtk.textile.drafts.loom import Loom
 
-#: The section that edits change.
+#: Section that edits change.
 _SECTION = "weave"
-#: During a stroke the scene is changed so seldom that it takes this share of the time.
+#: Largest fraction of the time that changes of the scene take during a stroke.
 _SHARE = 0.3
 _MOST = 4096
 _HINT = "Drag, or arrows and Enter, to edit · Ctrl: a second mark · Ctrl+wheel: zoom"
 
 
 class DraftTab(QWidget):
-    """Shows the weave of a document, and edits it; every edit can be undone."""
+    """Show and edit the weave of a document; every edit can be undone."""
 
-    #: What went wrong with an edit.
+    #: The error of an edit.
     failed = Signal(object)
-    #: A number was changed or a stroke ended: errors of before are of no interest.
+    #: An edit was accepted, so earlier errors are obsolete.
     accepted = Signal()
-    #: Another draft is to be opened in place of one that was opened, too.
+    #: Path of a draft to open instead of the draft that is open.
     left = Signal(str)
-    #: Whether a stroke goes on.
+    #: Whether a stroke is in progress.
     held = Signal(bool)
 
     def __init__(self, document: Document) -> None:
@@ -59,13 +59,13 @@ class DraftTab(QWidget):
         self._burst = 0
         self._cost, self._done = 0.0, 0.0
         self._waiting: tuple[Shown, str] | None = None
-        #: The loom before the liftplan.
+        #: The loom before the change to a liftplan.
         self._tied: Loom | None = None
         self._later = later(self, self._commit)
         self.grid = DraftGrid()
         self.palette_row = Palette()
         self.hint = note(_HINT, alignment=Qt.AlignmentFlag.AlignTop)
-        # Of one height, whatever it says: the grid would be another under the pointer.
+        # Fixed height: otherwise the grid would move under the mouse when the hint changes.
         self.hint.setFixedHeight(2 * self.hint.fontMetrics().height() + 2)
         self.empty = note(alignment=Qt.AlignmentFlag.AlignCenter)
         self.empty.hide()
@@ -84,8 +84,8 @@ class DraftTab(QWidget):
         document.replaced.connect(self.refresh)
 
     def refresh(self) -> None:
-        """Show what the document says, if it can be seen."""
-        # The mouse knows better than the document, which follows it.
+        """Show the draft of the document if the tab is visible."""
+        # During a stroke the grid is newer than the document.
         if not self.isVisible() or self.grid.stroking:
             return
         scene = self._document.scene
@@ -111,7 +111,7 @@ class DraftTab(QWidget):
             self._show(shown)
 
     def open(self) -> None:
-        """Ask for a draft, and weave it in this scene."""
+        """Ask for a draft file and use it in this scene."""
         name = ask_opened(self, "Open draft", draft_filters())
         if name and self._document.opened_draft and kind_of(Path(name)) == "draft":
             self.left.emit(name)
@@ -120,12 +120,12 @@ class DraftTab(QWidget):
             self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Catch up with what has changed unseen."""
+        """Show changes that were made while the tab was hidden."""
         super().showEvent(event)
         self.refresh()
 
     def _make_tools(self) -> QBoxLayout:
-        """Fill the tools; return what stands over them, which is there without a draft, too."""
+        """Create the tools; return the row above them, which is also shown without a draft."""
         tip = "Weave a draft from a file (.wif, .dtx, .wpo, rows, picture)"
         self.opened = tool_button("Open…", tip)
         self.opened.clicked.connect(self.open)
@@ -222,7 +222,7 @@ class DraftTab(QWidget):
             self.refresh()
 
     def _commit(self) -> None:
-        """Bring the last state of a stroke into the scene."""
+        """Transfer the last state of a stroke to the scene."""
         self._later.stop()
         if self._waiting is None:
             return
@@ -275,7 +275,7 @@ class DraftTab(QWidget):
             if index:
                 self._tied, loom = shown.loom, shown.loom.with_liftplan
             elif self._tied is not None and self._tied.with_liftplan == shown.loom:
-                loom = self._tied  # nothing was edited meanwhile: its own treadles, as numbered
+                loom = self._tied  # the liftplan was not edited: restore the former treadles
             else:
                 loom = shown.loom.with_treadles
             self._reloom(loom, "liftplan" if index else "treadles")

@@ -1,4 +1,4 @@
-"""The grids of a draft as one widget: painted, scrolled, zoomed, and edited with the mouse."""
+"""Widget with the grids of a draft: painting, scrolling, zooming and editing."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from spacemap_vtk.app.draft.strokes import Stroke
 from spacemap_vtk.app.widgets import is_dark
 from spacemap_vtk.scenes.shown import Shown
 
-#: Where arrows lead, across and down.
+#: Steps of the arrow keys, across and down.
 _STEPS = {
     Qt.Key.Key_Left: (-1, 0),
     Qt.Key.Key_Right: (1, 0),
     Qt.Key.Key_Up: (0, -1),
     Qt.Key.Key_Down: (0, 1),
 }
-#: Pixels of a cell, from the least to the most.
+#: Possible sizes of a cell in pixels.
 SIZES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40)
 
 
 class DraftGrid(QAbstractScrollArea):
-    """Shows a draft; every stroke of the mouse is told, nothing is decided here."""
+    """Show a draft and report strokes of the mouse; the owner decides what they change."""
 
-    #: The draft as the stroke has left it, what was edited, and whether the stroke goes on.
+    #: The edited draft, the name of the edit, and whether the stroke continues.
     edited = Signal(object, str, bool)
-    #: What lies under the mouse, in words.
+    #: Description of the cell under the mouse.
     hovered = Signal(str)
-    #: Why a click does nothing.
+    #: Reason why a click has no effect.
     refused = Signal(str)
-    #: A colour that was picked up from a strip.
+    #: A colour picked from a strip.
     took = Signal(object)
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class DraftGrid(QAbstractScrollArea):
         self.cell = 10
         self.as_cloth = True
         self.colored = True
-        #: What the strips are painted with.
+        #: Colour for painting the strips.
         self.color = QColor("#2d6a8e")
         self._fits = True
         self._stroke: Stroke | None = None
@@ -65,11 +65,11 @@ class DraftGrid(QAbstractScrollArea):
 
     @property
     def stroking(self) -> bool:
-        """Whether the button is down."""
+        """Whether a stroke is in progress."""
         return self._stroke is not None
 
     def layout_now(self) -> Layout | None:
-        """Return where everything stands; None without a draft."""
+        """Compute the present layout; None without a draft."""
         if self.shown is None:
             return None
         across, down = (bar.value() for bar in self._bars)
@@ -89,7 +89,7 @@ class DraftGrid(QAbstractScrollArea):
         self.repaint_all()
 
     def fit(self) -> None:
-        """Let the whole draft be seen."""
+        """Choose the size of cells so that the whole draft is visible."""
         self._fits = True
         if self.shown is not None:
             self.cell = fitting(self.shown, self._room(), SIZES[0], 24)
@@ -97,7 +97,7 @@ class DraftGrid(QAbstractScrollArea):
             self.repaint_all()
 
     def zoom(self, larger: bool, about: QPointF | None = None) -> None:
-        """Make cells larger or smaller."""
+        """Change the size of cells; keep the point `about` at its place."""
         layout = self.layout_now()
         if layout is None:
             return
@@ -116,17 +116,17 @@ class DraftGrid(QAbstractScrollArea):
         self.repaint_all()
 
     def set_view(self, as_cloth: bool, colored: bool) -> None:
-        """Choose how the draft is drawn."""
+        """Set the orientation and whether yarns are coloured."""
         self.as_cloth, self.colored = as_cloth, colored
         self.repaint_all()
 
     def repaint_all(self) -> None:
-        """Paint anew, what is kept of the last picture too."""
+        """Discard the cached picture and paint again."""
         self._picture = None
         self.viewport().update()
 
     def words(self, place: Place) -> str:
-        """Return what stands at a cell."""
+        """Describe a cell."""
         shown = self.shown
         assert shown is not None
         loom, panel = shown.loom, place.panel
@@ -150,7 +150,7 @@ class DraftGrid(QAbstractScrollArea):
         )
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint the kept picture, and what follows the mouse."""
+        """Paint the cached picture, and the highlight under the mouse."""
         painter = QPainter(self.viewport())
         inks = Inks.of(is_dark(self))
         layout = self.layout_now()
@@ -175,7 +175,7 @@ class DraftGrid(QAbstractScrollArea):
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Begin a stroke."""
+        """Start a stroke, or pick a colour with the right button."""
         place = self._place(event.position())
         if place is None or self.shown is None:
             return
@@ -199,14 +199,14 @@ class DraftGrid(QAbstractScrollArea):
         self._pass(place)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Go on with a stroke, or tell what is under the mouse."""
+        """Continue a stroke, or describe the cell under the mouse."""
         if self._stroke is None:
             self._point(self._place(event.position()))
             return
         place = self._place(event.position(), self._stroke.panel)
         if place is None or self._last is None:
             return
-        # A quick hand skips cells.
+        # Fill in the cells that a fast mouse has skipped.
         steps = max(abs(place.x - self._last.x), abs(place.y - self._last.y))
         for step in range(1, steps + 1):
             x = round(self._last.x + (place.x - self._last.x) * step / steps)
@@ -226,7 +226,7 @@ class DraftGrid(QAbstractScrollArea):
             self.edited.emit(self.shown, name, False)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Go from cell to cell with the arrows, edit with Enter, zoom with + and -."""
+        """Move between cells with the arrow keys, edit with Enter, zoom with + and -."""
         key, place = event.key(), self._hover
         if key in _STEPS and self.shown is not None and not self.stroking:
             self._step(*_STEPS[key])
@@ -240,7 +240,7 @@ class DraftGrid(QAbstractScrollArea):
             super().keyPressEvent(event)
 
     def _step(self, across: int, down: int) -> None:
-        """Go to the next cell, at a grid's edge into the next grid."""
+        """Move to the next cell; at the edge of a grid, to the next grid."""
         at = self._show(self._hover or Place("threading", 1, 1))
         layout = self.layout_now()
         assert layout is not None
@@ -262,7 +262,7 @@ class DraftGrid(QAbstractScrollArea):
                 return
 
     def _show(self, place: Place) -> Place:
-        """Scroll until a cell is in sight."""
+        """Scroll until a cell is visible."""
         layout = self.layout_now()
         assert layout is not None
         for bar, span, number, room in zip(
@@ -274,11 +274,11 @@ class DraftGrid(QAbstractScrollArea):
         return place
 
     def leaveEvent(self, _event: QEvent) -> None:
-        """Nothing is under the mouse."""
+        """Remove the highlight."""
         self._point(None)
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        """Zoom with Ctrl, else scroll."""
+        """Zoom with Ctrl, otherwise scroll."""
         if event.modifiers() & Qt.KeyboardModifier.ControlModifier:
             if event.angleDelta().y():
                 self.zoom(event.angleDelta().y() > 0, event.position())
@@ -287,7 +287,7 @@ class DraftGrid(QAbstractScrollArea):
             super().wheelEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the whole draft in sight, if it was."""
+        """Fit the draft again if the whole draft was shown."""
         super().resizeEvent(event)
         if self._fits:
             self.fit()
@@ -295,13 +295,13 @@ class DraftGrid(QAbstractScrollArea):
         self.repaint_all()
 
     def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
+        """Paint again in another theme."""
         if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
             self.repaint_all()
         super().changeEvent(event)
 
     def sizeHint(self) -> QSize:
-        """Return a size in which a small draft can be edited."""
+        """Return a size that is enough for a small draft."""
         return QSize(360, 420)
 
     def _pass(self, place: Place) -> None:
@@ -341,7 +341,7 @@ class DraftGrid(QAbstractScrollArea):
 
 
 def _form(shown: Shown) -> tuple[object, ...]:
-    """Return which cells there are."""
+    """Return the numbers of cells of all grids, for comparison."""
     return shown.size, shown.loom.shafts, shown.columns, shown.loom.liftplan is None
 
 

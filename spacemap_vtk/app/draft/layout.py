@@ -1,4 +1,4 @@
-"""Where the grids of a draft stand on the screen, and what lies under a point."""
+"""Layout of a draft's grids on the screen, and lookup of the cell at a point."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from typing import NamedTuple
 
 from spacemap_vtk.scenes.shown import Shown
 
-#: Pixels round the draft, between its grids (where the numbers stand), of a strip of colours, and
-#: between a strip and its grid.
+#: In pixels: margin around the draft; gap between grids, with the numbers; width of a strip of
+#: colours; distance of a strip from its grid.
 MARGIN, GAP, STRIP, NEAR = 10, 24, 13, 4
-#: Share of the window that grids beside the drawdown may take and still stay in sight.
+#: The parts before and after the drawdown stay visible if they take at most this fraction of the
+#: widget.
 FROZEN = 0.6
 
 
 class Place(NamedTuple):
-    """A cell: its panel, and its numbers from 1 along x and y; 0 where the panel has none."""
+    """A cell: its panel, and its numbers along x and y from 1; 0 across a strip of colours."""
 
     panel: str
     x: int
@@ -22,10 +23,10 @@ class Place(NamedTuple):
 
 
 class Axis(NamedTuple):
-    """One direction of the screen: something, then the drawdown, then something."""
+    """One direction of the screen: a part before the drawdown, the drawdown, a part after it."""
 
-    # What stands before and after the drawdown stays in sight while the drawdown scrolls, unless
-    # that would leave too little room for it: then all of it scrolls.
+    # Only the drawdown scrolls, and the parts before and after it stay visible, unless they leave
+    # too little room: then everything scrolls.
 
     before: int
     """Pixels before the drawdown."""
@@ -40,7 +41,7 @@ class Axis(NamedTuple):
 
     @property
     def length(self) -> int:
-        """Pixels of the drawdown."""
+        """Length of the drawdown in pixels."""
         return self.cells * self.cell
 
     @property
@@ -55,24 +56,24 @@ class Axis(NamedTuple):
 
     @property
     def main(self) -> int:
-        """Where the drawdown begins, in sight or not."""
+        """Pixel where the drawdown begins, visible or not."""
         return self.before - self.offset
 
     @property
     def clip(self) -> tuple[int, int]:
-        """Between which pixels the drawdown is seen."""
+        """First and last pixel between which the drawdown is visible."""
         if not self.frozen:
             return 0, self.room
         return self.before, max(self.before, self.last)
 
     @property
     def first(self) -> int:
-        """Where what comes before begins."""
+        """Pixel where the part before the drawdown begins."""
         return 0 if self.frozen else -self.offset
 
     @property
     def last(self) -> int:
-        """Where what comes after begins."""
+        """Pixel where the part after the drawdown begins."""
         if not self.frozen:
             return self.main + self.length
         return min(self.before + self.length, self.room - self.after)
@@ -105,25 +106,25 @@ class PanelSpan(NamedTuple):
         return self.cells - index if self.reversed else index + 1
 
     def pixel(self, number: int) -> int:
-        """Return where a cell begins."""
+        """Return the pixel where a cell begins."""
         index = self.cells - number if self.reversed else max(number - 1, 0)
         return self.begin + self.size * index
 
     @property
     def visible(self) -> range:
-        """The cells in sight, counted from 0 as they stand on the screen."""
+        """The visible cells, counted from 0 in the order of the screen."""
         first = max(0, (self.low - self.begin) // self.size)
         last = min(max(self.cells, 1), -(-(self.high - self.begin) // self.size))
         return range(first, max(first, last))
 
 
 class Layout:
-    """Places of the grids."""
+    """Positions of all grids and strips of a draft."""
 
-    # Threading above, tie-up in the corner, treadling to the right, drawdown below; a strip of
-    # colours above the threading and right of the treadling. As on paper everything is counted from
-    # the corner where the four grids meet; `as_cloth` counts ends from the left and picks from
-    # below, as the cloth is seen from its front.
+    # The threading is above the drawdown, the treadling to its right, the tie-up in the corner
+    # between these. Strips of colours are above the threading and right of the treadling. As on
+    # paper, everything is counted from the corner where the four grids meet; `as_cloth` counts ends
+    # from the left and picks from below, as in the cloth seen from its front.
 
     def __init__(
         self,
@@ -138,7 +139,7 @@ class Layout:
         head = MARGIN + STRIP + NEAR
         x = Axis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
         y = Axis(head + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
-        #: Largest scrolls.
+        #: Largest scroll offsets.
         self.most = x.most, y.most
         self.offset = min(max(offset[0], 0), x.most), min(max(offset[1], 0), y.most)
         self.x, self.y = (
@@ -149,7 +150,7 @@ class Layout:
         along_picks = PanelSpan(y.main, picks, cell, *y.clip, as_cloth)
         right, far = x.last + GAP, x.last + GAP + columns * cell
         treadles = PanelSpan(right, columns, cell, right, far, False)
-        # Shaft 1 is next to the cloth, at the bottom.
+        # Shaft 1 is next to the cloth, at the bottom of the threading.
         top = y.first + head
         heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
         strip, side = (
@@ -176,13 +177,13 @@ class Layout:
         return None
 
     def center(self, place: Place) -> tuple[int, int]:
-        """Return the middle of a cell, in sight or not."""
+        """Return the centre of a cell, visible or not."""
         across, down = self.panels[place.panel]
         return across.pixel(place.x) + across.size // 2, down.pixel(place.y) + down.size // 2
 
 
 def fitting(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
-    """Return the size of a cell with which a whole draft is in sight."""
+    """Return the largest size of a cell with which the whole draft is visible."""
     ends, picks = shown.size
     wide = room[0] - 2 * MARGIN - GAP - NEAR - STRIP
     high = room[1] - 2 * MARGIN - GAP - NEAR - STRIP

@@ -1,4 +1,4 @@
-"""The colours of a draft's yarns, to paint the strips with."""
+"""Palette of colours for painting the strips of a draft."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from spacemap_vtk.app.widgets import painter_on
 from spacemap_vtk.scenes.shown import Shown
 
 _SIDE, _ROOM = 22, 5
-#: Where a draft has fewer colours, these are offered.
+#: Colours offered in addition to the draft's.
 _OFFERED = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
 _MOST = 24
 
 
 class Palette(QWidget):
-    """A row of colours: click chooses, double click changes it wherever it is, + adds one."""
+    """Colours to choose by a click; a double click changes one in the whole draft, + adds one."""
 
     #: The colour to paint with.
     chosen = Signal(object)
-    #: A colour, and the one that takes its place.
+    #: A colour, and its replacement.
     changed = Signal(object, object)
 
     def __init__(self) -> None:
@@ -34,25 +34,25 @@ class Palette(QWidget):
         self.setMouseTracking(True)
 
     def begin(self) -> None:
-        """Forget the colours of another draft."""
+        """Clear the palette for another draft."""
         self.colors = []
 
     def show_colors(self, shown: Shown) -> None:
-        """Show the colours that a draft has; those that are there stay where they are."""
+        """Add the colours of a draft; present ones keep their places."""
         both = np.concatenate([shown.warp, shown.weft])
         found, first = np.unique(both, axis=0, return_index=True)
         own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MOST]]
         self._add(*own, *(QColor(word) for word in _OFFERED))
 
     def choose(self, color: QColor) -> None:
-        """Paint with a colour."""
+        """Select the colour to paint with."""
         self._add(color)
         self.color = color
         self.update()
         self.chosen.emit(color)
 
     def rect_of(self, index: int) -> QRect:
-        """Return where a colour stands; the one after the last is the +."""
+        """Return the rectangle of a colour; the index after the last is the +."""
         columns = max(1, (self.width() - _ROOM) // (_SIDE + _ROOM))
         row, column = divmod(index, columns)
         step = _SIDE + _ROOM
@@ -68,7 +68,7 @@ class Palette(QWidget):
         return QSize(240, self.heightForWidth(max(self.width(), 240)))
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint the colours, and a ring round the chosen one."""
+        """Paint the colours, with a ring around the selected one."""
         painter = painter_on(self)
         line, ring = self.palette().mid().color(), self.palette().highlight().color()
         for index, color in enumerate((*self.colors, Qt.BrushStyle.NoBrush)):
@@ -85,7 +85,7 @@ class Palette(QWidget):
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Choose, or add."""
+        """Select a colour, or add one."""
         index = self._index(event.position().toPoint())
         if index is None or event.button() != Qt.MouseButton.LeftButton:
             return
@@ -97,7 +97,7 @@ class Palette(QWidget):
                 self.choose(color)
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        """Change a colour wherever it is."""
+        """Change a colour in the whole draft."""
         index = self._index(event.position().toPoint())
         if index is None or index >= len(self.colors):
             return
@@ -110,7 +110,7 @@ class Palette(QWidget):
             self.choose(new)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Say what is under the mouse."""
+        """Show a tooltip for the colour under the mouse."""
         index = self._index(event.position().toPoint())
         if index is not None:
             words = "Another colour"

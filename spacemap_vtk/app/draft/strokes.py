@@ -1,4 +1,4 @@
-"""What a stroke of the mouse does to a draft, cell by cell."""
+"""Apply strokes of the mouse to a draft, cell by cell."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from spacemap_vtk.app.draft.layout import Place
 from spacemap_vtk.scenes.shown import Shown
 from spacemap_vtk.textile.drafts.loom import Loom
 
-#: What people call the edits, for the undo menu.
+#: Names of the edits in the undo menu.
 NAMES = {
     "threading": "threading",
     "tieup": "tie-up",
@@ -25,16 +25,16 @@ NAMES = {
 
 
 class Stroke:
-    """A press of the button, and all cells that it is dragged over."""
+    """A mouse stroke: the pressed cell and all cells that it is dragged over."""
 
-    # The first cell decides: a mark that is there goes, and so do others under the drag; a cell
-    # without gets one. An end is on one shaft and a pick on one treadle, unless `several`.
+    # The first cell decides: if it has a mark, the stroke removes marks, otherwise it sets marks.
+    # An end is on one shaft and a pick on one treadle, unless `several`.
 
     def __init__(self, shown: Shown, place: Place, several: bool, color: QColor) -> None:
         self.panel = place.panel
         self.name = NAMES[place.panel]
         self._color = color.red(), color.green(), color.blue()
-        # A second mark beside another: the other one goes with the first stroke.
+        # A new mark replaces the present one of its end or pick, unless `several`.
         if place.panel == "drawdown":
             self._wanted = not shown.drawdown[place.y - 1, place.x - 1]
         elif place.panel not in ("warp", "weft"):
@@ -44,7 +44,7 @@ class Stroke:
         self._several = several
 
     def applied(self, shown: Shown, place: Place) -> Shown:
-        """Return the draft after a cell has been passed."""
+        """Return the draft with the stroke applied to a cell."""
         if self.panel in ("warp", "weft"):
             return self._painted(shown, place)
         if self.panel == "drawdown":
@@ -75,7 +75,7 @@ class Stroke:
 def _row(
     shown: Shown, place: Place
 ) -> tuple[tuple[int, ...], int, Callable[[tuple[int, ...]], Loom]]:
-    """Return the marks of an end, a pick or a treadle, a cell's number, and what sets the marks."""
+    """Return the marks of an end, pick or treadle, the cell's number, and a setter of marks."""
     loom = shown.loom
     if place.panel == "threading":
         return loom.threading[place.x - 1], place.y, partial(loom.threaded, place.x)

@@ -1,1 +1,1 @@
-"""Widgets for parameters, one class for each kind; `row.editor_of` chooses by the declaration."""
+"""Editors of parameters, one class for each kind; `row.editor_of` selects the class."""

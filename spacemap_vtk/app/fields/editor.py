@@ -1,4 +1,4 @@
-"""What all editors of a parameter share, and those that have a line to type in."""
+"""Base classes of the editors of parameters."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ from spacemap_vtk.units import pretty
 
 
 class Editor(QWidget):
-    """Shows and edits one value; base of one class for each kind of parameter."""
+    """Widget that shows and edits one value; base of the editors of all kinds of parameters."""
 
-    #: Whether it takes a line of its own, below its name.
+    #: Whether the editor needs a separate line below its label.
     wide = True
-    #: A value as a scene file would have it, and a number that is the same during one drag.
+    #: A value as in a scene file, and the burst: a number that is the same during one drag.
     edited = Signal(object, int)
-    #: Whether a drag goes on.
+    #: Whether a drag is in progress.
     held = Signal(bool)
-    #: The text is again that of the value that holds: what was refused since is gone.
+    #: The text is again that of the present value, so that a refused text is gone.
     restored = Signal()
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__()
         self.parameter = parameter
-        #: The value that holds, as text.
+        #: The present value as text.
         self.shown = ""
 
     def show_value(self, value: Any) -> None:
-        """Show a checked value; emits nothing."""
+        """Show a valid value, without emitting a signal."""
         raise NotImplementedError
 
     def show_in_use(self, value: Any) -> None:
-        """Learn what the value is in force where it is automatic."""
+        """Show the value in use while the parameter is automatic."""
 
     def stack(self) -> None:
-        """Stand in half the room, beside another one."""
+        """Change to a layout of half the width, beside another editor."""
 
     def limit(self, low: float, high: float) -> None:
-        """Learn the interval in which a value is feasible at present."""
+        """Set the interval of feasible values."""
 
     def is_new(self, text: str) -> bool:
-        """Return whether a text is not that of the value that holds; if it is, that is told."""
+        """Return whether a text differs from the present value's; if not, emit `restored`."""
         if text == self.shown:
             self.restored.emit()
         return text != self.shown
 
 
 class LineEditor(Editor):
-    """Has a line; Enter or leaving it sets what is typed."""
+    """Editor with an input line; the typed value is set by Enter or by leaving the line."""
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
@@ -60,7 +60,7 @@ class LineEditor(Editor):
         self.line.editingFinished.connect(self._typed)
 
     def show_in_use(self, value: Any) -> None:
-        """Show it in grey, in place of where it comes from."""
+        """Show the value in use in grey; without one, show the meaning of "automatic"."""
         if isinstance(value, float):
             value = float(f"{value:.4g}")
         elif isinstance(value, tuple) and all(isinstance(each, float) for each in value):
@@ -69,29 +69,29 @@ class LineEditor(Editor):
         self.line.setPlaceholderText(text)
 
     def show_text(self, text: str) -> None:
-        """Let the line have the text of the value that holds."""
+        """Show the text of the present value."""
         self.shown = text
         self.line.setText(text)
 
     def written(self, text: str) -> Any:
-        """Return what a text stands for in a scene file."""
+        """Convert a text to a value for a scene file; None for the default."""
         return text.strip() or None
 
     def _typed(self) -> None:
-        # Leaving a line that nobody touched is no edit.
+        # Leaving a line without a change is not an edit.
         if self.is_new(self.line.text()):
             self.edited.emit(self.written(self.line.text()), 0)
 
 
 def leave_wheel(widget: QWidget) -> None:
-    """Keep the wheel from a slider or a choice: who scrolls past it would change its value."""
+    """Let a widget ignore the mouse wheel: scrolling the page would change its value."""
     widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
     widget.installEventFilter(_Passing(widget))
 
 
 class _Passing(QObject):
     def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
-        """Let who stands around the widget have the wheel: it scrolls the page of fields."""
+        """Pass wheel events on to the page of fields, which scrolls."""
         if event.type() != QEvent.Type.Wheel:
             return False
         event.ignore()

@@ -1,4 +1,4 @@
-"""What is known of a section's parameters, all the others as they are."""
+"""Information about a section's parameters: feasible intervals, values in use, slider ranges."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from spacemap_vtk.units import UNITS, format_quantity, split_quantity
 
 
 def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
-    """Return the interval in which each parameter may lie, all the others as they are."""
+    """Return the feasible interval of each parameter, with all others as they are."""
     with suppress(SpacemapError):
         return dict(getattr(part, "feasible", {}))
     return {}
 
 
 def resolved_of(part: Parameterised) -> dict[str, Any]:
-    """Return what automatic parameters are resolved to."""
+    """Return the values in use for a weave's automatic parameters; empty for other stages."""
     if not isinstance(part, Woven):
         return {}
     try:
@@ -36,7 +36,7 @@ def resolved_of(part: Parameterised) -> dict[str, Any]:
 
 
 def idle_of(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
-    """Return why a parameter counts for nothing, as it is set or as the last run has found it."""
+    """Return why a parameter has no effect (empty if it has one), given the last run's results."""
     why, kind = part.idle(name), found.get("elements")
     if not why and kind and isinstance(part, CageMaterial) and part.elements == "auto":
         why = part.idle_as(name, kind == "sheet")
@@ -44,7 +44,7 @@ def idle_of(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
 
 
 def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | None) -> str:
-    """Return in words between which values one is feasible; empty where that is not known."""
+    """Format the feasible interval of a parameter; empty if it is unknown."""
     if interval is None:
         return ""
     low, high = (
@@ -54,7 +54,7 @@ def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | Non
 
 
 def with_shown_unit(typed: str, shown: str, unit: str) -> str:
-    """Give each number that is typed without a unit the one that its field shows."""
+    """Add the units that a field shows to the numbers typed without a unit."""
     known = UNITS.get(unit, {})
     units = [each[1] for each in map(split_quantity, shown.split(",")) if each is not None]
     numbers = [part.strip() for part in typed.split(",")]
@@ -67,23 +67,23 @@ def with_shown_unit(typed: str, shown: str, unit: str) -> str:
     return ", ".join(numbers)
 
 
-#: Steps of a slider.
+#: Number of steps of a slider.
 STEPS = 1000
-#: Beyond this ratio of its ends a slider is scaled by logarithm.
+#: A slider is logarithmic if the ratio of its ends is larger than this.
 _WIDE = 50.0
 
 
 @dataclass(frozen=True)
 class SliderSpan:
-    """The numbers that a slider runs over, in equal steps or in equal ratios."""
+    """Range of a slider, with a linear or a logarithmic scale."""
 
-    #: Its ends.
+    #: Ends of the range.
     low: float
     high: float
 
     @property
     def scaled(self) -> bool:
-        """Whether steps are equal ratios."""
+        """Whether the scale is logarithmic."""
         return self.low > 0.0 and self.high / self.low > _WIDE
 
     def number(self, step: int) -> float:
@@ -93,7 +93,7 @@ class SliderSpan:
         return min(max(float(f"{number:.4g}"), self.low), self.high)
 
     def written(self, real: Real, step: int) -> Any:
-        """Return the number at a step as a scene file has it, with its unit."""
+        """Return the number at a step, with its unit, as in a scene file."""
         number = self.number(step)
         if real.kind == "integer":
             return round(number)
@@ -112,17 +112,17 @@ class SliderSpan:
 
 
 def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> SliderSpan:
-    """Return the span of a parameter's slider."""
+    """Choose the range of a parameter's slider."""
     low, high = parameter.minimum, parameter.maximum
     open_low = parameter.above is not None and low is None
     if feasible is not None and all(map(math.isfinite, feasible)):
         low, high = feasible
         return SliderSpan(low, max(high, low))
-    # Inside an end that is not allowed itself, by as much as a slider shows.
+    # Exclude ends that are not allowed, by one step of the slider.
     if open_low and parameter.below is not None:
         inset = (parameter.below - (parameter.above or 0.0)) / STEPS
         return SliderSpan((parameter.above or 0.0) + inset, parameter.below - inset)
-    # A vector's component has no default of its own.
+    # The component of a vector has no default.
     size = abs(value or 0.0) or abs(getattr(parameter, "default", None) or 0.0)
     size = size or (1e-2 if parameter.unit == "s" else 1.0)
     if open_low:

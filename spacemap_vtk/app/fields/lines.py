@@ -1,4 +1,4 @@
-"""Editors with a line or a box: text, a choice, true and false, colours, a file, supports."""
+"""Editors of texts, choices, flags, colours, files and supports."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from spacemap_vtk.mechanics.boundary.places import SIDES, parse
 from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import value_of
 
-#: So many numbers are chosen from, not slid over.
+#: A whole number with at most so many allowed values has a combo box instead of a slider.
 _FEW = 5
 
 
 class TextEditor(LineEditor):
-    """A line of text, as a scene file would have it: for any kind of parameter."""
+    """A line with the text of a scene file, for any kind of parameter."""
 
     wide = False
 
@@ -40,16 +40,16 @@ class TextEditor(LineEditor):
         row(self, self.line)
 
     def show_value(self, value: Any) -> None:
-        """Show it with its unit."""
+        """Show the value with its unit."""
         self.show_text("" if value is None else _bare(self.parameter.show(value)))
 
     def written(self, text: str) -> Any:
-        """Return a number, a list or a string; None where a value can be left out."""
+        """Convert a text to a number, list or string; an empty one to None if it is optional."""
         return None if text == "" and self.parameter.optional else value_of(text)
 
 
 class ChoiceEditor(Editor):
-    """A combo box with the declared words, or with the few whole numbers that are allowed."""
+    """A combo box with the declared choices, or with a few whole numbers."""
 
     wide = False
 
@@ -67,7 +67,7 @@ class ChoiceEditor(Editor):
         self.box.setCurrentIndex(self.box.findData(value))
 
     def show_in_use(self, value: Any) -> None:
-        """Show it in place of a choice."""
+        """Show the value in use while nothing is chosen."""
         self.box.setPlaceholderText("" if value is None else str(value))
 
     def _chosen(self) -> None:
@@ -75,7 +75,7 @@ class ChoiceEditor(Editor):
 
 
 def few(parameter: Integer) -> range:
-    """Return the numbers that are allowed, if they are few; else none."""
+    """Return the allowed numbers if they are few; otherwise an empty range."""
     low, high = parameter.minimum, parameter.maximum
     if parameter.optional or low is None or high is None or high - low >= _FEW:
         return range(0)
@@ -102,7 +102,7 @@ class FlagEditor(Editor):
 
 
 class ColorEditor(LineEditor):
-    """A patch of the colour, which opens a dialog, and its digits."""
+    """A button in the colour, which opens a dialog, and a line with the colour's code."""
 
     wide = False
 
@@ -133,13 +133,13 @@ class FileEditor(LineEditor):
         super().__init__(parameter)
         self.button = QPushButton("Browse…")
         self.button.clicked.connect(self._browse)
-        #: What to call a file.
+        #: Returns the name to show for a file.
         self.told: Callable[[Path], str] = str
         row(self, (self.line, 1), self.button)
 
     def show_value(self, value: Any) -> None:
         self.show_text("" if value is None else self.told(value))
-        #: Where a dialog begins: nobody knows of a file that is called otherwise.
+        #: Start of the file dialog; empty for a temporary file, which has another name here.
         self._file = str(value) if str(value).endswith(self.shown) else ""
 
     def _browse(self) -> None:
@@ -149,12 +149,12 @@ class FileEditor(LineEditor):
 
 
 def _bare(text: str) -> str:
-    """Leave out quotes round the whole: people do not type them."""
+    """Remove quotes around the whole text, which users do not type."""
     quoted = len(text) >= 2 and text[0] == text[-1] == '"' and '"' not in text[1:-1]
     return text[1:-1] if quoted else text
 
 
-#: The sides as one sees them from the front, in the order in which they stand.
+#: Names of the sides as seen from the front, in the order of the buttons.
 _WORDS = {
     "+y": "top",
     "+x": "right",
@@ -167,7 +167,7 @@ assert set(_WORDS) == set(SIDES)
 
 
 class SupportsEditor(LineEditor):
-    """A button for each side of the box, and a line for all that can be held."""
+    """A button for each side of the cage's box, and a line for any supports."""
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
@@ -183,7 +183,7 @@ class SupportsEditor(LineEditor):
         self.show_value(())
 
     def show_value(self, value: Any) -> None:
-        """Press the buttons of the sides that are held."""
+        """Show the supports, and check the buttons of the held sides."""
         self.show_text(" ".join(value or ()))
         held = {support.shape: support for support in parse(self.shown)}
         for side, button in self.sides.items():
@@ -192,7 +192,7 @@ class SupportsEditor(LineEditor):
             button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
 
     def show_in_use(self, value: Any) -> None:
-        """Show in grey what is held of itself, or that nothing is."""
+        """Show in grey what is held automatically, or that nothing is held."""
         self.line.setPlaceholderText(" ".join(value or ()) or "nothing is held")
 
     def _clicked(self) -> None:
@@ -203,20 +203,20 @@ class SupportsEditor(LineEditor):
         self.edited.emit(" ".join(kept), 0)
 
     def written(self, text: str) -> str:
-        """Return the text; one that can be read is what the buttons change from now on."""
-        with suppress(InputError):  # whoever takes it says what is wrong
+        """Return the text; if it is valid, the buttons change it from now on."""
+        with suppress(InputError):  # the document reports the error
             parse(text)
             self.shown = text
         return text
 
 
 _SIDE, _GAP = 20, 3
-#: Side by side at most, in all the room and in half of it.
+#: Most swatches in a row, in the full and in half the width.
 _IN_A_ROW, _IN_HALF = 11, 5
 
 
 class ColorsEditor(LineEditor):
-    """A swatch for each colour of the series, which opens a dialog, and their digits."""
+    """A swatch for each colour of a series, which opens a dialog, and a line with their codes."""
 
     def __init__(self, parameter: Any) -> None:
         super().__init__(parameter)
@@ -230,14 +230,14 @@ class ColorsEditor(LineEditor):
         self.swatches.in_a_row = _IN_HALF
 
     def show_value(self, value: Any) -> None:
-        """Show swatches and digits."""
+        """Show the colours as swatches and as codes."""
         self.show_text("" if value is None else self.parameter.show(value))
         self._colors = self.shown.split(", ") if self.shown else []
         self.swatches.show_colors(self._colors)
         self.line.setCursorPosition(0)
 
     def show_in_use(self, value: Any) -> None:
-        """Show it on the swatch, too."""
+        """Show the value in use also as a swatch."""
         super().show_in_use(value)
         if not self._colors:
             self.swatches.show_colors([] if value is None else [self.parameter.show(value)])
@@ -252,7 +252,7 @@ class ColorsEditor(LineEditor):
 
 
 class Swatches(QWidget):
-    """Colours side by side; a click chooses one."""
+    """Colours side by side; a click selects one."""
 
     chosen = Signal(int)
 

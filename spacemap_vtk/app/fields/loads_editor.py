@@ -1,4 +1,4 @@
-"""Editor of loads: a card for each, made from what a load declares."""
+"""Editor of loads: a card for each load, made from its declared parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, row, tool_button
 from spacemap_vtk.filters.load import ACTIONS, TIMES, Load, Loads
 
-#: What a load begins with, by action; and what a time function cannot do without.
+#: First values of a new load, by action.
 _BEGINNINGS: dict[str, dict[str, Any]] = {
     "pressure": {"pressure": "1 Pa", "on": "-z"},
     "traction": {"traction": ["1 Pa", 0.0, 0.0], "on": "-z"},
@@ -30,6 +30,7 @@ _BEGINNINGS: dict[str, dict[str, Any]] = {
     "base_acceleration": {"base_acceleration": [0.0, 0.0, "1 g"]},
     "base_displacement": {"base_displacement": [0.0, 0.0, "1 mm"]},
 }
+#: First values of the required parameters of time functions.
 _NEEDED: dict[str, Any] = {
     "length": "100 ms",
     "rise": "100 ms",
@@ -41,7 +42,7 @@ assert set(_BEGINNINGS) == set(ACTIONS)
 
 
 class LoadsEditor(Editor):
-    """Cards, and a button that adds one."""
+    """Cards of the loads, and a button to add a load."""
 
     def __init__(self, parameter: Loads) -> None:
         super().__init__(parameter)
@@ -59,7 +60,7 @@ class LoadsEditor(Editor):
 
     def show_value(self, value: Any) -> None:
         tables = [load._values for load in value]
-        # Only cards of other rows are made anew: a card costs as much as a frame.
+        # Reuse cards that have the same rows: making a card costs as much as a frame.
         for number, load in enumerate(value):
             here = self.cards[number : number + 1]
             if not here or here[0].keys != _keys(load, self._declared):
@@ -98,9 +99,9 @@ class LoadsEditor(Editor):
 
 
 class _Card(QFrame):
-    """One load: what acts, where, and its time function."""
+    """A card for one load: action, place and time function."""
 
-    #: Number of the load, what changes (None: it goes), burst.
+    #: Index of the load, changed values (None removes the load), and burst.
     edited = Signal(int, object, int)
     held = Signal(bool)
     #: As `Editor.restored`.
@@ -154,7 +155,7 @@ class _Card(QFrame):
 
 
 def _keys(load: Load, declared: Loads) -> list[str]:
-    """Return the keys that a load can have, what acts first."""
+    """Return the keys of the rows of a load, starting with its action."""
     place = ACTIONS[load.action]
     needed, possible = TIMES[load.time]
     times = ["time", *needed, *possible] if declared.timed else []
@@ -163,7 +164,7 @@ def _keys(load: Load, declared: Loads) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a checked value as a scene file has it."""
+    """Convert a valid value to its form in a scene file."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return str(value) if isinstance(value, Path) else value

@@ -1,4 +1,4 @@
-"""Editors of a number, a line that knows units and a slider, and of a vector of them."""
+"""Editors of numbers and vectors: lines with units, and sliders."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from spacemap_vtk.units import pretty
 
 _Role = QPalette.ColorRole
 _bursts = itertools.count(1)
-#: Pixels of a line beside its slider; Qt's word for no limit.
+#: Width of a line beside its slider in pixels; Qt's value for no limit (QWIDGETSIZE_MAX).
 _LINE, _WIDEST = 80, 16_777_215
-#: What `pretty` writes, as files have it.
+#: Replaces the characters of `pretty` by those of files.
 _PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 
 
 def next_burst() -> int:
-    """Return a number that no drag has had."""
+    """Return a new number for a drag."""
     return next(_bursts)
 
 
 class Slider(QSlider):
-    """A slider whose groove is filled from zero to its handle."""
+    """A slider whose groove is filled from zero to the handle."""
 
     def __init__(self) -> None:
         super().__init__(Qt.Orientation.Horizontal, minimumWidth=20)
-        #: The step that stands for zero, or for the end nearest to it.
+        #: Step of zero, or of the end nearest to zero.
         self.origin = 0
 
     def paintEvent(self, _: QPaintEvent) -> None:
@@ -70,11 +70,11 @@ class Slider(QSlider):
 
 
 class NumberEditor(LineEditor):
-    """A number with its unit; the slider sets it while it is dragged."""
+    """A line with number and unit, and a slider."""
 
     wide = False
 
-    # Also for a series of numbers, whose slider rests while there are several.
+    # Also for a series of numbers; with several numbers the slider is disabled.
 
     def __init__(self, parameter: Parameter[Any], bare: bool = False) -> None:
         super().__init__(parameter)
@@ -88,7 +88,7 @@ class NumberEditor(LineEditor):
         self._layout = row(self, self.line, (self.slider, 1), spacing=4)
         self.line.setFixedWidth(_LINE)
         self._value: float | None = None
-        #: What it is where it is automatic.
+        #: Value in use while the parameter is automatic.
         self._in_use: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: SliderSpan | None = None
@@ -99,7 +99,7 @@ class NumberEditor(LineEditor):
         self.slider.sliderReleased.connect(self._released)
 
     def stack(self) -> None:
-        """Let the slider stand below the line."""
+        """Put the slider below the line."""
         self._layout.setDirection(QBoxLayout.Direction.TopToBottom)
         self._layout.setSpacing(1)
         self._stacked = True
@@ -107,7 +107,7 @@ class NumberEditor(LineEditor):
         self.line.setMaximumWidth(_WIDEST)
 
     def show_in_use(self, value: Any) -> None:
-        """Show it in grey, on the slider, too."""
+        """Show the value in use in grey and on the slider."""
         super().show_in_use(value)
         if self._bare and value is not None:
             self.line.setPlaceholderText(self._text(value))
@@ -116,21 +116,21 @@ class NumberEditor(LineEditor):
             self._place_slider()
 
     def show_value(self, value: Any) -> None:
-        """Show it in the line, and on the slider unless that is being dragged."""
+        """Show the value in the line and, except during a drag, on the slider."""
         self._value = value if isinstance(value, (int, float)) else None
         self.shown = "" if value is None else self._text(value)
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(self.shown)
             self.line.setCursorPosition(0)
         self.slider.setEnabled(self._value is not None)
-        if not self._stacked:  # what is in use has the room of a slider that cannot be dragged
+        if not self._stacked:  # without a value, the line also takes the place of the slider
             self.slider.setVisible(value is not None)
             self.line.setMaximumWidth(_WIDEST if value is None else _LINE)
         if not self.slider.isSliderDown():
             self._place_slider()
 
     def limit(self, low: float, high: float) -> None:
-        """Let the slider run over the feasible interval."""
+        """Set the range of the slider to the feasible interval."""
         if self._feasible != (low, high):
             self._feasible = low, high
             if not self.slider.isSliderDown():
@@ -141,7 +141,7 @@ class NumberEditor(LineEditor):
         return f"{value:.6g}" if self._bare else pretty(self.parameter.show(value))
 
     def _place_slider(self) -> None:
-        # The span stays while the value is inside: a slider that jumps is no ruler.
+        # Keep the span while the value is inside, so that the slider does not jump.
         value = self._in_use if self._value is None else self._value
         inside = (
             self._span is not None
@@ -156,11 +156,11 @@ class NumberEditor(LineEditor):
             self.slider.setValue(0 if value is None else self._span.step(value))
 
     def written(self, text: str) -> Any:
-        """Return a number, or a text with a unit; None where a value can be left out."""
-        self.line.setModified(False)  # it is taken: the line shows what comes of it
+        """Convert a text to a number or a text with a unit; an empty one to None if optional."""
+        self.line.setModified(False)  # let `show_value` overwrite the text
         if text.strip() == "" and self.parameter.optional:
             return None
-        if not self._bare:  # the unit that is shown, in grey where the value is automatic
+        if not self._bare:  # use the shown unit; that of an automatic value is in the placeholder
             shown = (self.shown or self.line.placeholderText()).translate(_PLAIN)
             text = with_shown_unit(text, shown, self.parameter.unit)
         return value_of(text.translate(_PLAIN))
@@ -172,7 +172,7 @@ class NumberEditor(LineEditor):
     def _released(self) -> None:
         self._burst = 0
         if self._feasible is None and self.slider.value() in (0, STEPS):
-            self._span = None  # at an end of an open range: make room beyond it
+            self._span = None  # the slider is at an end of an open range: extend the range
         self._place_slider()
         self.held.emit(False)
 
@@ -185,7 +185,7 @@ class NumberEditor(LineEditor):
 
 
 class VectorEditor(Editor):
-    """A line and a slider for each component; the unit stands once, and others can be typed."""
+    """A line and a slider for each component; the unit is shown once, others can be typed."""
 
     def __init__(self, parameter: Vector) -> None:
         super().__init__(parameter)
@@ -213,13 +213,13 @@ class VectorEditor(Editor):
         self.setFocusProxy(self.components[0])
 
     def show_value(self, value: Any) -> None:
-        """Show the components in SI."""
+        """Show the components in SI units."""
         self._value = value
         for number, editor in enumerate(self.components):
             editor.show_value(None if value is None else value[number])
 
     def show_in_use(self, value: Any) -> None:
-        """Show the components in grey."""
+        """Show the components of the value in use in grey."""
         self._in_use = value
         for number, editor in enumerate(self.components):
             editor.show_in_use(None if value is None else value[number])
@@ -233,7 +233,7 @@ class VectorEditor(Editor):
             self.edited.emit(AUTOMATIC, burst)  # all components or none
             return
         moved = self.components.index(self.sender())
-        # Of a vector that was automatic, the other components begin as they are in use.
+        # If the vector was automatic, the other components start with the values in use.
         values = list(self._value or self._in_use or [0.0] * len(self.components))
         values[moved] = 0.0 if written is None else written
         self.edited.emit(values, burst)

@@ -1,4 +1,4 @@
-"""Editor of a weave's pattern: its name, and its repeat as squares to click on."""
+"""Editor of a weave's pattern: its name, and its repeat as a grid of squares."""
 
 from __future__ import annotations
 
@@ -38,12 +38,13 @@ COMMON = (
     "basket 2",
 )
 _LARGEST, _SMALLEST, _HEIGHT = 26.0, 3.0, 140
-#: Share of a square at whose sides a thread is darker, and by how much, of 100.
+#: Width of the darker sides of a yarn, as a fraction of a square; below, Qt's factor of darkening
+#: in percent.
 _SIDE, _DARKER = 0.14, 135
 
 
 class PatternEditor(Editor):
-    """A name to choose or to type, and the repeat; a square's click makes it a matrix."""
+    """A name to choose or type, and the repeat; a click on a square makes it a matrix."""
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
@@ -80,7 +81,7 @@ class PatternEditor(Editor):
         self.grid.held.connect(self.held)
 
     def show_value(self, value: Any) -> None:
-        """Show name and squares."""
+        """Show the name and the squares."""
         self.shown = (
             value if isinstance(value, str) else "[" + ", ".join(f'"{row}"' for row in value) + "]"
         )
@@ -104,7 +105,7 @@ class PatternEditor(Editor):
         axis, more = self.sender().property("change")
         repeat = self.grid.repeat
         if more:
-            # What follows in the repeat, so that the new line belongs to it.
+            # Continue the repeat diagonally, so that the new line fits the pattern.
             repeat = np.concatenate([repeat, np.roll(repeat, 1, 1 - axis).take([-1], axis)], axis)
         elif repeat.shape[axis] > 1:
             repeat = repeat.take(range(repeat.shape[axis] - 1), axis)
@@ -112,16 +113,16 @@ class PatternEditor(Editor):
 
 
 class PatternGrid(QWidget):
-    """One repeat: the first end on the left, the first pick at the bottom, as in the view."""
+    """One repeat, with the first end on the left and the first pick at the bottom."""
 
-    #: The repeat is another; a number that is the same during one drag.
+    #: The repeat has changed; the burst, a number that is the same during one drag.
     painted = Signal(int)
     held = Signal(bool)
 
     def __init__(self) -> None:
         super().__init__()
         self.repeat: NDArray[np.bool_] = np.ones((1, 1), bool)
-        #: Colours of the warp and the weft, (n, 3), which begin again after the last.
+        #: Colours of warp and weft, (n, 3), repeated over the yarns.
         self.colors = np.array([WARP_COLOR]), np.array([WEFT_COLOR])
         self._brush: bool | None = None
         self._burst = 0
@@ -154,13 +155,13 @@ class PatternGrid(QWidget):
             for end, over in enumerate(squares):
                 color = warp[end % len(warp)] if over else weft[pick % len(weft)]
                 x, y, square = side * over, side * (not over), self.square(pick, end)
-                # By its sides one sees which way a thread goes, of whatever colour.
+                # Dark sides show the direction of the yarn for any colour.
                 painter.fillRect(square, color.darker(_DARKER))
                 painter.fillRect(square.adjusted(x, y, -x, -y), color)
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Turn a square over, and begin to paint with what it has become."""
+        """Invert a square, and start to paint with its new value."""
         there = self._under(event.position())
         if event.button() == Qt.MouseButton.LeftButton and there is not None:
             self._brush = not self.repeat[there]

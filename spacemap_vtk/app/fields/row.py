@@ -1,4 +1,4 @@
-"""A parameter's row among the properties, the editor that its kind gets, and rows together."""
+"""Rows of the properties: label, editor and note of a parameter; groups and pairs of rows."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ _EDITORS: dict[str, Callable[[Any], Editor]] = {
 }
 
 
-#: Pixels of the names, so that lines stand below each other.
+#: Width of the labels in pixels, which aligns the editors.
 _NAMES = 94
 
 
 class ParameterRow(QWidget):
-    """Name, editor, "auto" where that is a value, reset, and a line for what is to be said."""
+    """Label, editor, button "auto" if the parameter can be automatic, reset button, and note."""
 
-    #: Name, value as a scene file would have it (None: the default), burst.
+    #: Name, value as in a scene file (None for the default), and burst.
     edited = Signal(str, object, int)
-    #: Whether a drag goes on.
+    #: Whether a drag is in progress.
     held = Signal(bool)
     #: As `Editor.restored`.
     restored = Signal()
 
     def __init__(self, parameter: Parameter[Any], editor: Editor, beside: str = "") -> None:
         super().__init__()
-        # `beside`: its name where it has half the room, next to another one; else empty.
+        # `beside` is the label of a row that has half the width beside another; otherwise empty.
         self.parameter = parameter
         self.editor = editor
         self.note = note(name="note")
@@ -85,13 +85,13 @@ class ParameterRow(QWidget):
             editor.stack()
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
-        #: Whether it may be left out: a load's time function cannot do without some.
+        #: Whether the value can be reset; some values of a time function are required.
         self.resettable = True
         self.resolved: Any = None
-        #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
+        #: Kind of the error that the row is marked with, as in `ErrorBar.say`; empty without one.
         self.about = ""
         self._in_force = self._idle = ""
-        #: Whether its value counts or is written, and whether it is what is searched for.
+        #: Whether the value has an effect or is written; whether the row matches the search.
         self._there = self._sought = True
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
@@ -107,7 +107,7 @@ class ParameterRow(QWidget):
         self.mark(None)
 
     def show_idle(self, why: str, written: bool) -> None:
-        """Hide the row where its value counts for nothing; one that is written stays, in grey."""
+        """Hide a row whose value has no effect; disable it instead if the value is written."""
         self._there = not why or written
         self.setVisible(self._there and self._sought)
         idle = f"does not count: {why}" if why else ""
@@ -116,14 +116,14 @@ class ParameterRow(QWidget):
             self.mark(None)
 
     def seek(self, words: list[str]) -> None:
-        """Hide the row unless all these words stand in its name, its key or its help."""
+        """Hide the row unless its label, key, group and help contain all words."""
         parameter = self.parameter
         text = f"{parameter.label} {parameter.name} {parameter.group} {parameter.help}".lower()
         self._sought = all(word in text for word in words)
         self.setVisible(self._there and self._sought)
 
     def show_resolved(self, value: Any) -> None:
-        """Learn what the value has come to where it is automatic."""
+        """Set the value in use while the parameter is automatic."""
         if value != self.resolved:
             self.resolved = value
             self._show_in_use()
@@ -133,14 +133,14 @@ class ParameterRow(QWidget):
             self.editor.show_in_use(self.resolved if self.automatic.isChecked() else None)
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
-        """Show the interval in which the value is feasible at present."""
+        """Show the feasible interval."""
         told = pretty(told_interval(self.parameter, interval))
         self.editor.setToolTip(f"{self.toolTip()}\n{told}" if told else "")
         if interval is not None:
             self.editor.limit(*interval)
 
     def show_in_force(self, figure: str) -> None:
-        """Show what the last run has made of the value; empty: nothing is known."""
+        """Show the value that the last run used; empty if unknown."""
         text = f"in force: {pretty(figure)}" if figure else ""
         if text != self._in_force:
             self._in_force = text
@@ -148,9 +148,10 @@ class ParameterRow(QWidget):
                 self.mark(None)
 
     def mark(self, message: str | None, about: str = "") -> None:
-        """Mark the row as refused, with the reason; None: as good."""
+        """Mark the row as refused with a reason, or remove the mark with None."""
         self.about = about
-        # What a run refuses, because it does not count, can be put right where it stands.
+        # A row without effect is disabled, unless it is refused: then the user must be able to
+        # correct it.
         for widget in filter(None, (self.label, self.editor, self.automatic)):
             widget.setEnabled(not self._idle or message is not None)
         text = message or self._idle or self._in_force
@@ -166,14 +167,14 @@ class ParameterRow(QWidget):
 
     @property
     def _automatically(self) -> str | None:
-        """What is written of an automatic value: nothing where it is so by default."""
+        """Value in a scene file for "automatic"; None if that is the default."""
         return None if self.parameter.optional else AUTOMATIC
 
     def _automatic_clicked(self, checked: bool) -> None:
         if checked:
             self.edited.emit(self.parameter.name, self._automatically, 0)
         elif self.resolved is not None:
-            # Begin from what "automatic" has chosen, so that nothing jumps.
+            # Start with the automatic value, so that nothing changes at first.
             text = self.parameter.show(self.resolved)
             self.edited.emit(self.parameter.name, _plain(self.resolved, text), 0)
         else:
@@ -181,7 +182,7 @@ class ParameterRow(QWidget):
 
 
 class Group(QWidget):
-    """Rows below a heading; a click on that folds them."""
+    """Rows below a heading that folds them."""
 
     def __init__(self, title: str) -> None:
         super().__init__()
@@ -194,14 +195,14 @@ class Group(QWidget):
         self.head.toggled.connect(self._show)
 
     def lay_out(self, folded: bool) -> None:
-        """Take the rows in, once all are there."""
+        """Lay out the rows after all have been added."""
         column(self.body, *self.rows, spacing=4)
         column(self, self.head, self.body, spacing=2)
         self.head.setChecked(not folded)
         self._show()
 
     def unfold(self, sought: bool) -> None:
-        """Show the rows, folded or not, while they are searched."""
+        """Show the rows during a search, even if they are folded."""
         self._sought = sought
         self._show()
 
@@ -213,7 +214,7 @@ class Group(QWidget):
 
 
 class Pair(QWidget):
-    """The warp's row and the weft's, side by side below what both are called."""
+    """The rows of warp and weft side by side, below their common label."""
 
     def __init__(self, warp: ParameterRow, weft: ParameterRow) -> None:
         super().__init__()
@@ -221,13 +222,13 @@ class Pair(QWidget):
         words = warp.parameter.label.split(maxsplit=1)[1]
         title = QLabel(words.capitalize(), toolTip=warp.toolTip())
         both = row(None, (warp, 1), (weft, 1), spacing=10)
-        for side in self.rows:  # what is said below one leaves the other together
+        for side in self.rows:  # a note below one row does not stretch the other
             both.setAlignment(side, Qt.AlignmentFlag.AlignTop)
         column(self, title, both, spacing=0)
 
 
 def editor_of(parameter: Parameter[Any]) -> Editor:
-    """Return a new editor for any kind but loads, whose editor is made of rows."""
+    """Create the editor for a parameter of any kind except loads, whose editor contains rows."""
     component: Any = getattr(parameter, "component", None)
     if isinstance(parameter, Integer) and few(parameter):
         return ChoiceEditor(parameter)
