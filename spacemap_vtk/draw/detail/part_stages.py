@@ -1,6 +1,6 @@
-"""The stages that make yarns once more, for a part of a cloth that is too large to be made whole.
+"""Copy the stages that make yarns, for a part of a cloth that is too large to be made whole.
 
-The scene's own stages keep what they have made of the cage, which all parts need.
+The scene's stages keep the results for the cage, which all parts need.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def yarn_settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
 
 
 class PartStages:
-    """Copies of the stages of a scene that make yarns, connected to one another alone."""
+    """Copies of a scene's stages that make yarns, connected only to one another."""
 
     def __init__(self, scene: Scene) -> None:
         assert scene.woven is not None
@@ -45,25 +45,25 @@ class PartStages:
             stage.SetInputConnection(0, before.GetOutputPort())
 
     def move_by(self, cage: vtkUnstructuredGrid) -> None:
-        """Let a cage move the yarns."""
+        """Set the cage that moves the yarns."""
         for stage in self.all[1:]:
             if len(stage.takes) > 1:
                 stage.SetInputDataObject(1, copied(cage))
 
     def use_color_array(self) -> None:
-        """Let the array that the scene's colours show ride along."""
+        """Interpolate the array that the scene's colours show."""
         for stage in self.all:
             if isinstance(stage, BarycentricWarp):
                 stage.color_array = self.scene.warp.color_array
 
     def choose_part(self, part: Share) -> None:
-        """Make no yarns but these, as far as they cross one another."""
+        """Make only the given yarns, cut to the part where they cross one another."""
         source = self.source
         assert isinstance(source, Woven)
         self._woven.lend(source, part)
 
     def use_crossings(self, crimp: CrimpInterchange | None, part: Share) -> None:
-        """Take what crossings of a part do from those of the whole; None: solve them again."""
+        """Use the crossings of the whole cloth for a part; None: solve the part's crossings."""
         for stage in self.all:
             if isinstance(stage, CrimpInterchange):
                 stage.borrow(crimp, part)

@@ -1,4 +1,4 @@
-"""A figure of a scene: its pictures, its cloth beside its draft, sections, on a page."""
+"""Lay out a figure of a scene on a page: pictures, draft, cloth and sections."""
 
 from __future__ import annotations
 
@@ -34,39 +34,44 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: What a page can have.
+#: Panels that a page can have, with their descriptions.
 PANELS = {
     "pictures": "the scene at each of the times, with each of the values",
     "draft": "threading, tie-up, treadling and drawdown, as the cloth lies",
     "cloth": "the cloth's face, flat and still, beside its draft where both are asked for",
     "section": "the cloth cut along an end and along a pick, with Peirce's dimensions",
 }
-#: Pictures that a page may have; ends and picks of a draft that are still seen.
+#: _MOST: largest number of pictures on a page. _SEEN: largest number of ends or picks in a draft;
+#: more would be too small to see.
 _MOST, _SEEN = 60, 160
-#: Height of a picture over its width, at least and at most; of the key below, in mm.
+#: _FLATTEST, _TALLEST: limits of a picture's height over its width. _KEY: height of the key below
+#: the pictures, in mm.
 _FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
 
-#: Room beside the last pictures; no axes are flat.
+#: Empty tile that fills the last row of pictures. Its height is not 0, because axes need a height.
 _BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigurePage(Paper):
-    """What is on the page of a figure, and on what paper."""
+    """The contents of a figure's page, and its paper."""
 
-    #: Keys of `PANELS`; none: pictures of what moves, of a still cloth all else.
+    #: Keys of `PANELS`. By default: pictures; for a still cloth, the other panels.
     panels: Sequence[str] = ()
-    #: Of the pictures, in s; none: the beginning, a quarter and a half of a swing.
+    #: Times of the pictures [s]. By default: the beginning, a quarter and a half of a period.
     times: Sequence[float] = ()
-    #: ``section.key=value,value``: a picture of each, or of each pair of the first, the second ...
+    #: Swept values, ``section.key=value,value``.
     lists: Sequence[str] = ()
+    #: Whether the lists are used in parallel (first values, second values, …) instead of in all
+    #: combinations.
     paired: bool = False
-    #: Whether cages stand over the pictures, in rows of their own.
+    #: Whether the cage is drawn too, in a row above each row of pictures.
     cage: bool = False
-    #: Pictures in a row; None: as suits them.
+    #: Number of pictures in a row; None: automatic.
     columns: int | None = None
-    #: Numbers from 1 of the end and the pick that are cut along; None: those in the middle.
+    #: Number, from 1, of the end along which the cloth is cut; None: the middle one.
     end: int | None = None
+    #: Number, from 1, of the pick along which the cloth is cut; None: the middle one.
     pick: int | None = None
 
     def __post_init__(self) -> None:
@@ -85,7 +90,7 @@ class FigurePage(Paper):
 
 
 def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
-    """Return a scene's figure; but for the pictures, all is of the first of several values."""
+    """Return a scene's figure; with swept values, only pictures show more than the first one."""
     sweep = runs_of(
         scene,
         values_of(scene),
@@ -144,7 +149,7 @@ def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> 
 
 
 def _still(run: Run) -> Scene:
-    """Return the cloth alone, as much of it as can be seen."""
+    """Return a scene with the cloth alone, cut to the ends and picks that can be seen."""
     whole = run.scene()
     source = whole.source.section
     scene = Scene({"title": whole.title, source: run.whole.get(source, {})}, run.file)
@@ -160,7 +165,7 @@ def _still(run: Run) -> Scene:
 def _weave_row(
     scene: Scene, kinds: Sequence[str], dark: bool, whole: tuple[int, int]
 ) -> list[Tile]:
-    """Return draft and cloth side by side, each pick beside its row."""
+    """Return draft and cloth side by side, with each pick beside its row of the draft."""
     assert scene.woven is not None
     shown = shown_of(scene.woven)
     ends, picks = shown.size
@@ -174,7 +179,7 @@ def _weave_row(
         )
         _put(axes, paper, scene, 0.0, "fabric", place=place)
 
-    # Of a large cloth its beginning is drawn.
+    # Only the first ends and picks of a large cloth are drawn.
     part = "" if (ends, picks) == whole else f", of {whole[0]} × {whole[1]}"
     tiles = []
     if "draft" in kinds:
@@ -190,7 +195,7 @@ def _weave_row(
 
 
 class _Shots:
-    """The tiles of a scene's pictures: one camera, one scale of colours, and a key for all."""
+    """The tiles of a scene's pictures, with a common camera, colour scale and key."""
 
     def __init__(self, sweep: Sweep, asked: FigurePage) -> None:
         self._sweep = sweep
@@ -211,20 +216,20 @@ class _Shots:
         chosen = first.view.show if first.moves else "fabric"
         kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
         columns = asked.columns or _columns(len(self.scenes), len(times))
-        #: How all are seen, once something is drawn.
+        #: Scale and orientation of all pictures; None until the first one is drawn.
         self._seen: Measures | None = None
         self.rows: list[list[Tile]] = []
         for start in range(0, len(shots), columns):
             some = shots[start : start + columns]
             for kind in kinds:
                 row = [self._tile(number, time, kind) for number, time in some]
-                # The last row's are no larger than the others.
+                # Blanks keep the pictures of the last row from becoming larger than the others.
                 missing = columns - len(row) if start else 0
                 self.rows.append(row + [_BLANK] * missing)
         self.rows.append([self._key()])
 
     def _times(self, scene: Scene) -> list[float]:
-        """Return the beginning, a quarter and a half of a swing."""
+        """Return the beginning, a quarter and a half of a period."""
         if not scene.moves:
             return [scene.view.time]
         found = swing_times(scene)
@@ -252,7 +257,7 @@ class _Shots:
 
 
 def _blend(scene: Scene, paper: Paper) -> None:
-    """Let a scene's lines be seen on the paper."""
+    """Set a scene's background to the paper's colour, so that its lines contrast with the paper."""
     for key in ("background", "background_top"):
         scene.assign("view", key, paper.color)
 
@@ -265,7 +270,7 @@ def _columns(runs: int, times: int) -> int:
 
 
 def _shape(points: Floats, view: str) -> float:
-    """Return how high a picture of points is, over its width."""
+    """Return the height over the width of a picture that fits the points."""
     shape, camera = 1.0, vtkCamera()
     for _ in range(2):
         aim(camera, points, 1.0 / shape, view, 1.0)
@@ -277,7 +282,7 @@ def _shape(points: Floats, view: str) -> float:
 
 
 def _put(axes: Axes, paper: Paper, scene: Scene, time: float, kind: str, **seen: Any) -> Measures:
-    """Draw a picture into a tile; return how large and which way it is seen."""
+    """Draw a picture into a tile; return its scale and orientation."""
     (_, width), (_, height) = axes.get_xlim(), axes.get_ylim()
     size = paper.dots(width), paper.dots(height)
     picture = Picture(scene, [time], size, [kind], bare=True, **seen)

@@ -1,8 +1,8 @@
-"""A page of a publication: tiles in rows, lettered and captioned, pictures and lines alike.
+"""Lay out a page of a publication: rows of tiles with letters and captions.
 
-Tiles draw into axes of matplotlib that count in millimetres of the page. Of one row all are as high
-as the highest. Lines and letters stay lines and letters in an SVG and a PDF; pictures have the
-page's dots, and are put there dot by dot.
+Tiles draw into matplotlib axes whose unit is a millimetre of the page. A row is as high as its
+highest tile. Lines and text remain vectors in SVG and PDF. Pictures have the resolution of the page
+and are placed at whole dots, without resampling.
 """
 
 from __future__ import annotations
@@ -22,24 +22,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Room round the page, and between tiles, in mm; height of a line of a caption.
+#: Lengths in mm: _EDGE, margin of the page; _GAP, gap between tiles; _LINE, height of a line of a
+#: caption.
 _EDGE, _GAP, _LINE = 1.5, 4.0, 3.3
-#: Sizes of letters in points; millimetres of a point; room for a panel's letter, in mm.
+#: TEXT, SMALL: font sizes in points. POINT: length of a point in mm. _LETTER: width that a panel's
+#: letter takes, in mm.
 TEXT, SMALL, POINT, _LETTER = 7.0, 6.0, 25.4 / 72, 3.2
-#: Dots that a page may have: as many as a large picture's.
+#: Largest width or height of a page in dots: that of a large picture.
 _MOST = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
 class Paper:
-    """What a figure is drawn on."""
+    """The paper of a figure."""
 
-    #: In mm, and in dots per inch.
+    #: Width in mm.
     width: float = 180.0
+    #: Resolution in dots per inch.
     dpi: float = 300.0
-    #: Whether ink is light.
+    #: Whether the paper is dark and the ink light.
     dark: bool = False
-    #: Whether nothing is behind it.
+    #: Whether the paper is transparent.
     transparent: bool = False
 
     def __post_init__(self) -> None:
@@ -53,22 +56,22 @@ class Paper:
             )
 
     def dots(self, length: float) -> int:
-        """Return how many dots a length in mm has."""
+        """Convert a length in mm to dots."""
         return round(length * self.dpi / 25.4)
 
     @property
     def color(self) -> str:
-        """Of the paper."""
+        """Colour of the paper."""
         return "#14181d" if self.dark else "#ffffff"
 
     @property
     def ink(self) -> str:
-        """Of lines and letters."""
+        """Colour of lines and text."""
         return "#e9edf2" if self.dark else "#1d232b"
 
     @property
     def faint(self) -> str:
-        """Of what is less important."""
+        """Colour of less important lines and text."""
         return "#8a95a3" if self.dark else "#76808c"
 
 
@@ -76,26 +79,27 @@ class Paper:
 class Tile:
     """A part of a page."""
 
-    #: Draws into axes that count in mm.
+    #: Draws the tile into axes whose unit is mm.
     draw: Callable[[Axes, Paper], None]
-    #: Height of a width, in mm.
+    #: Returns the height for a width, in mm.
     height: Callable[[float], float]
     caption: str = ""
-    #: Of the width of its row, beside those of its neighbours; and at most, in mm.
+    #: Weight of the tile's width relative to its neighbours in the row.
     share: float = 1.0
+    #: Largest width in mm.
     most: float = math.inf
-    #: Whether it gets a letter, where several do.
+    #: Whether this tile is labelled (a, b, c, …) if the page has several labelled ones.
     lettered: bool = True
 
 
 def new_figure(**settings: Any) -> Figure:
-    """Return a figure that is drawn in memory, its words by matplotlib itself."""
+    """Return a figure that is drawn in memory, without LaTeX from a local matplotlibrc."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    # Of the folder that a command runs in matplotlib obeys a "matplotlibrc", a stranger's maybe,
-    # who could have LaTeX run.
+    # matplotlib obeys a file "matplotlibrc" in the working folder. Somebody else may have put it
+    # there, and it could run LaTeX with any commands.
     if Path(matplotlib.matplotlib_fname()).resolve().parent == Path.cwd():
         matplotlib.rcParams["text.usetex"] = False
     figure = Figure(**settings)
@@ -106,7 +110,7 @@ def new_figure(**settings: Any) -> Figure:
 def page(
     rows: Sequence[Sequence[Tile]], paper: Paper, tell: Tell = lambda done, of: None
 ) -> Figure:
-    """Return a figure of tiles, row by row, as high as they ask for."""
+    """Return a figure with rows of tiles, as high as the tiles need."""
     placed, y = [], _EDGE
     for row in rows:
         widths = _widths(row, paper.width - 2 * _EDGE - _GAP * (len(row) - 1))
@@ -115,7 +119,7 @@ def page(
         heights = [tile.height(width) for tile, width in zip(row, widths, strict=True)]
         x = 0.5 * (paper.width - sum(widths) - _GAP * (len(row) - 1))
         for tile, width, height, text in zip(row, widths, heights, captions, strict=True):
-            # Low ones stand at the bottom of their row, each caption over its tile.
+            # Lower tiles are at the bottom of their row, with the caption directly above each tile.
             low = y + head + max(heights)
             placed.append((tile, (x, low - height, width, height), text))
             x += width + _GAP
@@ -142,7 +146,7 @@ def page(
         low = dots[1] - paper.dots(top) - high
         rectangle = np.array([left, low, across, high]) / [*dots, *dots]
         axes = figure.add_axes(tuple(rectangle.tolist()))
-        # By whole dots: a square stays one.
+        # The limits follow the rounding to whole dots, so that squares stay square.
         axes.set(xlim=(0, across * 25.4 / paper.dpi), ylim=(0, high * 25.4 / paper.dpi))
         axes.set_axis_off()
         letter = next(letters, "") if several and tile.lettered else ""
@@ -154,7 +158,7 @@ def page(
 
 
 def letters_wide(text: str) -> float:
-    """Return how wide a line of text is, in mm."""
+    """Return the width of a line of text in mm."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
@@ -170,7 +174,7 @@ def _widths(row: Sequence[Tile], room: float) -> list[float]:
 
 
 def _wrapped(tile: Tile, width: float) -> str:
-    """Return a caption in lines that are no wider than its tile, the first after the letter."""
+    """Wrap a caption to the width of its tile; the first line leaves room for the letter."""
     lines = [""]
     for word in tile.caption.split():
         longer = f"{lines[-1]} {word}".strip()

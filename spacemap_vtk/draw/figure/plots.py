@@ -1,4 +1,4 @@
-"""Curves of a scene: its motion over time, its frequency response, its cloth's tensile tests."""
+"""Plot the motion of a scene over time, its frequency response, and its cloth's tensile tests."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Width of a plotted curve, in samples.
+#: Number of samples of a plotted curve.
 SAMPLES = 2000
-#: Factor on frequencies that meet an undamped mode exactly.
+#: Factor that moves frequencies away from an undamped mode that they meet exactly.
 ASIDE = 1 + 1e-9
 QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
-#: Names of the parts of a `Balance`, in files.
+#: Names of the parts of a `Balance` in files.
 ENERGY_NAMES = (
     "kinetic energy",
     "strain energy",
@@ -49,13 +49,13 @@ _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 
 def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> Figure:
-    """Plot how a point of the cage moves, and how it answers to frequencies or its energies."""
+    """Plot the motion of a point of the cage, with its frequency response or the energies."""
     from spacemap_vtk.scenes import report
 
     figures = report.modes(scene)
     mover, last_stage = scene.stage("mover"), scene.deforming
     last = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
-    # Steps are taken by the stage, which keeps them and tells how far it is.
+    # The stage computes the steps, because it keeps them and reports progress.
     scene.update_stage(last_stage, last if isinstance(mover, TransientResponse) else 0.0)
     motion, linear = last_stage.motion, None if mover is None else mover.motion
     if motion is None:
@@ -84,7 +84,7 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
 
 
 def figure_about(title: str) -> Figure:
-    """Return a figure that is yet to be drawn."""
+    """Return an empty figure with a title."""
     figure = new_figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=12)
     return figure
@@ -96,7 +96,7 @@ def _with_legends(figure: Figure) -> Figure:
         panel.grid(color="#e6e9ed", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
         if panel.get_legend_handles_labels()[0]:
-            # Over the panel, where no curve runs.
+            # The legend is above the panel, where it hides no curve.
             panel.legend(frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 0.98))
     return figure
 
@@ -116,12 +116,12 @@ def _over_frequency(
     natural: list[float],
     shown: tuple[str, float, int],
 ) -> None:
-    """Plot the amplitude of a point, in a unit of some size, of a derivative of its motion."""
+    """Plot the amplitude of a point's displacement, velocity or acceleration over frequency."""
     unit, size, row = shown
     frequencies = frequencies_near(natural)
     try:
         answer = abs(response.frequency_response(weights, frequencies))
-    except InputError:  # an undamped mode was met exactly
+    except InputError:  # a frequency met an undamped mode exactly
         frequencies *= ASIDE
         answer = abs(response.frequency_response(weights, frequencies))
     answer *= (2 * np.pi * frequencies[:, None]) ** row / size
@@ -139,7 +139,7 @@ def _over_frequency(
 
 
 def balance_of(motion: Motion, times: Floats) -> Balance:
-    """Return the energies of a motion over time, with a total that is conserved."""
+    """Return the energies of a motion over time; their total is conserved."""
     at_start = motion.energies(np.zeros(1))[0, 3]
     return balance(motion.energies(times), motion.potential(times), float(at_start))
 
@@ -171,7 +171,7 @@ def _energy_over_time(panel: Axes, times: Floats, balance: Balance) -> None:
 
 
 def handy(unit: str, largest: float) -> tuple[str, float]:
-    """Return a unit in which a value is no tiny number."""
+    """Return a unit with a prefix that suits the largest value, and its size."""
     for power, prefix in zip((9, 6, 3, 0, -3, -6, -9, -12), "GMk mµnp", strict=True):
         if largest >= (0.1 if power <= 0 else 10.0) * 10.0**power:
             return prefix.strip() + unit, 10.0**power
@@ -179,7 +179,7 @@ def handy(unit: str, largest: float) -> tuple[str, float]:
 
 
 def frequencies_near(natural: list[float]) -> Floats:
-    """Return frequencies to plot, dense about the modes."""
+    """Return frequencies to plot, dense around the modes [Hz]."""
     swinging = [f for f in natural if f > 0.0] or [1.0]
     low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)
     near = np.concatenate([f * (1 + np.linspace(-0.08, 0.08, 41)) for f in swinging])
@@ -187,7 +187,7 @@ def frequencies_near(natural: list[float]) -> Floats:
     return np.unique(every[(every >= low) & (every <= high)])
 
 
-#: How far past the extension that straightens a yarn cloth is pulled.
+#: Extension of tensile tests beyond the extension at which yarns are straight.
 _PAST = 0.02
 _COLUMNS = (
     "test",
@@ -201,7 +201,7 @@ _COLUMNS = (
 
 
 def crossings_of(scene: Scene) -> Interchange:
-    """Return the crossings of a scene's cloth, with what its yarns resist."""
+    """Return the crossings of a scene's cloth, with the stiffness of its yarns."""
     stage = scene.stage("crimp")
     if not isinstance(stage, YarnParameters) or stage.inextensible:
         raise InputError(
@@ -242,7 +242,7 @@ def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
     unit, size = handy("N/m", max(float(test.force.max()) for test in tests))
     for family, name in enumerate(("warp", "weft")):
-        # the warp's are seen beside the weft's where both are the same
+        # The warp's curves are wider, so that both are visible where they coincide.
         strip, both, color, wide = tests[family], tests[2], _COLORS[2 * family], 3.0 - 1.6 * family
         pulled = 100.0 * strip.extension[family]
         force.plot(pulled, strip.force[family] / size, color=color, label=f"strip along the {name}")
