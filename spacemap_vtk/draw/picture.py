@@ -1,4 +1,4 @@
-"""Offscreen pictures of a scene, at any time."""
+"""Draw pictures of a scene at any time, offscreen."""
 
 from __future__ import annotations
 
@@ -54,51 +54,54 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.software.window import SoftwareWindow
 
 Image = Bytes
-#: Points that span a motion, (n, 3), and the ends of its scale.
+#: Points that span a motion, (n, 3), and the ends of its scale; None without a scale.
 Extent = tuple[Floats, Span | None]
 
-#: Facets a quarter of a yarn from which distances are right to about a hundredth of its diameter.
+#: Facets around a quarter of a yarn with which clearances are exact to about a hundredth of the
+#: yarn's diameter.
 _ROUND = 4
-#: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
+#: _USUAL: height of a picture in which a point is one pixel. _LEAST: least size of a point in
+#: pixels.
 _USUAL, _LEAST = 960, 0.6
 
 
 class _Panel(NamedTuple):
-    """A window, what is in it, and whether there are soft shadows."""
+    """A part of the picture with its window and contents."""
 
     window: Offscreen | SoftwareWindow
     shown: SceneView
     look: Look
+    #: Whether contact shadows are drawn.
     shaded: bool
-    #: What is seen where nothing is.
+    #: Background of the picture.
     behind: Background
-    #: Width and height of its picture.
+    #: Width and height of the panel's picture in pixels.
     size: tuple[int, int]
 
 
 class Picture:
-    """Draws a scene at one time after the other, from a camera that stands still.
+    """Draws a scene at several times, with a fixed camera.
 
     Parameters
     ----------
     scene : Scene
-        What to draw.
+        Scene to draw.
     times : sequence of float
-        The times in s that will be drawn: the camera takes in the motion over all of them.
+        Times in s that will be drawn; the camera shows the motion over all of them.
     size : tuple of 2 int, optional
         Width and height in pixels; by default the scene's.
     show : sequence of str, optional
-        What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
+        Content of each panel, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
     place : Viewpoint, optional
-        Where the camera stands; by default where the scene says.
+        Placement of the camera; by default the scene's.
     extent : tuple, optional
-        What the camera takes in and the ends of the scale, where that is more than the scene's
-        present motion, see `over_motion`.
+        Points that the camera shows and the ends of the scale, for more than this motion of the
+        scene; see `over_motion`.
     bare : bool
-        Whether it is laid over a page, which has a scale for all: then there is no background and
-        no scale, and pictures have a fourth number, how much of a pixel is covered.
+        Whether the picture is for a page, which has a scale for all pictures. Then there is no
+        background and no scale, and pixels have a fourth value, their coverage.
     clear : bool
-        Whether there is no background, likewise, but a scale.
+        Whether there is no background, as for `bare`, but a scale.
     wireframe : bool
         Whether only the edges of the fabric's facets are drawn.
 
@@ -122,7 +125,8 @@ class Picture:
         clear: bool = False,
         wireframe: bool = False,
     ) -> None:
-        opengl = not draws_without_opengl()  # a machine that cannot draw need not solve
+        # Checked first, so that a machine that cannot draw does not solve the scene in vain.
+        opengl = not draws_without_opengl()
         if not opengl:
             scene.warn(WITHOUT_OPENGL)
         self._wireframe = wireframe
@@ -131,9 +135,9 @@ class Picture:
         width, height = size or picture_size(scene)
         panels = panels_of(scene, show)
         self._request = PictureRequest((width, height), len(times), panels, wireframe)
-        #: How yarns are drawn.
+        #: Level of detail of the yarns.
         self.level = choose_level(scene, self._request, opengl=opengl)
-        #: What all yarns are in; None: they are in memory together.
+        #: The cloth as a sheet; None if all yarns fit into memory together.
         self.sheet = Sheet(scene) if self.level.has_sheet else None
         choose = partial(choose_scale, scene, (width, height), show, place, bare)
         room, self._span = extent or over_motion(scene, times, self.sheet, choose)
@@ -141,13 +145,13 @@ class Picture:
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
-        #: What makes the yarns one piece after another; None: they are together, or not seen.
+        #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces: DrawnPieces | None = None
         self._choose_form(room)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
     def _choose_form(self, room: Floats) -> None:
-        """Choose facets by what can be seen of a yarn, or draw the sheet."""
+        """Choose the facets of yarns, or the sheet, by the size of yarns in the picture."""
         scene, panel = self.scene, self.panels[-1]
         cloth = DrawnCloth.of(scene)
         if cloth is None:
@@ -165,7 +169,7 @@ class Picture:
             self.pieces = DrawnPieces(scene, self.level)
 
     def _tell_of_facets(self) -> None:
-        """Say that distances on few facets are rough: each is taken for flat."""
+        """Warn that clearances on few facets are rough, because each facet is flat."""
         if (sides := self.scene.surface.sides) < _ROUND:
             self.scene.warn(
                 "distances between yarns are rough: in a picture of this size a yarn has "
@@ -183,7 +187,7 @@ class Picture:
         Returns
         -------
         ndarray of uint8, shape (height, width, 3)
-            Red, green and blue; without background a fourth number, how much is covered.
+            Red, green and blue; without background also the coverage, shape (height, width, 4).
         """
         view, sheet, surface, cloth, crossings = self.scene.view, self.sheet, None, None, None
         if sheet is None:
@@ -198,10 +202,10 @@ class Picture:
         view, pieces = self.scene.view, self.pieces if look.fabric else None
         shown.show(frame, view, look, self._span, self._cut)
         self._choose_range(window, pieces)
-        # A sheet has the shadows of its yarns in its colours.
+        # The colours of a sheet include the contact shadows of its yarns.
         shaded = shaded and (self.sheet is None or pieces is not None)
         signs = shown.overlaid
-        # What is drawn once solids have their shadows, or their pieces are all there.
+        # Signs and annotations are drawn after the solids have their shadows or all pieces.
         over = pieces is not None or (shaded and signs)
         others = (*shown.signs, shown.ghost, shown.ground, *shown.over)
         later = [prop for prop in others if over and prop.GetVisibility()]
@@ -230,13 +234,14 @@ class Picture:
     def _choose_range(self, window: Offscreen | SoftwareWindow, pieces: DrawnPieces | None) -> None:
         window.renderer.ResetCameraClippingRange()
         if pieces is not None:
-            # One range for all: what is drawn first must not be farther for what comes later.
+            # All pieces need the same range. Otherwise depths of different pieces could not be
+            # compared.
             low, high = np.array(window.renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
             bounds = np.stack([low - self._relief, high + self._relief], axis=1)
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
 
     def _shade(self, panel: _Panel, depths: Singles, signs: Singles | None = None) -> Shaded | None:
-        """Return by what the light of pixels is to be multiplied, where it is at all."""
+        """Return the factors for the light of pixels, and their part of the picture; or None."""
         window, height = panel.window, len(depths)
         pixels = self._relief * pixels_of(window.camera, height)
         box = part_with(depths < 1.0, pixels)
@@ -245,7 +250,7 @@ class Picture:
         depth = metres_from(window.camera, depths[box])
         shade = contact_shade(depth, self._relief, pixels, self.scene.view.look.occlusion)
         if signs is not None:
-            # A sign is no thing in the room: it neither casts a shadow nor stands in one.
+            # Signs are not objects of the scene: they neither cast nor receive shadows.
             shade[signs[box] < depths[box]] = 1.0
         top, first = (side.start for side in box)
         for edges in panel.shown.annotations.boxes:
@@ -261,10 +266,10 @@ class Picture:
         shaded = look.occlusion(view, self._span) > 0.0
         block, samples = grain_of(panel, shaded, size)
         if self.level.form is Form.SHADER:
-            block, samples = 1, SAMPLES  # the shader looks at many places in each pixel
+            block, samples = 1, SAMPLES  # the shader takes many samples in each pixel
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
-        # Dots and lines grow with the picture, as letters do, down to where they can be seen.
+        # Dots and lines scale with the picture, like text, but stay large enough to be seen.
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
         shown.sheet.fit_pixels(block)
@@ -272,7 +277,7 @@ class Picture:
         window.leave_background()
         if view.loads:
             window.add_in_front(shown.loads.through)
-        # Panels side by side are of one scale, so all leave the room that one needs for numbers.
+        # Panels side by side have the same scale, so each one leaves room for a colour scale.
         room = 0.0 if self._span is None or self._bare else scale_share(size)
         _aim(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
         window.camera.SetWindowCenter(room, 0.0)
@@ -282,7 +287,7 @@ class Picture:
         return _Panel(window, shown, look, shaded, behind, size)
 
     def close(self) -> None:
-        """Free the windows."""
+        """Close the windows and free their resources."""
         for panel in self.panels:
             panel.window.close()
 
@@ -290,7 +295,7 @@ class Picture:
 def _aim(
     scene: Scene, camera: vtkCamera, room: Floats, aspect: float, place: Viewpoint | None
 ) -> None:
-    """Place a camera where a scene's picture is seen from, or where somebody says."""
+    """Place a camera as the scene requests, or at the given viewpoint."""
     aim(camera, room, aspect, camera_of(scene), scene.view.zoom)
     if place is not None:
         place.take(camera)
@@ -299,7 +304,7 @@ def _aim(
 def _at_camera(
     scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, room: Floats, seen: Seen
 ) -> LevelOfDetail:
-    """Return the level of detail of points that are seen, and let a scene have its facets."""
+    """Return the level of detail for points in a view, and set the scene's facets to it."""
     scale = pixels_per_metre(seen.camera, room, seen.size[1])
     found = level.at_scale(cloth, scale, seen.size)
     choose_facets(scene.surface, found, seen)
@@ -314,7 +319,7 @@ def choose_scale(
     bare: bool,
     room: Floats,
 ) -> bool:
-    """Let a scene have the facets of pictures of some points; return whether yarns are seen."""
+    """Set the facets of a scene for a picture of the points; return whether yarns are visible."""
     cloth = DrawnCloth.of(scene)
     if cloth is None:
         return False
@@ -333,11 +338,11 @@ def over_motion(
     sheet: Sheet | None = None,
     choose: Callable[[Floats], bool] | None = None,
 ) -> Extent:
-    """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
-    # The scale is that of the facets that `choose` chooses for these points; it returns whether
-    # yarns are wide enough to be seen.
+    """Return points that span the scene's motion, (n, 3), and the ends of its scale."""
+    # `choose` sets the facets for these points, and returns whether yarns are wide enough to be
+    # seen. The ends of the scale are those of numbers on these facets.
     sheet = sheet or Sheet.if_many(scene)
-    # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
+    # Nine times are enough for the extremes of a vibration, and take nine runs of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[AnyFloats] = []
     for time in chosen:
@@ -358,7 +363,7 @@ def over_motion(
         up, shadow = upward(camera_of(scene)), room.copy()
         shadow[:, up] = room[:, up].min()
         room = np.concatenate([room, shadow])
-    # Facets cost more than what moves them: they are made once it is known how many, if at all.
+    # Facets take longer than their motion, so they are made only after their number is chosen.
     seen = choose is not None and choose(room)
     if sheet is not None and seen:
         sheet.sides = scene.surface.sides
@@ -368,7 +373,7 @@ def over_motion(
 
 
 def _ends(scene: Scene, time: float, sheet: Sheet | None) -> list[float]:
-    """Return the least and the largest number that colours show at a time, if any."""
+    """Return the smallest and largest number that colours show at a time; empty without numbers."""
     if sheet is None:
         scene.update(time)
         numbers = measure(scene.polygons, scene.view.color)
@@ -380,7 +385,7 @@ def _ends(scene: Scene, time: float, sheet: Sheet | None) -> list[float]:
 
 
 def together(extents: Sequence[Extent]) -> Extent:
-    """Return what spans several motions, and the ends of a scale for all of them."""
+    """Combine the extents of several motions into one, with a common scale."""
     clouds, spans = zip(*extents, strict=True)
     ends = np.array([span for span in spans if span is not None])
     return np.concatenate(clouds), natural_span(ends) if ends.size else None

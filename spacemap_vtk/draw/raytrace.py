@@ -1,7 +1,7 @@
-"""A picture of a cloth by rays of light, fibre by fibre: Mitsuba 3, with its model of hair.
+"""Trace rays through a cloth, fibre by fibre, with Mitsuba 3 and its model of hair.
 
-Fibres are B-spline curves. Light goes through them and from one to the next, which is what floats
-shine by and crossings are dark by; nothing here says where.
+Fibres are B-spline curves. Light passes through them and is scattered from one to the next. The
+gloss of floats and the dark crossings follow from this without further parameters.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from spacemap_vtk.scenes.styles import STYLES
 from spacemap_vtk.textile.geometry.strand_curves import StrandCurves, fibre_count
 from spacemap_vtk.vanishing import vanishing_folder
 
-#: What only pictures that are drawn have of a view.
+#: Parameters of a view that ray tracing ignores.
 _DRAWN = [
     "color",
     "style",
@@ -45,23 +45,28 @@ _DRAWN = [
     "time_stamp",
     "transparent",
 ]
-#: Rays are traced in so many passes, for progress.
+#: Number of passes of ray tracing; progress is reported after each.
 _PASSES = 8
-#: Of hair: how rough fibres are along and around, how often light goes on, and in how many tones
-#: fibres of a colour are, by how much lighter or darker.
+#: Parameters of hair. _ALONG, _AROUND: longitudinal and azimuthal roughness. _BOUNCES: largest
+#: number of scatterings. _TONES: number of tones of fibres of one colour. _TONE: relative
+#: difference in brightness from one tone to the next.
 _ALONG, _AROUND, _BOUNCES, _TONES, _TONE = 0.45, 0.6, 14, 3, 0.10
-#: By how much lamps are stronger than those that light a surface: fibres swallow more.
+#: Strength of lamps relative to those that light surfaces: fibres absorb more light.
 _EXPOSED = 1.7
-#: Power by which a fibre's colour is fuller than its yarn's: what fibres reflect white pales it.
+#: Exponent that saturates a fibre's colour relative to its yarn's, because white reflections of
+#: fibres make the colour paler.
 _FULLER = 1.3
-#: What is traced beyond the edges of the picture, as a share of it: shadows fall from there.
+#: Margin around the picture that is traced too, as a share of the picture: it casts shadows into
+#: the picture.
 _MARGIN = 0.15
-#: Bytes that Mitsuba takes, a control point with what finds rays' hits (170 measured), and a pixel.
+#: Bytes of memory. _MITSUBA: Mitsuba itself. _POINT: each control point, with its part of the
+#: acceleration structure (170 measured). _PIXEL: each pixel.
 _MITSUBA, _POINT, _PIXEL = 120_000_000, 190, 400
-#: Narrower than so many pixels fibres are fewer and thicker: else they are noise.
+#: Least width of a fibre in pixels. Yarns with thinner fibres get fewer and thicker ones, because
+#: thinner ones appear as noise.
 _NARROWEST = 0.7
 
-#: How system libraries are installed that Mitsuba's wheel does not bring along.
+#: Installation of system libraries that Mitsuba's wheel needs but does not contain.
 _PACKAGES = {
     "libatomic.so.1": 'On Debian or Ubuntu: "apt-get install libatomic1"; '
     'on Fedora: "dnf install libatomic"'
@@ -69,7 +74,7 @@ _PACKAGES = {
 
 
 def require_mitsuba() -> None:
-    """Refuse to trace rays where Mitsuba, or a system library that it needs, is missing."""
+    """Raise MissingLibraryError if Mitsuba, or a system library that it needs, is missing."""
     if find_spec("mitsuba") is None:
         raise MissingLibraryError(
             "--raytrace needs the package mitsuba",
@@ -78,7 +83,7 @@ def require_mitsuba() -> None:
     try:
         import_module("mitsuba")
     except Exception as error:
-        # Mitsuba's own modules fail over the first error, so that a NameError comes out of it.
+        # Mitsuba's modules turn the original error into a NameError, so the first one is reported.
         first: BaseException = error
         while first.__context__ is not None:
             first = first.__context__
@@ -90,7 +95,7 @@ def require_mitsuba() -> None:
 
 
 def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
-    """Return a scene's cloth at a time, traced by so many rays a pixel."""
+    """Return a picture of a scene's cloth at a time, traced with `samples` rays per pixel."""
     require_mitsuba()
     if scene.woven is None:
         raise InputError(
@@ -116,7 +121,7 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
 
 
 def _curves(scene: Scene, camera: vtkCamera, size: tuple[int, int]) -> tuple[StrandCurves, Floats]:
-    """Return the fibres in sight, and the colour of each as shares of light."""
+    """Return the fibres in sight, and the colour of each in linear light."""
     assert scene.woven is not None
     cloth = scene.woven.cloth
 
@@ -143,12 +148,14 @@ def _traced(
     samples: int,
     tell: Tell,
 ) -> Floats:
-    """Return light and cover of each pixel, (height, width, 4)."""
+    """Return linear light and coverage of each pixel, (height, width, 4)."""
     import mitsuba as mi
 
-    # LLVM 14 ends the process that lets it compile hair for AVX-512; this variant needs no compiler
+    # LLVM 14 crashes the process when it compiles hair for AVX-512. This variant needs no compiler.
     mi.set_variant("scalar_rgb")
-    scale = 1e3  # millimetres: rays leave what they hit by steps that do not shrink with it
+    # The unit is a millimetre: the offset of new rays from a surface does not scale with the scene,
+    # and would be too large in metres.
+    scale = 1e3
     with vanishing_folder() as folder:
         shapes = _shapes(mi, curves, colors, scale, folder)
         world = mi.load_dict(
@@ -173,7 +180,7 @@ def _traced(
 def _shapes(
     mi: Any, curves: StrandCurves, colors: Floats, scale: float, folder: Path
 ) -> dict[str, Any]:
-    """Return curves by colour and tone."""
+    """Return one Mitsuba shape for each colour and tone of fibres."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
     full = (colors * (1.0 + _TONE * tones[:, None])) ** _FULLER
     shown = np.round(np.clip(full, 0.004, 0.92), 3)
@@ -203,9 +210,10 @@ def _shapes(
 
 
 def _absorption(color: Floats) -> Floats:
-    """Return the absorption by which a mass of fibres has a colour."""
-    # M. J.-Y. Chiang et al., "A Practical and Controllable Hair and Fur Model for Production Path
-    # Tracing", Computer Graphics Forum 35 (2016), equation 9: of what many reflect together.
+    """Return the absorption of a fibre with which a mass of fibres has the given colour."""
+    # Source: M. J.-Y. Chiang et al., "A Practical and Controllable Hair and Fur Model for
+    # Production Path Tracing", Computer Graphics Forum 35 (2016), equation 9, for the colour after
+    # multiple scattering.
     b = _AROUND
     fit = 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5
     return np.asarray((np.log(color) / fit) ** 2)
@@ -238,7 +246,7 @@ def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> 
 
 
 def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
-    """Return the lamps of the studio style as soft boxes, and its sky."""
+    """Return the lamps of the studio style as area lights, and its sky."""
     focus, place = np.array(camera.GetFocalPoint()), np.array(camera.GetPosition())
     back = place - focus
     away = float(np.linalg.norm(back))
@@ -256,7 +264,7 @@ def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
         towards = np.array(lamp.place) / np.linalg.norm(lamp.place)
         at = scale * (focus + 2.0 * away * (towards @ np.array([right, up, back])))
         half = scale * 2.0 * away * 0.3
-        # what a lamp of such a size sends: its strength is that of light from all over the sky
+        # Strength is given as for light from the whole sky; it is converted to the lamp's size.
         value = [_EXPOSED * lamp.strength * c * math.pi / (4 * 0.3**2) for c in lamp.color]
         look = mi.ScalarTransform4f().look_at(at.tolist(), (scale * focus).tolist(), up.tolist())
         lights[f"lamp_{number}"] = {
@@ -268,7 +276,7 @@ def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
 
 
 def _developed(light: Floats, behind: NDArray[Any]) -> Image:
-    """Return what is seen of light before a background, by the styles' gamma."""
+    """Compose linear light over a background; a square root as gamma, as in the styles."""
     cover = np.clip(light[..., 3:], 0.0, 1.0)
     own = np.sqrt(np.clip(light[..., :3], 0.0, 1.0) / np.maximum(cover, 1e-6))
     shown = np.clip(own, 0.0, 1.0) * cover + behind / 255.0 * (1.0 - cover)

@@ -1,4 +1,4 @@
-"""What stands in a view of a scene: in the window, in a picture, in a film."""
+"""Show frames of a scene in a renderer, for the window, pictures and films."""
 
 from __future__ import annotations
 
@@ -40,65 +40,68 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Fixed vertices whose dots are of full size, and the least size [points] of those of more.
+#: _MANY_DOTS: up to this number of fixed vertices, their dots have full size. _LEAST_DOT: least
+#: size of dots in points.
 _MANY_DOTS, _LEAST_DOT = 40, 6.0
 
 
 @dataclass
 class Look:
-    """Which things are shown; all else is said by a scene's section ``[view]``."""
+    """Selects what a view shows, in addition to the section ``[view]`` of a scene."""
 
     fabric: bool = True
     cage: bool = True
-    #: Whether of the fabric only the facets' edges are drawn.
+    #: Whether only the edges of the fabric's facets are drawn.
     wireframe: bool = False
-    #: Whether numbers have their scale at the right, and anything is written over the view.
+    #: Whether colour scale and annotations are shown.
     scale: bool = True
-    #: Whether the axes and a round length are shown even where no scene asks for them; axes that
-    #: are handled can be clicked at.
+    #: Whether the axes are shown even if the scene does not request them.
     triad: bool = False
+    #: Whether the scale bar is shown even if the scene does not request it.
     scale_bar: bool = False
+    #: Whether the axes can be clicked.
     handled: bool = False
 
     def occlusion(self, view: View, span: Span | None) -> float:
-        """Return how deep contact shadows are; 0 where there are none."""
-        # A colour that stands for a number must be found again in the scale.
+        """Return the strength of contact shadows; 0 without shadows."""
+        # Shadows would change colours that show numbers, so that the scale has no such colours.
         wanted = view.shadows and self.fabric and not self.wireframe and span is None
         return view.look.occlusion if wanted else 0.0
 
 
 class SceneView:
-    """Shows frames in a renderer: its actors are made once, and brought up to date by each."""
+    """Shows frames in a renderer, with actors that are made once and updated for each frame."""
 
-    # What shines through, `loads.through`, is for a renderer in front, if the caller has one.
+    # `loads.through` is for a renderer in front, if the caller has one.
 
     def __init__(self, renderer: vtkRenderer, shades: bool, samples: int = 0) -> None:
         self.renderer = renderer
-        #: Whether the caller shades what is drawn, as pictures are.
+        #: Whether the caller adds contact shadows, as for pictures.
         self.shades = shades
-        #: See `SurfaceActor`: pictures, whose pixels are means of many, need none.
+        #: The fabric's surface. For `samples` see `SurfaceActor`: pictures need none, because their
+        #: pixels are means of smaller ones.
         self.surface = SurfaceActor(samples)
         self.face, self.ghost = CutFaceActor(), GhostActor()
         self.sheet, self.light, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
         self.ground = GroundActor()
-        #: How high the ground is [m]: nothing that has been shown of a scene is below.
+        #: Height of the ground [m]: the lowest point that has been shown of the scene.
         self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
         for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             renderer.AddActor(actor)
-        # Its plates lie under the scales.
+        # Annotations come first, because their plates are behind the colour scales.
         self.annotations = Annotations(renderer)
         for drawn in (self.surface, self.sheet):
             renderer.AddViewProp(drawn.bar)
-        #: What it is cut with at present; None: the whole is shown.
+        #: Current clipping plane; None if nothing is cut.
         self.cut: Cut | None = None
-        #: Share of the width that the scale takes.
+        #: Width of the colour scale, as a share of the picture's width.
         self.room = 0.0
-        #: What the last scale was for, and its ends; see `span_of`.
+        #: State for which the last scale was made, and its ends; see `span_of`.
         self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
         self._size, self._point = (1, 1), 1.0
-        #: What is shown and how; no frame: nothing is.
+        #: The current frame; None if nothing is shown.
         self._frame: Frame | None = None
         self._view, self._look = View(), Look()
         self._span: Span | None = None
@@ -106,22 +109,22 @@ class SceneView:
 
     @property
     def solids(self) -> list[vtkActor]:
-        """The things of the scene's room: they cast shadows."""
+        """Actors of objects in the scene, which cast contact shadows."""
         return [self.surface, self.sheet, self.light, self.outline, self.face]
 
     @property
     def signs(self) -> list[vtkActor]:
-        """Lines, dots and arrows, which do not."""
+        """Actors of lines, dots and arrows, which cast no contact shadows."""
         return [self.cage, self.supports, self.loads]
 
     @property
     def over(self) -> list[vtkProp]:
-        """What is written over all else."""
+        """Annotations and colour scales, which are drawn over everything else."""
         return [*self.annotations.props, self.surface.bar, self.sheet.bar]
 
     @property
     def overlaid(self) -> bool:
-        """Whether anything is shown that casts no shadow."""
+        """Whether anything is shown that casts no contact shadow."""
         others = [*self.signs, self.surface.bar, self.sheet.bar]
         if self.annotations.props[0].GetVisibility():
             others += [self.ghost, self.ground]
@@ -130,7 +133,7 @@ class SceneView:
         return any(prop.GetVisibility() for prop in others)
 
     def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
-        """Take a view's colours; a scale fits a size of so many pixels, lines count in points."""
+        """Set colours and sizes of a view; `pixels` are drawn per pixel of the picture."""
         self._size, self._point = size, point
         below, above = view.look.below, view.look.above
         set_background(self.renderer, below, above)
@@ -142,7 +145,7 @@ class SceneView:
             fit_scale(drawn.bar, size, below, pixels)
 
     def span_of(self, frame: Frame) -> Span | None:
-        """Return the ends of a frame's scale; while only time passes, they never come nearer."""
+        """Return the ends of a frame's scale; while only the time changes, it never shrinks."""
         numbers = frame.surface.GetPointData().GetArray(SHOWN)
         values = frame.crossings if COLORINGS[frame.color].numbers else None
         if numbers is not None:
@@ -158,7 +161,7 @@ class SceneView:
     def show(
         self, frame: Frame, view: View, look: Look, span: Span | None = None, cut: Cut | None = None
     ) -> None:
-        """Show a frame, its colours' scale from one end of `span` to the other."""
+        """Show a frame, with a colour scale over `span`."""
         self._frame, self._view, self._look, self._span = frame, view, look, span
         self._moving = False
         scaled = look.fabric and look.scale and span is not None
@@ -182,31 +185,32 @@ class SceneView:
         self.cage.SetVisibility(look.cage)
         if look.cage:
             self.cage.show(frame.cage, self._point, look.fabric)
-            # Unless it lies over what is drawn afterwards.
+            # Translucent ghost and ground are drawn after opaque actors. The lines must then be
+            # translucent too, or they would not be drawn over them.
             self.cage.SetForceOpaque(not (ghost or view.ground))
         self.supports.SetVisibility(supports)
         if supports:
             self.supports.show(frame.cage)
             count = self.supports.GetMapper().GetInput().GetNumberOfPoints()
-            dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # many would hide the cloth
+            dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # else they hide the cloth
             self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._point)
         self.loads.SetVisibility(view.loads)
         self._show_ground(frame)
         self.cut_open(cut)
 
     def show_more(self, frame: Frame) -> None:
-        """Show another part of the fabric in place of the last, all else as it is."""
+        """Replace the shown part of the fabric by another one, and keep everything else."""
         self._show_surface(self.surface, frame)
         self.surface.bar.VisibilityOff()
         self._fill_cut(frame, frame.surface)
 
     def cut_open(self, cut: Cut | None) -> None:
-        """Cut what is shown open with another plane, or show the whole."""
+        """Cut the shown objects with a plane; None shows them whole."""
         if cut is not None:
             self._plane.SetNormal(*cut[0])
             self._plane.SetOrigin(*cut[1])
         if (cut is None) != (self.cut is None):
-            # Loads are never cut, see `LoadActor`.
+            # Arrows are not clipped: `LoadActor.show` hides whole arrows.
             for actor in (*self.solids[:4], self.ghost, self.cage, self.supports):
                 if cut is None:
                     actor.GetMapper().RemoveAllClippingPlanes()
@@ -219,7 +223,7 @@ class SceneView:
                 self.loads.show(frame.arrows, cut)
 
     def _fill_cut(self, frame: Frame, yarns: vtkPolyData | None) -> None:
-        """Fill what is cut, unless it is seen through, or no yarns are drawn."""
+        """Draw the face of the cut, except for wireframes, in motion, or if no yarns are drawn."""
         look, view = self._look, self._view
         solid = look.fabric and not look.wireframe and not self._moving
         cut = self.cut if solid and yarns is not None else None
@@ -228,12 +232,12 @@ class SceneView:
 
     @property
     def occlusion(self) -> float:
-        """How deep contact shadows are; 0 where there are none."""
+        """Strength of the contact shadows; 0 without shadows."""
         shown = self._frame is not None
         return self._look.occlusion(self._view, self._span) if shown else 0.0
 
     def shade(self, on: bool) -> None:
-        """Let a sheet have the shadows of its yarns in its colours, or not."""
+        """Set whether the colours of a sheet include the contact shadows of its yarns."""
         self.shades = on
         self.sheet.shade(self.occlusion if on else 0.0)
 
@@ -242,12 +246,12 @@ class SceneView:
         self._frame = None
         for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             actor.VisibilityOff()
-        self.loads.show(None)  # those that shine through, too
+        self.loads.show(None)  # clears the arrows in the renderer in front, too
         for prop in self.over:
             prop.VisibilityOff()
 
     def move(self, moving: bool) -> None:
-        """Show what takes little time to be drawn in place of the frame, or the frame again."""
+        """Show the light version of the frame while the camera moves, or the frame again."""
         frame = self._frame
         if frame is None or moving == self._moving:
             return
@@ -257,7 +261,7 @@ class SceneView:
         self._moving = moving
         if light.cloth is not None:
             self._show_sheet(light if moving else frame, light.cloth)
-        # Another actor: the fine one keeps what it has handed to OpenGL.
+        # A second actor is used, so that the fine one keeps its buffers in OpenGL.
         few = light.surface if light.cloth is None else light.yarns
         if moving and few is not None:
             closed = light.closed or light.cloth is not None
@@ -295,16 +299,16 @@ class SceneView:
     def _show_sheet(self, frame: Frame, cloth: Cloth) -> None:
         around = frame.surface if frame.around is None else frame.around
         style = self._view.look
-        # As its yarns would be: only pictures shade them.
+        # The sheet gets contact shadows only if yarns would get them too.
         self.sheet.show_sheet(around, cloth, frame.color, self._span, style, frame.crossings)
         self.sheet.shade(self.occlusion if self.shades else 0.0)
         self._dress(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
         style, colors = self._view.look, (frame.color, self._view.object_color, self._span)
-        # Of what has no round edges, only `OutlineActor` draws lines.
+        # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.
         actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
-        # Nobody sees the far sides of closed yarns, and they cost as much as the near ones.
+        # Back faces of closed yarns are hidden, but take as much time as front faces.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
         self._dress(actor)
         lined = style.outline > 0.0 and not self._look.wireframe
@@ -320,19 +324,19 @@ class SceneView:
         actor.VisibilityOn()
         drawn, wireframe = actor.GetProperty(), self._look.wireframe
         drawn.SetRepresentation(VTK_WIREFRAME if wireframe else VTK_SURFACE)
-        # Of a wire frame, and of objects of lines or points alone.
+        # Widths for wireframes, and for objects made of lines or points.
         drawn.SetLineWidth((1.0 if wireframe else 2.0) * self._point)
         drawn.SetPointSize(3.0 * self._point)
 
 
 def extent_of(frame: Frame, loads: bool) -> Floats:
-    """Return points that a frame's picture must have room for."""
+    """Return points that must be visible in a frame's picture, (n, 3)."""
     points = points_of(frame.surface)
-    # Of many, some thousand are enough.
+    # A few thousand points are enough.
     clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
     if frame.cage is not None:
-        # At rest and moved: a swing should not leave the picture at once. What hangs rests where it
-        # hangs, and is never seen where it was made.
+        # The cage at rest and displaced: a vibration should not leave the picture at once. A cage
+        # with an equilibrium vibrates around it, and never appears in its rest shape.
         rest, hangs = points_of(frame.cage), frame.cage.GetPointData().GetArray("equilibrium")
         if hangs is not None:
             rest = rest + vtk_to_numpy(hangs)
@@ -343,7 +347,7 @@ def extent_of(frame: Frame, loads: bool) -> Floats:
 
 
 def cells_shown(frame: Frame, view: View, look: Look) -> list[tuple[AnyFloats, Ints]]:
-    """Return points of what is shown, and the first point of each cell that they make."""
+    """Return points of each shown object, and the index of the first point of each cell."""
     shown, points = [], []
     if look.fabric:
         polygons = frame.surface.GetPolys()
@@ -359,5 +363,5 @@ def cells_shown(frame: Frame, view: View, look: Look) -> list[tuple[AnyFloats, I
         points.append(moved_points(frame.cage))
     if view.loads and frame.arrows is not None:
         points.append(frame.arrows.reach)
-    # Of these, each point is a cell of its own.
+    # Each of these points is a cell.
     return shown + [(each, np.arange(len(each))) for each in points]

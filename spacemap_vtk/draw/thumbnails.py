@@ -1,7 +1,7 @@
-"""Small pictures of the scenes that come with the program, for the window's gallery.
+"""Draw small pictures of the scenes that come with the program, for the window's gallery.
 
-They are kept beside the scenes, so that the gallery is there at once. After a change of a scene:
-``python -m spacemap_vtk.draw.thumbnails`` draws anew what is out of date.
+The pictures are stored with the scenes, so that the gallery appears at once. After a scene has
+changed, ``python -m spacemap_vtk.draw.thumbnails`` draws the outdated pictures again.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from spacemap_vtk.io.output import whole_file
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import library
 
-#: Width and height in pixels: twice what is shown, for fine screens.
+#: Width and height in pixels: twice the displayed size, for high-resolution screens.
 SIZE = (480, 320)
 _QUALITY = 84
 
 
 def file_of(name: str) -> Path:
-    """Return where a scene's picture lies."""
+    """Return the path of a scene's picture."""
     return library.folder() / "thumbnails" / f"{name}.jpg"
 
 
@@ -50,7 +50,7 @@ def digest_of(name: str) -> str:
 
 
 def drawn_from(name: str) -> str:
-    """Return the digest of the scene that a picture was drawn from."""
+    """Return the digest stored in a scene's picture; empty if there is no picture."""
     from PIL import Image
 
     file = file_of(name)
@@ -61,7 +61,7 @@ def drawn_from(name: str) -> str:
 
 
 def draw(name: str) -> None:
-    """Draw a scene's picture."""
+    """Draw and save the picture of a scene."""
     from spacemap_vtk.draw.picture import Picture
     from spacemap_vtk.scenes.scene import Scene
 
@@ -76,7 +76,7 @@ def draw(name: str) -> None:
 
 
 def main() -> None:
-    """Draw what is out of date, and remove pictures of scenes that are gone."""
+    """Draw outdated pictures, and remove pictures of scenes that no longer exist."""
     names = library.names()
     for name in names:
         if drawn_from(name) != digest_of(name):

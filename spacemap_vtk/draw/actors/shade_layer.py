@@ -1,4 +1,4 @@
-"""Contact shadows over what a window shows, made of its depths when they are asked for."""
+"""Draw contact shadows over a window's view, computed on request from its depths."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spacemap_vtk.draw.camera import metres_from, pixels_of
 
 
 class ShadeLayer:
-    """Darkens what a renderer has drawn, as pictures are darkened."""
+    """A layer that adds contact shadows to a renderer's view, as in pictures."""
 
     def __init__(self, window: vtkRenderWindow, renderer: vtkRenderer, layer: int) -> None:
         self.renderer = vtkRenderer()
@@ -44,17 +44,17 @@ class ShadeLayer:
         shade.SetMapper(mapper)
         shade.SetTexture(self._texture)
         self.renderer.AddViewProp(shade)
-        #: Whether it is wanted.
+        #: Whether the layer is to be drawn.
         self.on = False
-        #: Left, low, right and high ends of what stands in no shadow, in pixels.
+        #: Left, bottom, right and top of areas without shadows, in pixels.
         self.clear: list[tuple[float, float, float, float]] = []
 
     def want(self, relief: float, strength: float) -> None:
-        """Be drawn from now on if there is any strength: for folds so deep [m]."""
+        """Set the depth of folds [m] and the strength of shadows; 0 switches the layer off."""
         self._relief, self._strength, self.on = relief, strength, strength > 0.0
 
     def make(self, below: vtkRenderer) -> None:
-        """Make the shadows of what a renderer has drawn."""
+        """Compute the shadows for the view that a renderer has drawn."""
         window, camera = below.GetRenderWindow(), below.GetActiveCamera()
         width, height = window.GetSize()
         window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
@@ -62,7 +62,7 @@ class ShadeLayer:
         plates = [
             (slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear
         ]
-        for plate in plates:  # in front of all, they would throw a shadow on it
+        for plate in plates:  # plates are in front of everything and would cast shadows on it
             drawn[plate] = 1.0
         depth = metres_from(camera, drawn)
         pixels = self._relief * pixels_of(camera, height)

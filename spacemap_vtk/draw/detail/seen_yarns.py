@@ -1,4 +1,4 @@
-"""What a scene is at some times beside its surface: middles of yarns or strands, and numbers."""
+"""Record the axes of yarns or strands of a scene over time, and the numbers that colours show."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from spacemap_vtk.textile.geometry.strand_curves import (
 )
 from spacemap_vtk.textile.geometry.weave import Weave, build
 
-#: Share of a scale by which a number may be off: a step of its colours.
+#: Largest error of a number, as a share of its scale: a step between two colours.
 _STEP = 1 / 512
-#: What curves may be; or a number of fibres for each yarn.
+#: Kinds of curves; a number of fibres for each yarn is also allowed.
 STRANDS = ("yarns", "plies", "fibres")
 
 
 def checked_strands(text: str) -> str:
-    """Refuse what is no kind of curve."""
+    """Return the text if it is a kind of curve or a number of fibres; else raise InputError."""
     if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
         return text
     raise InputError(
@@ -39,7 +39,7 @@ def checked_strands(text: str) -> str:
 
 
 class SeenYarns:
-    """The middles of yarns: of rings of control points, which they stay if moved; or strands."""
+    """The axes of a scene's yarns over time (the centres of control point rings), or strands."""
 
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
         self._scene, self._strands, self._times = scene, strands, times
@@ -47,14 +47,14 @@ class SeenYarns:
         if scene.woven is not None:
             self._cloth = scene.woven.cloth
             made = build(self._cloth, kind=np.float32)
-            # a part of a weave has other points
+            # The patches of a part of a weave have other points, and are not supported.
             if len(made.points) == scene.patches.GetNumberOfPoints():
                 self._made = made
         self._points: Singles = np.zeros((times, 0, 3), np.float32)
         self._curves: StrandCurves | None = None
 
     def see(self, number: int) -> None:
-        """Take what the scene's last update has made, for one of the times."""
+        """Record the curves of the scene's last update as those of time `number`."""
         if self._made is None:
             return
         if self._strands == "yarns":
@@ -71,7 +71,7 @@ class SeenYarns:
         self._points[number] = found
 
     def strands(self, fibres: int | None, within: Within | None = None) -> StrandCurves:
-        """Return plies (0) or so many fibres of each yarn, as the last update has moved them."""
+        """Return the deformed plies (0), or a number of fibres of each yarn (None: all)."""
         assert self._made is not None
         patches, cloth = self._scene.patches, self._cloth
         rational = patches.GetPointData().GetRationalWeights()
@@ -89,7 +89,7 @@ class SeenYarns:
 
     @property
     def curves(self) -> YarnCurves | None:
-        """What was seen; None where there are no yarns."""
+        """The recorded curves; None if there are no yarns."""
         if self._made is None:
             return None
         if (curves := self._curves) is not None:
@@ -100,7 +100,7 @@ class SeenYarns:
 
 
 class SeenOverTime(SeenYarns):
-    """The middles of yarns at some times, and what colours stand for at the points of a surface."""
+    """The axes of yarns over time, and the numbers that a surface's colours show."""
 
     def __init__(
         self, scene: Scene, rows: AnyInts, times: int, numbers: bool, strands: str
@@ -109,23 +109,23 @@ class SeenOverTime(SeenYarns):
         self._rows = rows
         self._values: Singles | None = None
         if numbers and COLORINGS[scene.view.color].numbers:
-            # kept, and taken apart in double precision
+            # Single precision for the record, and double precision for its decomposition.
             require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
             self._values = np.zeros((times, len(rows)), np.float32)
 
     def see(self, number: int) -> None:
-        """Take what the scene's last update has made, for one of the times."""
+        """Record curves and numbers of the scene's last update as those of time `number`."""
         super().see(number)
         if self._values is not None:
             numbers = measure(self._scene.polygons, self._scene.view.color)
-            if numbers is None:  # no clearance where normals are missing
+            if numbers is None:  # clearances cannot be measured without normals
                 self._values = None
             else:
                 self._values[number] = numbers[self._rows]
 
     @property
     def numbers(self) -> ScaledNumbers | None:
-        """What was seen, few changes of which it is a sum; None where colours are no numbers."""
+        """The recorded numbers as a sum of few changes; None if colours show no numbers."""
         if self._values is None:
             return None
         color, span = self._scene.view.color, natural_span(self._values)

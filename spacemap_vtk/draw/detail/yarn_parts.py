@@ -1,4 +1,4 @@
-"""The yarns of a part of a cloth: piece after piece of a picture, or those in the window's view."""
+"""Make the yarns of a part of a cloth: pieces of a picture, or the yarns in the window's view."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ from spacemap_vtk.textile.geometry.partition import cropped, share_of
 from spacemap_vtk.textile.geometry.weave import estimate_counts
 from spacemap_vtk.textile.weave.threads import Some
 
-#: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
+#: Number of the sheet's cells made on each side of those in sight, because yarns bend differently
+#: near a cut.
 _BESIDE = 4
-#: Crossings along each side of a tile, at least.
+#: Least number of crossings along each side of a tile.
 _LEAST_TILE = 8
-#: Patches that may be drawn while the camera moves, each in one quadrilateral.
+#: Largest number of patches that are drawn while the camera moves, as one quadrilateral each.
 _MOVING_PATCHES = 120_000
-#: What is made beyond the edges of the view, as a share of what is in view.
+#: Margin that is made around the view, as a share of the part in view.
 _MARGIN = 0.08
-#: Messages where the window shows the sheet alone.
+#: Messages if the window shows only the sheet.
 TOO_FAR = "from so far a yarn is {:.2g} pixels wide: a sheet in the colours of the yarns is shown"
 TOO_MANY = "so many yarns are in sight that the window shows a sheet in their colours: come nearer"
 
 
 class DrawnPieces:
-    """The yarns of a scene, piece by piece, in stages of their own."""
+    """Makes the yarns of a scene piece by piece, with copies of the scene's stages."""
 
     def __init__(self, scene: Scene, level: LevelOfDetail) -> None:
         self._scene, self._level = scene, level
@@ -52,14 +53,14 @@ class DrawnPieces:
     def in_sight(
         self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
     ) -> Iterator[vtkPolyData]:
-        """Yield the surfaces of those pieces of which something is in a picture, with colours."""
+        """Yield the surfaces of the pieces that are visible in a picture, with their numbers."""
         if self._scene.moves:
             self._stages.move_by(self._scene.deformed_cage)
         sight = cells_in_sight(sheet, camera, aspect)
         runs = [run_of(seen, _BESIDE) for seen in sight]
         if any(run.start == run.stop for run in runs):
             return
-        # Yarns are no longer than what is seen of them.
+        # Yarns are cut to the part in sight.
         part = yarns_in(sheet, runs[0], runs[1])
         if self._level.form is Form.TILES:
             yield from self._tiles(time, sheet, part, sight)
@@ -80,7 +81,7 @@ class DrawnPieces:
     def _tiles(
         self, time: float, sheet: Sheet, part: Share, sight: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
-        """Yield tiles in which yarns have their neighbours."""
+        """Yield tiles whose clearances were measured together with the neighbouring yarns."""
         whole = isqrt(self._cloth.drawdown.size // self._level.pieces)
         side = max(whole - 2 * yarns_beside(self._cloth), _LEAST_TILE)
         ends, picks = (
@@ -98,27 +99,27 @@ class DrawnPieces:
 
 
 class NearYarns:
-    """The yarns of a scene in a part of the cloth that follows the view, in stages of their own."""
+    """Makes the yarns in a part of the cloth that follows the view, with copies of the stages."""
 
     def __init__(self, scene: Scene, sheet: Sheet) -> None:
         self._scene, self._sheet = scene, sheet
         self._settings = yarn_settings(scene)
         self._own = PartStages(scene)
         self.stages = self._own.all
-        self._own.source.configure(precision="single")  # nothing but eyes sees it
+        self._own.source.configure(precision="single")  # enough, because it is only looked at
         self._light = PatchTessellator(subdivisions=1)
         self._light.SetInputConnection(self.stages[-2].GetOutputPort())
-        #: The columns and rows of the sheet's cells in whose place yarns are made.
+        #: Columns and rows of the sheet's cells that are replaced by yarns.
         self.part: tuple[slice, slice] | None = None
         self._patches = 0
         self._cage: tuple[vtkUnstructuredGrid, int] | None = None
 
     def serves(self, scene: Scene, sheet: Sheet) -> bool:
-        """Return whether its stages are still as the scene's."""
+        """Test whether the settings are still those of the scene and its sheet."""
         return sheet is self._sheet and yarn_settings(scene) == self._settings
 
     def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None, swings: bool = False) -> str:
-        """Choose the part to be made; return why none is, or an empty text."""
+        """Choose the part to be made; return the reason if there is none, else an empty text."""
         sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
         columns, rows = (run_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
         if columns.stop * rows.stop == 0:
@@ -150,17 +151,17 @@ class NearYarns:
             self._own.move_by(cage)
             for stage in self.stages:
                 if isinstance(stage, BarycentricWarp):
-                    # a mode's cage has no velocity that could ride along
+                    # The cage of a mode has no velocity to interpolate.
                     stage.carried = "" if swings else self._scene.warp.carried
         return ""
 
     @property
     def yarns(self) -> vtkPolyData:
-        """Their surface, as of the last update of the stages."""
+        """Surface of the yarns from the last update of the stages."""
         return self._own.surface.output
 
     def light(self, time: float) -> vtkPolyData | None:
-        """Return a surface of fewer facets; None where they would still be too many."""
+        """Return a surface with one facet per patch; None if there are still too many."""
         if self._patches > _MOVING_PATCHES:
             return None
         return self._light.update(time).output
@@ -171,19 +172,19 @@ class NearYarns:
 
 
 def cells_in_sight(sheet: Sheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
-    """Return which columns and rows of a sheet's cells are in a picture."""
+    """Return which columns and which rows of a sheet's cells are in a picture."""
     places = projected(camera, points_of(sheet.moved), aspect)
     columns, rows = sheet.cells
     x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
     seen = np.ones((rows, columns), bool)
     for beyond in (x < -w, x > w, y < -w, y > w):
-        # A cell with all corners on one side is not in sight.
+        # A cell is out of sight if all its corners are beyond the same edge of the picture.
         seen &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
     return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
 
 
 def run_of(seen: Bools, beside: int = 0) -> slice:
-    """Return the run of cells that holds all that are seen, and some beside it."""
+    """Return the range of cells from the first seen one to the last, with `beside` more."""
     found = np.flatnonzero(seen)
     if not len(found):
         return slice(0, 0)
@@ -191,7 +192,7 @@ def run_of(seen: Bools, beside: int = 0) -> slice:
 
 
 def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
-    """Return the yarns that cross in some cells of a sheet."""
+    """Return the yarns that cross in the given cells of a sheet."""
     ends, picks = (
         slice(cells.start * count // of, -(-cells.stop * count // of))
         for cells, count, of in zip((columns, rows), sheet.cloth.size, sheet.cells, strict=True)
@@ -200,7 +201,7 @@ def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
 
 
 def _any(seen: Bools, some: Some, count: int) -> bool:
-    """Return whether any of some yarns is in cells that are seen, or beside one."""
+    """Test whether any of the yarns is in a seen cell or next to one."""
     assert isinstance(some, slice)
     if some.start >= some.stop:
         return False
@@ -215,7 +216,7 @@ def _wider(cells: slice, count: int) -> slice:
 
 
 def _covers(part: tuple[slice, slice] | None, wanted: tuple[slice, slice]) -> bool:
-    """Return whether a part shows what is wanted, and is not far larger."""
+    """Test whether a part contains the wanted part, and is less than three times as large."""
     if part is None:
         return False
     inside = all(p.start <= w.start and w.stop <= p.stop for p, w in zip(part, wanted, strict=True))

@@ -127,7 +127,7 @@ def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> 
             drawn += shots.scenes
             continue
         woven = first.woven
-        assert woven is not None  # asked above
+        assert woven is not None  # checked above: other panels need a woven scene
         if name == "section":
             for family, number in enumerate((asked.end, asked.pick)):
                 yarn = None if number is None else number - 1

@@ -221,7 +221,7 @@ def crossings_of(scene: Scene) -> Interchange:
 def tests_of(scene: Scene) -> list[Tensile]:
     """Compute tensile tests of a cloth: strips along warp and weft, and both pulled alike."""
     crossings = crossings_of(scene)
-    assert scene.woven is not None  # asked above
+    assert scene.woven is not None  # `crossings_of` has checked it
     crimp = max(float(family.crimp.crimp) for family in scene.woven.cloth.families)
     return tensile_tests(crossings, crimp + _PAST)
 

@@ -1,4 +1,4 @@
-"""The section of a cloth along a yarn as an engineering drawing, after Peirce's figure 1."""
+"""Draw the section of a cloth along a yarn as an engineering drawing, after Peirce's figure 1."""
 
 from __future__ import annotations
 
@@ -18,23 +18,25 @@ from spacemap_vtk.units import format_quantity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Room for dimensions, in mm: at the left, right, below and above.
+#: Room for dimensions at the left, right, below and above the cloth, in mm.
 _LEFT, _RIGHT, _BELOW, _ABOVE = 13.0, 8.5, 9.0, 7.5
-#: Of dimensions, in mm: between their lines, that an extension line goes on past them, an arrow.
+#: Lengths in mm: _STEP, distance between dimension lines; _PAST, length of an extension line beyond
+#: its dimension line; _ARROW, length of an arrowhead.
 _STEP, _PAST, _ARROW = 4.2, 1.0, 1.9
-#: Highest scale at which a drawing is still no poster, in mm for the height of the cloth.
+#: Largest height of the cloth in a drawing, in mm.
 _HIGHEST = 46.0
 _SUB = "₁₂"
-#: Of the length along an axis, on light and on dark paper.
+#: Colour of the length along the axis, on light and on dark paper.
 _ACCENT = ("#c8372d", "#ff8a7a")
-#: Of the yarns of warp and weft, (n, 3) each, or (1, 3) of all.
+#: Colours of the yarns of warp and weft: (n, 3) for each family, or (1, 3) for all yarns of it.
 Colors = Sequence[Bytes] | Bytes
-#: Least height of a drawing, in mm: that of its upright words; of a cloth that has room for some.
+#: _LEAST: least height of a drawing in mm, for its upright texts. _THIN: a cloth lower than this,
+#: in mm, has no room for a text in it.
 _LEAST, _THIN = 36.0, 12.0
 
 
 class _Sheet(NamedTuple):
-    """Axes in mm, and where in them the cloth is."""
+    """Axes in mm, with scale and position of the cloth in them."""
 
     axes: Axes
     paper: Paper
@@ -42,12 +44,12 @@ class _Sheet(NamedTuple):
     shift: Floats
 
     def at(self, points: Floats) -> Floats:
-        """Return where points of the cloth are in it."""
+        """Return the positions of the cloth's points in the drawing."""
         return points * self.scale + self.shift
 
 
 def section_tile(cut: CrossSection, colors: Colors | None = None) -> Tile:
-    """Return the drawing of a section; `colors`: of warp and weft yarns, in place of the usual."""
+    """Return a tile with the drawing of a section; `colors` replaces the default yarn colours."""
     bottom, top = cut.bottom_and_top
     begin, end = float(cut.outline[:, 0].min()), float(cut.outline[:, 0].max())
     length = end - begin
@@ -113,7 +115,7 @@ def _draw_dimensions(sheet: _Sheet, cut: CrossSection) -> None:
     own, other = _SUB[cut.family], _SUB[1 - cut.family]
     (low, high), here = cut.bottom_and_top, sheet.at(cut.centres)
     floor, ceiling = (float(sheet.at(np.array([0.0, z]))[1]) for z in (low, high))
-    # The yarns that touch at the first crossing, one upon the other.
+    # The first crossing where the yarns touch, for the dimension D.
     first = int(np.argmax(cut.touching))
     (wide, thick), place, passes = cut.sizes[first], cut.centres[first, 0], cut.passes[first]
     ends = np.array([passes + side * 0.5 * cut.diameter for side in (-1, 1)])
@@ -124,7 +126,8 @@ def _draw_dimensions(sheet: _Sheet, cut: CrossSection) -> None:
     total = max(stack) - min(stack)
     far = left - 2 * _STEP
     _upright(sheet, (place, min(stack)), (place, max(stack)), far, "D = d₁ + d₂", total)
-    # Under a yarn that is cut across, of the first two the lower, and under two neighbours.
+    # The width of a yarn is shown below the lower one of the first two sections, and the spacing
+    # below two neighbours.
     name = "w" if wide > (1 + 1e-9) * thick else "d"
     lower = int(np.argmin(cut.centres[:2, 1]))
     edges = here[lower, 0] + 0.5 * sheet.scale * cut.sizes[lower, 0] * np.array([-1.0, 1.0])
@@ -174,7 +177,7 @@ def _angle(
     at = int(np.median(inside[steep >= steep.max() - 1e-9]))
     vertex, sign = sheet.at(cut.axis[at]), float(np.sign(cut.slope[at]))
     reach, words = 0.42 * bend.spacing * sheet.scale, f"θ{own} = {np.degrees(bend.angle):.2f}°"
-    # Towards the left where there is no room for the words at the right.
+    # The angle opens to the left if there is no room for the text at the right.
     way = 1.0 if vertex[0] + reach + letters_wide(words) < sheet.axes.get_xlim()[1] - 8.0 else -1.0
     ink, turn = sheet.paper.ink, sign * np.degrees(bend.angle)
     turned = np.radians([0.0, 0.5 * turn, turn])
@@ -188,7 +191,7 @@ def _angle(
     sheet.axes.add_patch(arc)
     text = vertex + (reach + 1.0) * half
     floor, ceiling = heights
-    if ceiling - floor < _THIN:  # the words would hide the yarns
+    if ceiling - floor < _THIN:  # the text would hide the yarns
         text[1] = max(text[1], ceiling + 2.4) if half[1] > 0 else min(text[1], floor - 2.4)
     plate = {"facecolor": sheet.paper.color, "alpha": 0.7, "linewidth": 0, "pad": 0.8}
     _words_at(sheet, text, words, ha="left" if way > 0 else "right", va="center", bbox=plate)
@@ -202,7 +205,7 @@ def _upright(
     name: str,
     value: float,
 ) -> None:
-    """Draw a dimension of height, on a line beside the cloth."""
+    """Draw a vertical dimension on a line at the side of the cloth."""
     places = sheet.at(np.array([first, second]))
     way = float(np.sign(line - places[0, 0]))
     for x, y in places:
@@ -213,7 +216,7 @@ def _upright(
     half = 0.5 * letters_wide(words)
     middle = np.clip(0.5 * (low + high), half, sheet.axes.get_ylim()[1] - half)
     place, side = np.array([line + 0.5 * way, middle]), "right" if way < 0 else "left"
-    # Other dimensions' lines break off where there are letters.
+    # The plate interrupts the lines of other dimensions behind the text.
     plate = {"facecolor": sheet.paper.color, "linewidth": 0, "pad": 0.3}
     _words_at(sheet, place, words, ha=side, va="center", rotation=90, bbox=plate, zorder=2.5)
 
@@ -226,14 +229,14 @@ def _level(
     name: str,
     value: float,
 ) -> None:
-    """Draw a dimension of width, on a line under the cloth."""
+    """Draw a horizontal dimension on a line below the cloth."""
     for x, y in zip(across, heights, strict=True):
         _thin(sheet, (x, y - 0.6), (x, line - _PAST))
     _between(sheet, np.stack([across, [line, line]], axis=1))
     text = np.array([float(np.mean(across)), line + 0.4])
     words = f"{name} = {format_quantity(value, 'm', 4)}"
     if letters_wide(words) > float(np.ptp(across)) - 2.0:
-        # Beside the words at the left, which go down as far.
+        # To the right of the vertical texts at the left, which reach down as far.
         text = np.array([max(text[0], _LEFT - _STEP + 1.0 + 0.5 * letters_wide(words)), line - 0.8])
         _words_at(sheet, text, words, ha="center", va="top")
     else:
@@ -245,7 +248,7 @@ def _thin(sheet: _Sheet, begin: tuple[float, float], end: tuple[float, float]) -
 
 
 def _between(sheet: _Sheet, ends: Floats) -> None:
-    """Draw a line with an arrow at either end; where there is no room for these, from outside."""
+    """Draw a line with an arrow at each end; on short lines, the arrows point from outside."""
     way = ends[1] - ends[0]
     size = float(np.hypot(*way))
     if not size:

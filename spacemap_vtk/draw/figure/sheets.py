@@ -1,4 +1,4 @@
-"""Sheets of several pictures: the paper's figure 6, and a scene's mode shapes."""
+"""Draw sheets of several pictures: storyboards as in the paper's figure 6, and mode shapes."""
 
 from __future__ import annotations
 
@@ -33,19 +33,20 @@ from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
-#: Size of a storyboard, without its labels, in pixels; its columns, where no times are given.
+#: _BOARD: size of a storyboard in pixels, without its labels. _TIMES: number of columns if no times
+#: are given.
 _BOARD, _TIMES = (2240, 640), 7
-#: Most shapes on a sheet, and how many in a row.
+#: MOST_SHAPES: largest number of mode shapes on a sheet. COLUMNS: number of shapes in a row.
 MOST_SHAPES, COLUMNS = 12, 4
-#: A cell of the sheet in pixels, and the room below it for its label.
+#: _CELL: size of a mode shape's picture in pixels. _LABEL: height of the label below it.
 _CELL, _LABEL = (440, 400), 46
-#: Largest displacement of a shape, in diagonals of the cage's box.
+#: Largest displacement of a mode shape, as a share of the diagonal of the cage's bounding box.
 _SWING = 0.12
 _INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
 
 
 def swing_times(scene: Scene) -> list[float]:
-    """Return times over a period of a scene's first mode that has one, or over all its motion."""
+    """Return times over a period of a scene's first vibrating mode, or over its whole motion."""
     if not scene.stage("solver"):
         mover = scene.stage("mover") or scene.deforming
         first, last = mover.time_range([]) or (0.0, 0.0)
@@ -79,7 +80,7 @@ def motions_board(
     size: tuple[int, int] | None,
     tell: Tell,
 ) -> Bytes:
-    """Draw a scene as it moves in several ways, one below the other, time from left to right."""
+    """Draw several motions of a scene, one row for each, with time from left to right."""
     width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
     given, cell = loaded_cage(scene), (width // len(times), height // len(motions))
     tell(0, 2 * len(motions))
@@ -103,7 +104,7 @@ def motions_board(
 
 
 def _stretch(scene: Scene, times: Sequence[float]) -> float:
-    """Return by how much edges of a cage change their length at some times at most."""
+    """Return the largest relative change of length of the cage's edges over the times."""
     model, motion = model_of(scene.deformed_cage), scene.deforming.motion
     assert motion is not None
     rest = motion.points if model.displacement is None else motion.points + model.displacement
@@ -111,7 +112,7 @@ def _stretch(scene: Scene, times: Sequence[float]) -> float:
 
 
 def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:
-    """Add what the rows are on the left and the columns' times below."""
+    """Add labels of the rows at the left, and times of the columns below."""
     height, width = image.shape[:2]
     size = max(14, height // (16 * len(rows)))
     font = ImageFont.load_default(size)
@@ -130,7 +131,7 @@ def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Byte
 
 
 def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
-    """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
+    """Draw the fabric in each of the first mode shapes, with the cage at rest and displaced."""
     figures = report.modes(scene)
     solver = scene.stage("solver")
     assert solver is not None
@@ -166,7 +167,7 @@ def _note(mode: dict[str, Any]) -> str:
 
 
 class _Drawing:
-    """Draws one shape after the other from one place, with room for the swing to every side."""
+    """Draws mode shapes with a fixed camera that has room for displacements in all directions."""
 
     def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
         if draws_without_opengl():
@@ -174,7 +175,7 @@ class _Drawing:
         self._scene, self._moved = scene, copied(cage)
         vertices = points_of(self._moved)
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
+        # The drawing is twice as large and then averaged, because drivers smooth differently.
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = open_offscreen(size, samples=4)
         self._window.leave_background()
@@ -182,8 +183,7 @@ class _Drawing:
         self._solid = SurfaceActor()
         self._warp = BarycentricWarp()
         self._surface = PatchTessellator(subdivisions=scene.surface.sides)
-        # Of the cage only its corner lines, which its faces share at an angle: enough to see it
-        # bend.
+        # Only edges where faces of the cage meet at an angle are drawn; they show the bending.
         faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
         faces.SetInputData(self._moved)
         lines.SetInputConnection(faces.GetOutputPort())
@@ -216,5 +216,5 @@ class _Drawing:
         return composed(self._window.draw(), self._behind)
 
     def close(self) -> None:
-        """Free the window."""
+        """Close the window and free its resources."""
         self._window.close()
