@@ -1,9 +1,10 @@
-"""A scene's surface with its motion, or its mode shapes, as morph targets.
+"""Convert the motion or the mode shapes of a scene's surface to morph targets.
 
-A fabric's points follow from the cage's by a linear map, and a surface's from the fabric's. So the
-targets of a motion are found on the cage, whose points are few, and carried over as any other
-displacement of it. What trades crimp on the way is not linear: there they are those of the fabric's
-own points. In either case the surface at every frame is compared with what the targets make of it.
+The points of a fabric depend linearly on the cage's vertices, and the points of a surface on the
+fabric's. So the targets of a motion are computed on the cage, which has few vertices, and passed on
+through the stages like any displacement of the cage. Crimp interchange is not linear: with it, the
+targets are computed on the fabric's points. In both cases, the surface at every frame is compared
+with the sum of its targets.
 """
 
 from __future__ import annotations
@@ -47,29 +48,34 @@ from spacemap_vtk.scenes.report import modes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS, View
 
-#: Tolerance by itself: shares of the thinnest yarn's diameter, or of the size of what has no yarns.
+#: Default tolerance: _OF_YARN as a share of the thinnest yarn's diameter, or _OF_SIZE as a share of
+#: the size of an object without yarns.
 _OF_YARN, _OF_SIZE = 0.02, 2e-4
-#: Share of the largest coordinate that rounding may take.
+#: Least tolerance as a share of the largest coordinate, because of rounding.
 _ROUNDING = 2.0**-21
-#: How often targets are sought on one stage: where the fabric is off by more than the cage.
+#: Largest number of attempts on one stage, with smaller and smaller tolerances: the error of the
+#: fabric can be larger than the error of the cage.
 _TRIES = 4
-#: A mode is shown at this share of the cage's longest side, in this time [s], by so many steps.
+#: Animation of a mode. _AMPLITUDE: largest displacement as a share of the cage's longest side.
+#: _PERIOD: duration of a period in s. _STEPS: number of steps of a period.
 _AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
-#: Places are told apart by the size over this, up to 21 bits, directions by a unit over this.
+#: Resolution with which equal points are found. _PLACES: number of steps over the object's size, up
+#: to 21 bits. _DIRECTIONS: number of steps over the unit length of a normal.
 _PLACES, _DIRECTIONS = 2**19, 100
-#: Frames whose normals are added up together, and points of these.
+#: _TOGETHER: number of frames whose normals are summed together. _PART: number of points in a block
+#: of this sum.
 _TOGETHER, _PART = 8, 2**14
-#: Bytes of a file that are warned of before they are made.
+#: Size of a file in bytes from which on the user is warned before it is made.
 _LARGE = 2**26
-#: Points from which on it counts how many bits each target takes.
+#: Number of points from which on targets are quantised to save space.
 _MANY_POINTS = 100_000
-#: What makes a file smaller: of what stands still, of a motion, of modes.
+#: Advice for a smaller file: of a still surface, and below of a motion and of modes.
 _COARSER = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
 _SMALLER = {
     "tolerance": SMALLER,
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
-#: Where what has no normal faces.
+#: Normal of points without a normal.
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
 
@@ -85,10 +91,11 @@ def moving(
     sides: int | None = 0,
     say: Say | None = None,
 ) -> MovingSurface:
-    """Return a scene's surface at the first of some times, and its motion from there on."""
-    # Of one time its colours may be those of a scale, with the ends `span`; or it has the numbers
-    # that colours stand for, at all times. It takes at most so many bytes in single precision.
-    # Patches are subdivided by `sides`; 0: so that the file is not too large; None: as a picture's.
+    """Return a scene's surface at the first of the times, with its motion over all of them."""
+    # With a single time, colours may be those of a scale with the ends `span`. With `numbers`, the
+    # numbers that colours show are recorded at all times. `most` limits the size in bytes, in
+    # single precision. Patches are subdivided by `sides`; 0: as much as the file's size permits;
+    # None: as in a picture.
     say = say or scene.warn
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
@@ -109,7 +116,7 @@ def moving(
         raise _too_small(tolerance, least)
     error = np.inf
     for stage in _movers(scene):
-        # Of what is large a little is left for its rounding.
+        # For large surfaces, a part of the tolerance is reserved for quantisation.
         large = _is_large(still)
         places, aim = _places(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
         for _ in range(_TRIES):
@@ -125,7 +132,7 @@ def moving(
             error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
             if error <= tolerance or cut:
                 tolerance = max(tolerance, 1.1 * error) if cut else tolerance
-                # as a film shows it, which may be slower
+                # Playback times: a film may be slower or faster than the motion.
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
                 clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
                 short, more = None, 0.0
@@ -154,12 +161,12 @@ def moving(
 def mode_shapes(
     scene: Scene, tell: Tell, most: int = 2**32, sides: int = 0, say: Say | None = None
 ) -> MovingSurface:
-    """Return a scene's surface as it hangs, a target for each mode, and a swing of each."""
+    """Return a scene's surface in equilibrium, with a target and a clip for each mode."""
     say = say or scene.warn
     _settle_colors(scene)
     _subdivide(scene, sides, say)
     _require_patches(scene, most)
-    scene.assign("warp", "carried", "")  # a mode has no velocity that could ride along
+    scene.assign("warp", "carried", "")  # modes have no velocity to interpolate
     figures = modes(scene)["modes"]
     tell(0, len(figures))
     stage, solver = scene.deforming, scene.stage("solver")
@@ -208,20 +215,21 @@ def _too_small(tolerance: float, least: float) -> InputError:
 
 
 def _movers(scene: Scene) -> list[Stage]:
-    """Return the stages of whose output the surface may be a linear map, cheapest first."""
+    """Return stages on whose output the surface may depend linearly, the fastest first."""
     return [scene.warp] if scene.stage("crimp") else [scene.deforming, scene.warp]
 
 
 def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
-    """Return how far a stage moves its points from where they are at the first time, (T, n, 3)."""
+    """Return the displacements of a stage's points since the first time, (T, n, 3)."""
     found: AnyFloats = np.empty(0)
     for number, time in enumerate(times):
         scene.update_stage(stage, time)
         now = _field(stage, stage.output)
         if not number:
-            # In single precision, of what is so large that a tolerance is far above its rounding.
+            # Large motions are stored in single precision, whose rounding is far below tolerances.
             kind = np.float64 if len(times) * now.size < 2**22 else np.float32
-            size = (np.dtype(kind).itemsize + 4) * len(times) * now.size  # and targets of it
+            # The targets that are made of it need memory too.
+            size = (np.dtype(kind).itemsize + 4) * len(times) * now.size
             require(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
             found, first = np.empty((len(times), *now.shape), kind), now.astype(np.float64)
         np.subtract(now, first, out=found[number], casting="same_kind")
@@ -230,14 +238,14 @@ def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> A
 
 
 def _field(stage: Stage, data: Any) -> NDArray[Any]:
-    """Return what of a stage's output moves: the cage's displacement, or where the points are."""
+    """Return the moving quantity of a stage's output: the cage's displacement, or the points."""
     if stage.makes == "cage":
         return array_of(data.GetPointData(), "displacement", type(stage).__name__)
     return points_of(data)
 
 
 def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
-    """Return the surface of what takes the place of a stage's output."""
+    """Return the surface that the later stages make if `data` replaces a stage's output."""
     made = {"object": scene.object_at_rest.output, stage.makes: data}
     for each in scene.stages[scene.stages.index(stage) + 1 :]:
         made[each.makes] = each(*(made[kind] for kind in each.takes))
@@ -254,7 +262,7 @@ def _carried(
     say: Say,
     data: Any = None,
 ) -> tuple[Singles, Singles | None]:
-    """Carry a stage's displacements to the surface and its normals: half of there and back."""
+    """Return displacements of surface and normals for a stage's shapes, by central differences."""
     kinds = 1 if still.normals is None else 2
     size = 12 * kinds * len(shapes) * len(still.points)
     what = f"{len(shapes)} targets of {len(still.points)} points"
@@ -264,10 +272,10 @@ def _carried(
         whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
         less = "with fewer --subdivisions, a larger --tolerance, or a smaller --fps less"
         say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
-    # Where points are so many that it counts, once more in few bits: nine bytes for 24.
+    # Targets of many points are also stored in quantised form: nine bytes for each 24.
     few = 3 * size // 8 if data is None and _is_large(still) else 0
     require(size + few + frame_bytes(len(still.points)), what, cure=cure)
-    # Of a motion the normals' targets are found by what its frames are.
+    # For a motion, `_compared` computes the targets of normals from the frames.
     faces = data is not None and still.normals is not None
     data = stage.output if data is None else data
     at = _field(stage, data).astype(np.float64)
@@ -302,9 +310,9 @@ def _compared(
     seen: SeenOverTime,
     tell: Tell,
 ) -> tuple[float, Singles | None]:
-    """Return how far the sum of targets is from the surface at most, and targets of its normals."""
+    """Return the largest distance between sum of targets and surface, and normals' targets."""
     error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
-    # The least squares of what the normals do: the weights are orthogonal over time.
+    # Least squares fit of the normals over time; it is this simple because weights are orthogonal.
     shares = weights / np.square(weights).sum(axis=0)
     waiting = np.empty((min(_TOGETHER, len(times)), *still.points.shape), np.float32)
     for number, time in enumerate(times):
@@ -318,7 +326,7 @@ def _compared(
             np.subtract(normals, still.normals, out=waiting[last])
             if last == len(waiting) - 1 or number == len(times) - 1:
                 rows_now = shares[number - last : number + 1]
-                for part in blocks(len(points), _PART):  # all at once would be one more of these
+                for part in blocks(len(points), _PART):  # blocks avoid a copy of all targets
                     turned[:, part] += np.tensordot(rows_now, waiting[: last + 1, part], (0, 0))
         tell(len(times) + number + 1, 2 * len(times))
     return error, turned
@@ -327,7 +335,7 @@ def _compared(
 def _taken(
     surface: vtkPolyData, rows: AnyInts, faces: bool = True
 ) -> tuple[Singles, Singles | None]:
-    """Return a surface's points, and normals if they count, those that are written."""
+    """Return the points of a surface that are written, and their unit normals if wanted."""
     normals = surface.GetPointData().GetNormals() if faces else None
     points = points_of(surface)[rows].astype(np.float32, copy=False)
     if normals is None:
@@ -338,7 +346,7 @@ def _taken(
 
 
 def _subdivide(scene: Scene, sides: int, say: Say) -> None:
-    """Subdivide patches as asked, or less than the scene says where a file would be too large."""
+    """Set the subdivisions of patches as given, or as in the scene if the file permits."""
     cloth = DrawnCloth.of(scene)
     if cloth is not None and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
@@ -353,13 +361,13 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
 
 
 def _require_patches(scene: Scene, most: int) -> None:
-    """Refuse a weave that would not fit into memory, or into a file, before any memory is taken."""
+    """Raise an error if a weave would not fit into memory or a file, before it is made."""
     cloth = DrawnCloth.of(scene)
     if cloth is None or scene.stages[-1] is not scene.surface:
         return
     sides = scene.surface.sides
     points, quads = cloth.patches * (sides + 1) ** 2, cloth.patches * sides**2
-    # Of closed tubes there are as many points as quadrilaterals, once neighbours share theirs.
+    # Closed tubes have as many points as quadrilaterals, after coincident points are merged.
     least = int(0.9 * quads)
     _require_fitting(24 * least + 24 * quads, f"{least} points", most, _COARSER)
     require(
@@ -370,7 +378,7 @@ def _require_patches(scene: Scene, most: int) -> None:
 
 
 def _settle_colors(scene: Scene) -> None:
-    """Show own colours in place of those that change with time, and tell."""
+    """Replace colours that change with time by the scene's own colours, with a warning."""
     color = scene.view.color
     if COLORINGS[color].numbers:
         scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
@@ -389,7 +397,7 @@ def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
 def _still(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, AnyInts]:
-    """Return a surface without its motion, and which of its points are written."""
+    """Return a surface without its motion, and the indices of its points that are written."""
     require_work(surface, mesh_bytes(surface.GetNumberOfPoints()), "triangles with colours")
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
@@ -401,12 +409,12 @@ def _still(
         colors, of_points = ramp_colors(values, (low, high)), True
         shown = COLORINGS[color]
         about["colors"] = f"{shown.label}, {low:g} to {high:g} {shown.unit}"
-    # Points are told apart by what they are of: materials do not blend into each other.
+    # Points of different materials are not merged, so that materials do not blend.
     look: AnyInts = (
         parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
     )
     if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
-        # nor do a patch's numbers into its neighbour's
+        # Points of different cells are not merged either, so that cells' numbers do not blend.
         look = np.arange(surface.GetNumberOfCells())[:, None]
     kinds = np.unique(look, axis=0, return_inverse=True)[1].reshape(-1, 1)[cells]
     del look
@@ -450,7 +458,7 @@ def _sight(scene: Scene) -> Sight:
 
 
 def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
-    """Return the corners of a surface's polygons cut into triangles, and whose each is."""
+    """Cut a surface's polygons into triangles; return their points and the cell of each."""
     bare, cutter = vtkPolyData(), vtkTriangleFilter()
     bare.CopyStructure(surface)
     add_array(bare.GetCellData(), "cell", np.arange(surface.GetNumberOfCells()))
@@ -466,7 +474,7 @@ def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
 
 
 def _looks(scene: Scene, surface: vtkPolyData) -> tuple[list[str], NDArray[Any], Bytes, bool]:
-    """Return names of parts, the part of each cell, colours, and whether those are of points."""
+    """Return names of parts, part of each cell, colours, and whether colours belong to points."""
     cells, color = surface.GetCellData(), scene.view.color
     family = cells.GetArray("family")
     names = ["surface"] if family is None else ["warp", "weft"]
@@ -487,8 +495,9 @@ def _looks(scene: Scene, surface: vtkPolyData) -> tuple[list[str], NDArray[Any],
 
 
 def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> Ints:
-    """Return for each point the first that lies there, faces there and has its colour."""
-    # Patches do not share their borders; within a yarn they go on into each other smoothly.
+    """Return for each point the first point with the same position, normal and colour."""
+    # Neighbouring patches have separate points on their common border, although the surface is
+    # smooth there.
     look = np.zeros(len(points), np.int64)
     for value in () if normals is None else np.round(_DIRECTIONS * normals.T):
         look = 256 * look + _DIRECTIONS + value.astype(np.int64)
@@ -497,7 +506,7 @@ def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> I
     size = float(np.ptp(points, axis=0).max()) or 1.0
     scaled = (points - points.min(axis=0)) * (_PLACES / size)
     one = np.arange(len(points))
-    for shift in (0.25, 0.75):  # of what rounding puts on both sides of a step
+    for shift in (0.25, 0.75):  # two grids, in case rounding puts equal points into two cells
         x, y, z = (scaled[one] + shift).astype(np.int64).T
         place = (x << 42) + (y << 21) + z
         order = np.lexsort((one, look, place))
@@ -508,7 +517,7 @@ def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> I
 
 
 def _default_tolerance(scene: Scene) -> float:
-    """Return a distance that is not seen."""
+    """Return a tolerance [m] that is too small to be seen."""
     if scene.textile is not None:
         return _OF_YARN * float(scene.textile.yarn_diameters.min())
     return _OF_SIZE * float(np.ptp(points_of(scene.polygons), axis=0).max())
