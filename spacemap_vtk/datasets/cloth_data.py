@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 
 #: Prefix of the names of all field arrays of a cloth.
 _PREFIX = "cloth_"
-#: Name of the array of `spacemap_vtk.textile.geometry.weave.Weave.places`: the part of a yarn of
-#: each patch.
+#: Name of the array that holds `spacemap_vtk.textile.geometry.weave.Weave.places` of the patches.
 PLACES = "yarn_places"
 #: Point arrays of yarns that crimp interchange has moved. FOOT: the point of the cage [m] that the
 #: ring of a control point moves with. OFFSET: the control point relative to that moved point [m].
