@@ -1,4 +1,4 @@
-"""Exchange data between MPI processes of which each makes one piece of a data set.
+"""Exchange data between MPI processes, each of which makes one piece of a data set.
 
 VTK's global controller exchanges the data; ParaView's pvbatch and pvserver have one under MPI. In a
 single process nothing is exchanged.
