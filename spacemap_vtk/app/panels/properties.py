@@ -261,7 +261,8 @@ class Properties(QScrollArea):
         except InputError as error:
             error.section = error.section or self.section
             self.mark(error)
-            # Also set if `mark` has marked no row or another one.
+            # The error may name a part of the value, for which there is no row. `take_back` must
+            # find this row.
             self.rows[name].about = "value"
             self.refused.emit(error)
         else:

@@ -34,7 +34,7 @@ _BUTTONS = {
 }
 #: VTK's number of the hand cursor (VTK_CURSOR_HAND), for which VTK's Python modules have no name.
 _CURSOR_HAND = 9
-#: What Qt reports for one step of a mouse wheel, in eighths of a degree.
+#: Angle that Qt reports for one step of a mouse wheel, in 1/8 degree.
 _WHEEL_STEP = 120
 
 

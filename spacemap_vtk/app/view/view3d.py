@@ -127,7 +127,7 @@ class View3D(QWidget):
         self._made: tuple[object, float] = None, 0.0
         #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
-        #: What the camera preset must show: the part of the width for the colour scale, whether
+        #: State for which the camera was aimed: fraction of the width for the colour scale, whether
         #: load arrows are shown, whether there is a cage.
         self._aimed_for = 0.0, False, False
 

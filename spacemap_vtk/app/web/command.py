@@ -1,4 +1,4 @@
-"""The command that shows a scene in a browser."""
+"""The command ``serve``, which shows a scene in a browser."""
 
 from __future__ import annotations
 

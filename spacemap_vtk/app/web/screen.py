@@ -54,7 +54,7 @@ class Screen:
             self.aim(view.camera or frame.camera)
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
-        """Set the size in CSS pixels, and the device pixels per CSS pixel."""
+        """Set the picture's size in CSS pixels, device pixels per CSS pixel, and the theme."""
         most = _MOST / max(width, height, 1.0)
         self._ratio = min(max(ratio, 0.5), 2.0, max(most, 0.1))
         size = tuple(max(_LEAST, round(side * self._ratio)) for side in (width, height))

@@ -234,7 +234,7 @@ class Director(QObject):
     def _failed(self, error: BaseException, job: Job) -> None:
         self._times.waiting = False
         if job.generation != self.generation:
-            return  # that scene has been left
+            return  # the job belongs to a closed scene
         if job is self._asked:
             # Only for the latest job: a newer one still needs its fine frame.
             self.rest.stop()
