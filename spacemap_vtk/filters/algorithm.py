@@ -1,18 +1,18 @@
-"""A VTK algorithm in Python: requests answered, runs counted, errors and pieces that arrive.
+"""A VTK algorithm in Python: it answers requests, counts its runs, and passes on errors and pieces.
 
 Invariants:
 
-- An exception never crosses VTK's C++ frames, where it would be printed and lost. It is kept on
-  the stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
-- A stage that is asked for a piece asks for the same piece above it, so that no two consumers ask
-  for different ones and run it twice. What cannot be cut (a cage) is whole in every piece, and
-  marked as a duplicate in all but the first.
+- An exception never crosses VTK's C++ frames, which would print it and lose it. It is stored on the
+  stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
+- A stage that is asked for a piece asks the stages above it for the same piece, so that no two
+  consumers ask a stage for different pieces and run it twice. Data that cannot be divided (a cage)
+  are whole in every piece, and marked as duplicates in all pieces but the first.
 - No stage holds a reference to itself or to a stage above it, not even through an observer or a
-  stored bound method: on VTK 9.2 such an object is never freed.
-- Keys are asked for what an information holds, as in `key.Get(info)`: `info.Get(key)` is found
-  among so many overloads that it takes fifteen times as long, half of all that a request costs.
-- What a stage keeps for its next run, and may hold VTK objects, is an attribute that its class
-  declares as None: before VTK 9.7 it must go with the last reference from Python.
+  stored bound method: VTK 9.2 never frees such an object.
+- Read values as `key.Get(info)`, not as `info.Get(key)`: Python has to choose the latter among so
+  many overloads that it takes fifteen times as long, half the cost of a request.
+- An attribute that a stage keeps for its next run, and that may hold VTK objects, must be declared
+  as None in the class: before VTK 9.7 it is deleted with the last reference from Python.
 """
 
 from __future__ import annotations
@@ -55,40 +55,40 @@ PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
-#: The two kinds of data that a pipeline carries from stage to stage.
+#: The two types of data that a pipeline passes from stage to stage.
 Kind = Literal["object", "cage"]
-#: Of a request: the informations on each input port.
+#: The pipeline information of a request: one vector for each input port.
 Inputs = tuple[vtkInformationVector, ...]
-#: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
-#: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
-#: there are VTK objects among them, the table is corrupted, and the program crashes later.
+#: If Python deletes its reference to a stage that VTK still holds, VTK keeps the stage's attributes
+#: until it deletes the stage. Before 9.7 it frees them while it iterates over its table of objects.
+#: VTK objects among them corrupt the table, and the program crashes later.
 _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
-#: For `Stage.output_type`: the output is of the type of the data on input port 0.
+#: Value of `Stage.output_type`: the output has the type of the data on input port 0.
 SAME_AS_INPUT = "vtkDataObject"
 
 
 class Algorithm(Parameterised, VTKPythonAlgorithmBase):
-    """VTK's side of a stage: it answers requests, and counts its runs."""
+    """The VTK side of a stage: it answers requests and counts its runs."""
 
-    #: What each input port takes, and what the output is: by these a scene connects its stages. A
-    #: cage is whole in every piece of the data.
+    #: What each input port accepts, and what the output is. A scene connects its stages by these.
+    #: A cage is whole in every piece of the data.
     takes: ClassVar[tuple[Kind, ...]] = ()
     makes: ClassVar[Kind] = "object"
     #: Required data type of each input port.
     inputs: ClassVar[tuple[str, ...]] = ()
-    #: Name of each input port, where a window asks for inputs by name.
+    #: Name of each input port, for windows that ask for inputs by name.
     input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output_type: ClassVar[str] = "vtkUnstructuredGrid"
-    #: Its place in a scene's pipeline: one of `spacemap_vtk.filters.base.ROLES`, or a role of its
-    #: own, which directly follows the role `after`.
+    #: Position in a scene's pipeline: one of `spacemap_vtk.filters.base.ROLES`, or a new role that
+    #: directly follows the role `after`.
     role: ClassVar[str] = ""
     after: ClassVar[str] = ""
-    #: Whether pieces of the output share no points, so that they need no ghosts.
+    #: Whether pieces of the output share no points and therefore need no ghosts.
     seamless: bool = False
 
-    # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
+    # VTKPythonAlgorithmBase sets these two on the instance; undeclared names would be refused.
     InputType: str = ""
     OutputType: str = ""
 
@@ -97,14 +97,14 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     _said: set[str]
     _vtk_messages: list[str]
     _error: BaseException | None
-    #: The thread whose `update` is under way.
+    #: Identifier of the thread that is updating this stage.
     _updated_by: int | None = None
-    #: Whether it was changed during its last run, which VTK takes for newer than the change.
+    #: Whether the stage was changed during its last run. VTK would consider that run up to date.
     _is_late: bool = False
     _piece: Piece = WHOLE
     _processes: Processes | None = None
     _untold: BaseException | None = None
-    #: What there is to say of parameters that count for nothing, as they are set now.
+    #: Warnings about parameters that have no effect; None if they must be determined again.
     _idle: list[str] | None = None
 
     def __init__(self, **values: Any) -> None:
@@ -116,13 +116,14 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._said = set()
         self._error = None
         self._vtk_messages = []
-        # VTK would print these; `update` raises them. The observer knows the list, not the stage.
+        # VTK would print these errors; `update` raises them. The observer refers to the list only.
         observer = _collector(self._vtk_messages)
         self.AddObserver("ErrorEvent", observer)
         executive = self.GetExecutive()
         executive.AddObserver("ErrorEvent", observer)
-        # Where Python's collector finds no one but garbage that holds a stage, it empties its
-        # attributes, though a pipeline goes on with it: VTK holds them where it does not look.
+        # Python's garbage collector cannot see VTK's references. If only garbage refers to a stage,
+        # it clears the stage's attributes, although a pipeline still uses the stage. An observer
+        # holds the attributes where the collector does not look.
         executive.AddObserver("NoEvent", partial(_hold, self.__dict__, observer))
         Parameterised.__init__(self, **values)
 
@@ -135,22 +136,22 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
 
     @property
     def executions(self) -> int:
-        """How many times this stage has run."""
+        """Number of times that this stage has run."""
         return self._executions
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the last run has to say about its own trustworthiness."""
+        """The last run's doubts about its result."""
         return tuple(self._warnings)
 
     @property
     def replicated(self) -> bool:
-        """Whether the output is whole in each piece."""
+        """Whether every piece contains the whole output."""
         return self.makes == "cage"
 
     @property
     def piece(self) -> Piece:
-        """What part of the output was asked for last."""
+        """The piece of the output that was requested last."""
         return self._piece
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
@@ -159,16 +160,16 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         Parameters
         ----------
         inputs : list of vtkDataObject
-            The first connection of each input port.
+            The data on the first connection of each input port.
         output : vtkDataObject
-            To be filled.
+            The data object to fill.
         time : float
-            The requested time in s; 0 where none was requested.
+            The requested time in s; 0 if none was requested.
         """
         raise NotImplementedError
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
-        """Return first and last time in s, or None for a stage that is still.
+        """Return the first and last time in s, or None for a stage without time.
 
         Parameters
         ----------
@@ -178,7 +179,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         Returns
         -------
         tuple of float or None
-            By default the union of the inputs' ranges: VTK itself passes on only port 0's.
+            By default the union of the inputs' ranges; VTK passes on only that of port 0.
         """
         ranges = [info.Get(_TIME_RANGE) for info in inputs if _TIME_RANGE.Has(info)]
         if not ranges:
@@ -186,7 +187,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         return min(r[0] for r in ranges), max(r[1] for r in ranges)
 
     def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
-        """Return the times that data exist for, in s; empty where any time will do.
+        """Return the times in s for which data exist; empty if any time is possible.
 
         Parameters
         ----------
@@ -203,19 +204,19 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         )
 
     def report(self, fraction: float, step: str = "") -> None:
-        """Tell observers how far the run is, and stop it if they ask for that.
+        """Report the progress of the run, and stop the run if an observer asks for it.
 
         Parameters
         ----------
         fraction : float
-            From 0 to 1; of the step, where it is one of several.
+            Share that is done, from 0 to 1; of the step, if the run has several.
         step : str, optional
-            What is being done, in a word or two: VTK's progress text.
+            What is being done, in a word or two; it becomes VTK's progress text.
 
         Raises
         ------
         Cancelled
-            If AbortExecute was set, or the token of this thread's work was cancelled.
+            If AbortExecute was set, or this thread's token was cancelled.
         """
         cancel.check()
         self.SetProgressText(step)
@@ -224,9 +225,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             raise Cancelled(f"{type(self).__name__} was stopped")
 
     def warn(self, text: str) -> None:
-        """Add a sentence to `warnings`; meant to be called from `run`.
+        """Add a sentence to `warnings`. Call this from `run`.
 
-        After the run each new one is issued as a `SpacemapWarning` of Python's, too.
+        After the run each new sentence is also issued as a Python warning, a `SpacemapWarning`.
 
         Parameters
         ----------
@@ -236,11 +237,11 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._warnings.append(text)
 
     def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
-        """State what an input port takes: composite data, too, where VTK's own way fails."""
+        """Declare what an input port accepts, including composite data if VTK would fail on it."""
         kind = vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE()
         info.Set(kind, self.inputs[port])
-        # VTK would run it block by block: there would be a cage round each, and it would forget the
-        # times of the second input, so that a cage stands still.
+        # VTK would run the stage once per block. That would make a cage around each block, and
+        # lose the times of the second input, so that the cage would not move.
         if len(self.inputs) > 1 or self.makes == "cage":
             info.Append(kind, "vtkCompositeDataSet")
         return 1
@@ -248,9 +249,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def ProcessRequest(
         self, request: vtkInformation, in_info: Inputs, out_info: vtkInformationVector
     ) -> int:
-        """Answer a request of the executive; an exception is kept for `update`."""
+        """Answer a request of the executive; an exception is stored for `update`."""
         if self._updated_by is not None and self._error is not None:
-            # It has failed in this update, for another of its consumers.
+            # It has already failed in this update, for another consumer.
             return _refused(out_info)
         try:
             if _DATA.Has(request):
@@ -262,14 +263,14 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 self._request_information(in_info, out_info)
             elif _DATA_OBJECT.Has(request):
                 self._request_data_object(in_info, out_info)
-        except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
+        except BaseException as error:  # also KeyboardInterrupt, which VTK would swallow
             if isinstance(error, SpacemapError):
                 error.section = self.section
                 parameter = self.parameters.get(error.key or "")
                 if isinstance(error.value, float) and parameter is not None and parameter.unit:
                     error.value = parameter.show(error.value)  # with its unit
             if world() > 1 and not _DATA.Has(request):
-                # The others would wait for this process in vain: it is told when all run.
+                # The other processes would wait for this one for ever: raise it when all run.
                 self._untold = error
                 return 1
             self._error = error
@@ -278,7 +279,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
 
     def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         if self.output_type != SAME_AS_INPUT:
-            return  # the executive makes an object of the stated type
+            return  # the executive makes an object of the declared type
         source = _OBJECT.Get(in_info[0].GetInformationObject(0))
         info = out_info.GetInformationObject(0)
         made = _OBJECT.Get(info)
@@ -309,7 +310,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         info = out_info.GetInformationObject(0)
         self._piece = _piece_of(info)
         self._processes = Processes.of(self._piece)
-        # Before the first request for a time there is none.
+        # Until a time is requested there is none.
         time = UPDATE_TIME.Get(info) if UPDATE_TIME.Has(info) else 0.0
         inputs = [_OBJECT.Get(vector.GetInformationObject(0)) for vector in in_info]
         output = _OBJECT.Get(info)
@@ -324,17 +325,17 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 self._processes.fail(error)
                 raise
             self._warnings = self._processes.finish(self._warnings)
-            self._issue()  # those of the other processes
+            self._issue()  # also warnings of the other processes
         self._is_late = self.GetMTime() != changed
         if _TIME_RANGE.Has(info):
             made = time if UPDATE_TIME.Has(info) else self._own_time(in_info)
-            for key in (_DATA_TIME, UPDATE_TIME):  # VTK 9.4 believes neither alone
+            for key in (_DATA_TIME, UPDATE_TIME):  # VTK 9.4 needs both
                 output.GetInformation().Set(key, made)
 
     def _own_time(self, in_info: Inputs) -> float:
-        """Return which time an output is of that nobody asked a time of."""
-        # VTK believes what was copied with an input's arrays; of several: no number, which no
-        # request equals. Each mover keeps its own.
+        """Return the time of an output for which no time was requested."""
+        # VTK would trust the time that was copied with an input's arrays. If the inputs differ, the
+        # result is nan, which equals no request. A mover runs at time 0.
         times = {0.0} if self.role == "mover" else set()
         for above in (vector.GetInformationObject(0) for vector in in_info):
             if _TIME_RANGE.Has(above):
@@ -343,7 +344,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         return times.pop() if len(times) == 1 else nan
 
     def _issue(self) -> None:
-        """Tell each new warning once: an animation would repeat it with every frame."""
+        """Issue each new warning once; an animation would repeat it with every frame."""
         for text in self._warnings:
             if text not in self._said:
                 if self._processes is None or is_first():
@@ -351,7 +352,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 self._said.add(text)
 
     def _tell(self, text: str) -> None:
-        """Issue a warning, while the user's call is still on the stack; it may be raised."""
+        """Issue a warning while the user's call is still on the stack. It may be raised."""
         warn_user(text)
 
     def _run(self, inputs: list[Any], output: Any, time: float) -> None:
@@ -363,7 +364,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 f"{self.section}.{name} does not count: {why}; it does where "
                 f"{self.parameter(name).counts}"
                 for name, value in self.given.items()
-                # A zero, or what is off, contradicts nothing.
+                # A parameter that is zero or off contradicts nothing.
                 if value and (why := self.idle(name))
             ]
         self._warnings += self._idle
@@ -375,7 +376,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self.run(inputs, output, time)
 
     def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
-        """Ask for the same piece above, as the executive has, with ghosts; for all where needed."""
+        """Ask the stages above for the same piece with ghosts, or for all data where needed."""
         piece = _piece_of(out_info.GetInformationObject(0))
         if piece.of == 1:
             return
@@ -384,31 +385,31 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 key.Set(vector.GetInformationObject(0), value)
 
     def input_piece(self, port: int, piece: Piece) -> Piece:
-        """Return what part of an input is needed for a piece of the output.
+        """Return the piece of an input that is needed for a piece of the output.
 
         Parameters
         ----------
         port : int
-            The input.
+            Number of the input port.
         piece : Piece
-            Of the output; one of several.
+            The piece of the output, one of several.
 
         Returns
         -------
         Piece
-            With a layer of ghost cells, which tells a face between pieces from an outer one,
-            where there can be such faces.
+            The piece of the input. If neighbouring pieces share faces, it has a layer of ghost
+            cells, which distinguishes a face between pieces from an outer one.
         """
         if self._comes_from(port, "replicated"):
             return piece
         if self.takes[port : port + 1] == ("cage",):
             return WHOLE
         if self._comes_from(port, "seamless"):
-            return piece  # another number of ghosts would run what is above once more
+            return piece  # another number of ghosts would run the stages above once more
         return piece._replace(ghosts=max(piece.ghosts, 1))
 
     def _comes_from(self, port: int, kind: str) -> bool:
-        """Return whether a stage of a kind is above an input: what it makes stays of that kind."""
+        """Return whether a stage with this property is above an input and passes it on."""
         waiting = [self.GetInputConnection(port, 0).GetProducer()]
         while waiting:
             stage = waiting.pop()
@@ -429,24 +430,24 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
 
 
 def _hold(*_: Any) -> None:
-    """Do nothing: what it is bound to lives as long as its observer."""
+    """Do nothing; the values bound to this callback live as long as its observer."""
 
 
 def _refused(out_info: vtkInformationVector) -> int:
-    # Without this mark the next update would hand out the empty output as a good one.
+    # Without this mark the next update would return the empty output as a valid one.
     out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
     return 0
 
 
 def _piece_of(info: vtkInformation) -> Piece:
-    # Update, called without a piece, asks for none.
+    # An Update() without a piece sets no number of pieces.
     if not PIECE[1].Has(info) or PIECE[1].Get(info) <= 1:
         return WHOLE
     return Piece(*(key.Get(info) for key in PIECE))
 
 
 def _collector(messages: list[str]) -> Callable[[Any, str, str], None]:
-    """Return an observer that appends VTK's message to a list in place of printing it."""
+    """Return an observer that appends VTK's message to a list instead of printing it."""
 
     @calldata_type(VTK_STRING)
     def collect(caller: Any, event: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""BarycentricWarp: any points ride along with a cage that moves."""
+"""BarycentricWarp: move the points of an object with a cage."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-#: Points that are worked on together where something is added to them.
+#: Points per block when offsets are added; a block stays in the cache.
 _BLOCK = 2**14
 
 
@@ -106,7 +106,7 @@ class BarycentricWarp(Stage):
 
     @property
     def color_array(self) -> str:
-        """Name of the array that colours show; it rides along, too, where the cage has it."""
+        """Name of the array shown as colours; it is interpolated, too, if the cage has it."""
         return self._color_array
 
     @color_array.setter
@@ -116,7 +116,7 @@ class BarycentricWarp(Stage):
             self.Modified()
 
     def _carried_arrays(self, cage: vtkUnstructuredGrid) -> list[str]:
-        """Return the names of the cage's arrays that ride along, each once."""
+        """Return the names of the cage's arrays to interpolate, each once."""
         names, color = self.carried.replace(",", " ").split(), self._color_array
         data = cage.GetPointData(), cage.GetCellData()
         if color and any(each.HasArray(color) for each in data):
@@ -126,7 +126,7 @@ class BarycentricWarp(Stage):
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
-            output.ShallowCopy(inputs[0])  # a process with nothing to do
+            output.ShallowCopy(inputs[0])  # this process has no points
             return
         points = self._points_in_cage(inputs[0])
         prepared = self._prepared(points, inputs[1])
@@ -151,11 +151,11 @@ class BarycentricWarp(Stage):
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
 
     def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
-        """Return what rides in the cage: the points, or the feet on which yarns stand in it."""
+        """Return the points to embed in the cage: those given, or the feet of yarns."""
         feet = points.GetPointData().GetArray(FOOT)
         if feet is None or not points.GetPointData().HasArray(OFFSET):
             return points
-        # taking them for points marks them as changed: only once
+        # Making points of the array marks it as changed, so this is done only once.
         if self._feet is None or self._feet.GetPoints().GetData() is not feet:
             self._feet, places = vtkPolyData(), vtkPoints()
             places.SetData(feet)
@@ -190,10 +190,10 @@ class BarycentricWarp(Stage):
             vertices = points_of(cage).astype(np.float64, copy=False)
             elements = cells = elements_of(cage)
             if self.smooth and elements.shape[1] > 4:
-                # the spline goes through all nodes
+                # The spline passes through all nodes.
                 pieces = split_quadratic(elements, TETRAHEDRON)
                 elements = mended(vertices, pieces)[0].astype(np.int64)
-            # Quadratic ones are straight-sided: their corners alone say where a point lies.
+            # Quadratic tetrahedra have straight sides: their corners determine where a point lies.
             corners = elements[:, :4]
             count = points.GetNumberOfPoints()
             riding = [
@@ -208,7 +208,7 @@ class BarycentricWarp(Stage):
                 f"to carry {count} points along",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
-            # In linear tetrahedra each has one map, and many points need no weights.
+            # A linear tetrahedron has one map for all its points: many points need no weights.
             affine = elements.shape[1] == 4 and not self.smooth and count > WORTHWHILE
             where = locate(points_of(points), vertices, corners, self.outside, weighted=not affine)
             note = ""
@@ -233,7 +233,7 @@ class BarycentricWarp(Stage):
                 ride = AffineInterpolation(places, where, vertices, corners, clamp)
             else:
                 ride = Interpolation(where, elements, len(vertices))
-            if elements.shape[1] == 4:  # weights serve the gradients of quadratic cages alone
+            if elements.shape[1] == 4:  # only gradients of quadratic cages need the weights
                 where = replace(where, weights=np.empty((0, 4)), is_outside=np.empty(0, np.bool_))
             kept = self._kept = _Ride(
                 settings=(self.outside, self.smooth),
@@ -254,18 +254,18 @@ class BarycentricWarp(Stage):
 def estimate_bytes(
     points: int, nodes: int = 4, smooth: bool = False, columns: int = 0, single: bool = False
 ) -> int:
-    """Return the memory that points take that ride along.
+    """Estimate the memory for embedded points.
 
     Parameters
     ----------
     points : int
-        How many.
+        Number of points.
     nodes : int, optional
-        Of each tetrahedron: 4 or 10.
+        Nodes of each tetrahedron: 4 or 10.
     smooth : bool, optional
-        Whether by the spline.
+        Whether the map is the spline.
     columns : int, optional
-        Components of the cage's arrays that ride along.
+        Components of the cage's arrays that are interpolated.
     single : bool, optional
         Whether points are in single precision.
 
@@ -274,18 +274,19 @@ def estimate_bytes(
     int
         Bytes.
     """
-    # Place and displacement; tetrahedron; arrays, and one of them, of six, in double precision.
+    # Position and displacement; tetrahedron; arrays in single precision, and one of them, of up to
+    # six components, in double precision.
     size = points * (2 * (12 if single else 24) + 4 + 4 * columns + 8 * min(columns, 6))
     if nodes > 4 or smooth:
-        # Whether outside; weights of the corners, and those of all nodes, or of values and
-        # gradients at the corners.
+        # Whether the point is outside; weights of the corners; and weights of all nodes, or, for
+        # the spline, of values and gradients at the corners.
         size += points * (1 + 8 * (4 + (16 if smooth else nodes)))
     return size
 
 
 @dataclass
 class _Ride:
-    """What depends on points and cage alone."""
+    """Results that depend only on points and cage."""
 
     settings: tuple[str, bool]
     points: Geometry
@@ -304,12 +305,12 @@ class _Ride:
 
     @cached_property
     def averages(self) -> csr_matrix:
-        """Values of tetrahedra to values at vertices, (V, T)."""
+        """Matrix (V, T) that averages values of tetrahedra at the vertices."""
         return vertex_averages(self.vertices, self.cells)
 
     @cached_property
     def _slopes(self) -> Any:
-        """Return an object with the gradients of the map, of each tetrahedron or at each point."""
+        """Return an object for the gradients of the map, of each tetrahedron or at each point."""
         if hasattr(self.interpolation, "gradients"):
             return self.interpolation
         if self.elements.shape[1] > 4:
@@ -330,7 +331,7 @@ class _Ride:
 def _stand(
     moved: NDArray[Any], offset: NDArray[Any], displacement: NDArray[Any], rest: vtkPointSet
 ) -> None:
-    """Add how points lie from their feet, and say how far that is from where they were."""
+    """Add the offsets of points from their feet; compute displacements from the rest shape."""
     points = points_of(rest)
 
     def add(rows: slice) -> None:  # in blocks, which stay in the cache
@@ -341,7 +342,7 @@ def _stand(
 
 
 def _renew_cell_normals(output: vtkPointSet) -> None:
-    """Compute the normals of polygons anew; those of other cells would be stale, and go."""
+    """Recompute the normals of polygons; remove those of other cells, which would be stale."""
     cells = output.GetCellData()
     name = cells.GetNormals().GetName()
     cells.RemoveArray(name)

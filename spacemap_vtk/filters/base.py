@@ -1,4 +1,4 @@
-"""What the filters share: what they are in a pipeline, and how Python runs and connects them."""
+"""Base class of all filters, and functions to run and connect them from Python."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import PIECE, UPDATE_TIME, Algorithm
 
 if TYPE_CHECKING:
-    from typing import Self  # Python 3.10, which some ParaViews bring, has none
+    from typing import Self  # Python 3.10, which some ParaView releases include, lacks it
 
     from spacemap_vtk.mechanics.response.cage_response import Motion
 
-#: The roles that every scene has a stage of, in the order of its pipeline; a scene without a cage
-#: has the first and the last alone. A stage can declare any other role, see `Stage.after`: a scene
-#: has such a stage where it names the stage's section.
+#: Roles for which every scene has a stage, in the order of its pipeline; a scene without a cage has
+#: only the first and the last. A stage may declare another role, see `Stage.after`; a scene has
+#: that stage if it has the stage's section.
 ROLES = ("source", "cage", "solver", "mover", "warp", "surface")
 
-#: Held while a thread takes the stages of an update.
+#: Lock that a thread holds while it claims the stages of its update.
 _taking = threading.Lock()
 
 
 class Provided(NamedTuple):
-    """An array that a stage adds to what it is given."""
+    """Declaration of an array that a stage adds to its input."""
 
     association: Literal["point", "cell", "field"]
     """What has a value each: points or cells, or the data as a whole."""
@@ -49,27 +49,28 @@ class Provided(NamedTuple):
 class Stage(Algorithm):
     """A VTK algorithm with declared parameters; base of all filters.
 
-    A subclass declares the section of scene files that configures it, its place in a scene's
-    pipeline (`role`, `after`), what it takes and makes (`takes`, `makes`, and VTK's types `inputs`,
-    `output_type`), the arrays that it `provides`, and its parameters. It implements `run`, and
-    where these apply `time_range` and `check`. Parameters that several stages share are in groups,
-    classes without VTK that a stage inherits from beside this one. A scene finds the stage in the
-    table `spacemap_vtk.FILTERS`.
+    A subclass declares the section of scene files that configures it, its position in a scene's
+    pipeline (`role`, `after`), what it accepts and makes (`takes`, `makes`, and VTK's types
+    `inputs`, `output_type`), the arrays that it `provides`, and its parameters. It implements `run`
+    and, where they apply, `time_range` and `check`. Parameters that several stages share are in
+    groups: classes without VTK, from which a stage inherits in addition to this one. A scene finds
+    the stage in the table `spacemap_vtk.FILTERS`.
     """
 
-    #: The roles of stages that it cannot stand beside in a scene.
+    #: Roles of stages that cannot be in the same scene as this one.
     excludes: ClassVar[tuple[str, ...]] = ()
-    #: The arrays that it adds, by name; those of present parameters are `arrays`.
+    #: The arrays that it can add, by name. Those for the present parameters are `arrays`.
     provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
 
-    #: Set by a stage below that takes the stretch of turning out of a motion, for its own run.
+    #: Set by a stage further down that removes the artificial stretch of rotations; for one run.
     turned: bool = False
-    #: How often any has been connected; and how often before this one was found to be in no ring.
+    #: Number of connections that all stages have made so far, and that number when this stage was
+    #: last found not to be part of a ring.
     _connections: ClassVar[int] = 0
     _in_line: int = -1
-    #: When this stage and those above it changed last, as they were found to be connected.
+    #: Time of the last change of this stage or one above it, when all were found to be connected.
     _connected: int = -1
-    #: This stage and those above it, then; Python may have let go of some since.
+    #: This stage and those above it at that time; some may have been deleted since.
     _above: Sequence[weakref.ref[Stage]] = ()
 
     def SetInputConnection(self, *given: Any) -> None:
@@ -78,12 +79,12 @@ class Stage(Algorithm):
         super().SetInputConnection(*given)
 
     def AddInputConnection(self, *given: Any) -> None:
-        """Connect an input, too, as VTK does."""
+        """Add an input connection, as VTK does."""
         Stage._connections += 1
         super().AddInputConnection(*given)
 
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
-        """Run with one object and one cage; blocks of an object that rides are moved each."""
+        """Run with one object and one cage; each block of a composite object is moved by it."""
         if not any(isinstance(data, vtkCompositeDataSet) for data in inputs):
             self.run(inputs, output, time)
             return
@@ -137,11 +138,11 @@ class Stage(Algorithm):
 
     @property
     def motion(self) -> Motion | None:
-        """The motion of the cage as of the last update, where more than its present is known."""
+        """The cage's motion as of the last update; None if it is known at one time only."""
         return None
 
     def check(self) -> None:
-        """Check what can be checked without running; nothing by default.
+        """Check what can be checked without running. Does nothing by default.
 
         Raises
         ------
@@ -151,36 +152,36 @@ class Stage(Algorithm):
 
     @property
     def output(self) -> Any:
-        """The data object that the last update made; where nothing has run yet, it is updated."""
+        """The data object of the last update; the first access updates the stage."""
         if not self._executions:
             self.update()
         return self.GetOutputDataObject(0)
 
     def GetOutput(self) -> Any:
-        """Return what the last update made, as VTK's own algorithms do."""
+        """Return the data object of the last update, as VTK's algorithms do."""
         return self.GetOutputDataObject(0)
 
     def update(self, time: float | None = None, piece: Piece | None = None) -> Self:
-        """Bring the output up to date: run this stage, and those above it, as far as needed.
+        """Update the output: run this stage and those above it where needed.
 
         Parameters
         ----------
         time : float, optional
-            Time in s. Without it the last requested time stays.
+            Time in s; by default the last requested time.
         piece : Piece, optional
-            What part of the output is wanted. Without it the last requested piece stays.
+            Part of the output that is wanted; by default the last requested piece.
 
         Returns
         -------
         Stage
-            This one, for ``stage.update().output``.
+            This stage, for ``stage.update().output``.
 
         Raises
         ------
         Exception
-            Whatever a stage raised, first of those above.
+            The first exception that a stage raised, starting with those furthest up.
         SpacemapWarning
-            If a filter of Python's `warnings` wants it as an error.
+            If a filter of Python's `warnings` turns it into an error.
         InputError
             If an input is not connected, or the time is not a finite number.
         SpacemapError
@@ -192,9 +193,9 @@ class Stage(Algorithm):
             )
         executive = self.GetExecutive()
         if self._in_line != Stage._connections:
-            _visit(self, [], ())  # VTK would go round a ring until it dies
+            _visit(self, [], ())  # VTK would follow a ring until it crashes
             self._in_line = Stage._connections
-        executive.UpdatePipelineMTime()  # the latest change of all above
+        executive.UpdatePipelineMTime()  # the latest change of this stage or any above
         changed = executive.GetPipelineMTime()
         stages = [stage for known in self._above if (stage := known()) is not None]
         if changed != self._connected or len(stages) < len(self._above):
@@ -205,15 +206,15 @@ class Stage(Algorithm):
             self._connected, self._above = changed, [weakref.ref(stage) for stage in stages]
         self._vtk_messages.clear()
         taken = _take(stages)
-        # VTK's collector runs over the whole graph whenever Python lets go of a wrapper. It can be
-        # deferred in the main thread only: elsewhere "pop" would never come to an end.
+        # VTK's garbage collector scans the whole graph whenever Python deletes a wrapper. It can be
+        # deferred in the main thread only; in another thread "Pop" would never return.
         deferred = threading.current_thread() is threading.main_thread()
         if deferred:
             vtkGarbageCollector.DeferredCollectionPush()
         try:
-            # Not `UpdateTimeStep` nor `Update`: VTK lets go of Python's lock in these. Then its
-            # collector, which holds a lock of all threads, may need Python's to free an array, and
-            # a thread that has Python's waits for the collector's: both would stand for ever.
+            # Not `UpdateTimeStep` or `Update`: VTK releases Python's lock in these. Then VTK's
+            # collector, which holds a lock of all threads, may need Python's lock to free an array,
+            # while a thread that has Python's lock waits for the collector's: a deadlock.
             wishes = vtkInformation()
             if time is not None:
                 UPDATE_TIME.Set(wishes, float(time))
@@ -234,7 +235,7 @@ class Stage(Algorithm):
         return self
 
     def __call__(self, *data: Any) -> Any:
-        """Update, and return the output's data, which a later update leaves as they are."""
+        """Update the stage with these data and return a copy that later updates do not change."""
         _require_ports(self, len(data))
         for item in data:
             _require_data(item)
@@ -244,7 +245,7 @@ class Stage(Algorithm):
                 self.GetInputConnection(port, index)
                 for index in range(self.GetNumberOfInputConnections(port))
             ]
-            # An output does not hold its producer.
+            # A reference to an output does not keep its producer alive; keep the producer.
             former.append([(output.GetProducer(), output.GetIndex()) for output in outputs])
             self.SetInputDataObject(port, item)
         try:
@@ -259,7 +260,7 @@ class Stage(Algorithm):
         return copy
 
     def __rrshift__(self, producers: Any) -> Any:
-        # From 9.4 on VTK connects `a >> b`; a tuple all to one port, which no stage takes.
+        # Since 9.4 VTK connects `a >> b`. It connects a whole tuple to one port, which fails here.
         if not hasattr(vtkAlgorithm, "__rshift__"):
             return NotImplemented
         if not _several(producers) or not producers:
@@ -272,7 +273,7 @@ class Stage(Algorithm):
         return made
 
     def upstream(self) -> Iterator[vtkAlgorithm]:
-        """Yield this stage and all above it, each once, consumers before producers.
+        """Yield this stage and all stages above it, each once, consumers before producers.
 
         Yields
         ------
@@ -285,7 +286,7 @@ class Stage(Algorithm):
 
 
 def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
-    """Add a stage to those seen, after all above it."""
+    """Append a stage to `seen`, after all stages above it; refuse a ring."""
     if stage in below:
         name = type(stage).__name__
         raise InputError(
@@ -301,23 +302,23 @@ def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgori
 
 
 def connect(*stages: Any) -> Any:
-    """Connect stages, or any algorithms of VTK, each to the next: `>>` for every VTK.
+    """Connect stages, or any VTK algorithms, each to the next: `>>` for every version of VTK.
 
     Parameters
     ----------
     *stages : vtkAlgorithm, vtkDataObject, or sequence of these
-        The output of each is the input of the one that follows; those of a sequence are the inputs
-        on its ports, as in ``connect((weave, cage), warp, surface)``.
+        The output of each is the input of the next. The items of a sequence are connected to
+        successive input ports, as in ``connect((weave, cage), warp, surface)``.
 
     Returns
     -------
     vtkAlgorithm
-        The last, for ``connect(weave, surface).update()``.
+        The last stage, for ``connect(weave, surface).update()``.
 
     Raises
     ------
     InputError
-        If there are none, or more inputs than input ports, or one is no stage.
+        If there are no stages, more inputs than input ports, or an item that is not a stage.
 
     Examples
     --------
@@ -347,7 +348,7 @@ def connect(*stages: Any) -> Any:
 
 
 def _several(inputs: Any) -> bool:
-    """Whether these are inputs of several ports; pyvista's MultiBlock is a sequence, too."""
+    """Return whether these are inputs for several ports; a MultiBlock is also a sequence."""
     return isinstance(inputs, Sequence) and not isinstance(inputs, (vtkDataObject, str))
 
 
@@ -372,23 +373,23 @@ def _require_ports(stage: vtkAlgorithm, count: int) -> None:
 
 
 def written(file: Path | None) -> int:
-    """Return when a file was last written.
+    """Return the time at which a file was last written.
 
     Parameters
     ----------
     file : Path or None
-        Whether it is there or not.
+        The file, which need not exist.
 
     Returns
     -------
     int
-        In ns; 0 where there is none.
+        Time in ns; 0 if there is no file.
     """
     return file.stat().st_mtime_ns if file is not None and os.path.isfile(file) else 0
 
 
 def _take(stages: Sequence[Stage]) -> list[Stage]:
-    """Mark stages as those that this thread updates; return those that it did not already."""
+    """Claim stages for an update by this thread; return those that it had not claimed before."""
     own = threading.get_ident()
     with _taking:
         taken = [stage for stage in stages if stage._updated_by != own]

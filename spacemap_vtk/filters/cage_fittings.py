@@ -1,4 +1,4 @@
-"""What holds a cage and what is fitted to it: supports, rigid pieces, springs, masses, factors."""
+"""Parameters for supports, rigid bodies, springs and masses of a cage, and stiffness factors."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ _HELD = (
 
 
 class Places(Parameter[tuple[str, ...]]):
-    """Places, as `spacemap_vtk.mechanics.boundary.places` reads them."""
+    """Places of a cage, in the syntax of `spacemap_vtk.mechanics.boundary.places`."""
 
     kind = "places"
     annotation = "str or sequence of str"
 
-    #: What each place is, the units of its quantity, and whether it has all components.
+    #: What a place is for, the units of its quantity, and whether it must have all components.
     what: str = "support"
     units: Sequence[str] = ()
     whole = False
 
     def read(self, text: str) -> list[Region]:
-        """Return the places in a text."""
+        """Parse the places in a text."""
         return parse(text, self.units, what=self.what, whole=self.whole)
 
     def convert(self, value: Any) -> tuple[str, ...]:
-        """Return the places, each once and in canonical form, sides first."""
+        """Convert to places in canonical form, each once, sides first."""
         texts = [value] if isinstance(value, str) else value
         if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
             raise InputError("neither a string nor a list of strings")
@@ -49,7 +49,7 @@ class Places(Parameter[tuple[str, ...]]):
         return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
 
     def text(self, value: tuple[str, ...]) -> str:
-        """Return the places as one string."""
+        """Join the places to one string."""
         return f'"{" ".join(value)}"'
 
 
@@ -61,7 +61,7 @@ class Supports(Places):
 
 
 class RigidPlaces(Places):
-    """Places that move as one rigid piece each."""
+    """Places that each move as one rigid body."""
 
     what, whole = BODY, True
     form = ALLOWED + _SEVERAL
@@ -85,7 +85,7 @@ class Masses(Places):
 
 
 class CageFittings(Parameterised):
-    """The parameters that say what a cage is fixed to, and what is fitted to it."""
+    """Parameters for the supports of a cage and what is attached to it."""
 
     fixed = Supports(
         "+y",
@@ -122,7 +122,7 @@ class CageFittings(Parameterised):
     def fittings(
         self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
     ) -> tuple[Bools, Fittings, list[str]]:
-        """Return which components (V, 3) cannot move, what else is fitted, and warnings."""
+        """Return the fixed components (V, 3), the other fittings, and warnings."""
         fixed, mask = self.fixed, masks_of(grid)
         if fixed is None:
             axis = up_axis(grid)

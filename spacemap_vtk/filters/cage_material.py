@@ -1,4 +1,4 @@
-"""What a cage is made of: a solid, or a sheet with the measures of a fabric."""
+"""Parameters for the material of a cage: a solid, or a sheet with the figures of a fabric."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.units import GRAVITY, parse_quantity, split_quantity
 
-#: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
+#: Density of a cage if none is given [kg/m³]: woven cotton, including air.
 DENSITY = 300.0
 
-#: How many times its weight per area an object of unknown stiffness resists with.
+#: Automatic Young's modulus of an object, over its weight per area.
 _STIFFER = 16.0
 
-#: The material that is what the yarns of the weave in the cage make it.
+#: Material whose stiffness follows from the yarns of the weave in the cage.
 WOVEN = "yarns"
-#: A cloth for which yarns can be checked before theirs is known.
+#: A cloth with which yarns can be checked before the actual cloth is known.
 _ANY = Cloth(
     drawdown=np.eye(2, dtype=bool),
     warp=Threads(diameter=1e-4, spacing=3e-4),
     weft=Threads(diameter=1e-4, spacing=3e-4),
     density=1e3,
 )
-#: The materials that the moduli and ratios of each kind are for.
+#: Materials for which the moduli and ratios of each type have an effect.
 _ISOTROPIC = {"material": ("isotropic",)}
 _ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
-#: The elements that the measures of a sheet are for.
+#: Elements for which the figures of a sheet have an effect.
 _SHEET = {"elements": ("auto", "sheet")}
 
-#: What an orthotropic solid is made of, and all that no other constant can stand for.
+#: The constants of an orthotropic solid, and all constants that have no default.
 _MODULI = ("youngs_moduli", "shear_moduli", "poissons_ratios")
 _CONSTANTS = (
     *_MODULI,
@@ -65,11 +65,11 @@ class ShearRigidity(Real):
 
     @property
     def units(self) -> list[str]:
-        """The units, less the one that leaves open per which angle."""
+        """The units, except the one that does not say for which angle."""
         return [unit for unit in super().units if unit != "gf/cm"]
 
     def parse(self, text: str) -> float:
-        """Return N/m for a radian; ask per which angle where the unit leaves that open."""
+        """Convert to N/m per radian; refuse a unit that does not say for which angle."""
         found = split_quantity(text)
         if found is not None and found[1] == "gf/cm":
             number, per_radian = found[0], parse_quantity(text, self.unit)
@@ -82,7 +82,7 @@ class ShearRigidity(Real):
 
 
 class CageMaterial(Parameterised):
-    """The parameters that say what a cage is made of."""
+    """Parameters for the material of a cage."""
 
     elements = Choice(
         "auto",
@@ -262,8 +262,8 @@ class CageMaterial(Parameterised):
             self.plate(1.0)
 
     def constants(self, extent: float) -> tuple[Floats, float]:
-        """Return elasticity along x, y and z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
-        # A measured fabric's are spread over the extent of the cage along z [m].
+        """Return elasticity along x, y, z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
+        # `extent`, the cage's size along z [m], is the thickness of a measured fabric by default.
         if self.material == WOVEN:
             raise InputError(
                 "yarns make a sheet, and this cage is none",
@@ -282,10 +282,10 @@ class CageMaterial(Parameterised):
         cloth: Cloth | None = None,
         yarns: YarnParameters | YarnMechanics | None = None,
     ) -> tuple[Plate, float]:
-        """Return what the sheet that a cage is resists, and its mass per area [kg/m²]."""
-        # What nobody measured is that of the homogeneous plate as thick as the cage [m]; `woven` is
-        # the mass per area of the weave in it, which is `cloth` with `yarns`. For `normal` see
-        # `homogeneous`.
+        """Return the stiffness of a cage that is a sheet, and its mass per area [kg/m²]."""
+        # Figures that are not measured are those of a homogeneous plate of the cage's thickness
+        # [m]. `woven` is the mass per area of the weave in the cage, which is `cloth` with `yarns`.
+        # For `normal` see `homogeneous`.
         given = self._given()
         elasticity, density = self._solid(given, thickness)
         fabric = FABRICS.get(self.material)
@@ -301,7 +301,7 @@ class CageMaterial(Parameterised):
             own = replace(fabric.sheet, membrane=own.membrane)
         shear = self.shear_rigidity
         if shear is None and self.material != "isotropic":
-            shear = float(own.membrane[2, 2])  # a measure of its own
+            shear = float(own.membrane[2, 2])  # an independent constant of these materials
         bending = WarpAndWeft.pair(self.bending_rigidity)
         if (lengths := WarpAndWeft.pair(self.bending_length)) is not None:
             bending = (mass * GRAVITY * lengths[0] ** 3, mass * GRAVITY * lengths[1] ** 3)
@@ -316,7 +316,7 @@ class CageMaterial(Parameterised):
         return made, mass
 
     def for_other_elements(self, sheet: bool) -> Iterator[str]:
-        """Yield a warning for each value that is given for other elements than those in use."""
+        """Yield a warning for each given value that is for other elements than those in use."""
         for name in self.given:
             if why := self.idle_as(name, sheet):
                 yield (
@@ -326,14 +326,14 @@ class CageMaterial(Parameterised):
 
     @classmethod
     def idle_as(cls, name: str, sheet: bool) -> str:
-        """Return why a parameter counts for nothing, of a cage that is a sheet, or is none."""
+        """Return why a parameter has no effect on a cage that is a sheet, or is not."""
         kind = "sheet" if sheet else "tetrahedra"
         if kind in cls.parameter(name).when.get("elements", kind):
             return ""
         return "the cage is a sheet" if sheet else "the cage is no sheet"
 
     def _of_yarns(self, cloth: Cloth | None, yarns: YarnParameters | YarnMechanics | None) -> Plate:
-        """Return what the yarns of a cloth make a sheet resist."""
+        """Return the stiffness of the sheet that the yarns of a cloth form."""
         if yarns is None:
             raise InputError(
                 "nobody has said what the yarns resist",
@@ -355,12 +355,13 @@ class CageMaterial(Parameterised):
         except InputError as error:
             if error.key not in YarnParameters.parameters:
                 raise
-            # another section's than the one that is at work
+            # The error belongs to another section than the one of this stage.
             raise InputError(f"[yarns] {error}", key="material", value=WOVEN) from None
 
     def _given(self) -> dict[str, Any]:
-        """Return the constants and measures that are given by name, or say which do not count."""
-        # In this order, whatever order they were set in: the first that does not count is told.
+        """Return the given constants by name; refuse those without effect, and contradictions."""
+        # In the order of _CONSTANTS, so that the reported one does not depend on the order of
+        # setting.
         given = {key: self.given[key] for key in _CONSTANTS if key in self.given}
         for key, value in given.items():
             if why := self.idle(key):
@@ -381,7 +382,7 @@ class CageMaterial(Parameterised):
         return given
 
     def _solid(self, given: dict[str, Any], thickness: float) -> tuple[Floats, float]:
-        """Return elasticity and density; a measured fabric's are spread over the thickness."""
+        """Return elasticity and density; a measured fabric is spread over the thickness."""
         own = {key: given[key] for key in (*_MODULI, "density") if key in given}
         if self.material in FABRICS:
             solid = FABRICS[self.material].solid(thickness)._replace(**own)
@@ -402,12 +403,13 @@ class CageMaterial(Parameterised):
         return isotropic(modulus, self.poissons_ratio), density
 
     def find_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
-        """Find the modulus that suits an object of unknown size, where it is automatic."""
+        """Set an automatic Young's modulus that suits an object of unknown size."""
         if self.youngs_modulus is not None or up is None:
             self.in_use = {}
             return
-        # What stands or hangs gives way by ρ g H² / (2 E), an end of a plate as long as L and as
-        # thick as t by 1.5 ρ g L⁴ / (E t²). Legs are thinner than the box is.
+        # An object that stands or hangs deforms by ρ g H² / (2 E). The end of a level plate of
+        # length L and thickness t sinks by 1.5 ρ g L⁴ / (E t²). The filled share of the box allows
+        # for parts, such as legs, that are thinner than the box.
         extent = np.ptp(vertices, axis=0)
         long, thick = float(extent.max()), float(extent.min())
         level = is_thin(extent) and int(extent.argmin()) == up

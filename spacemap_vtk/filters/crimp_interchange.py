@@ -1,4 +1,4 @@
-"""CrimpInterchange: yarns that keep their length where space is stretched, and trade crimp."""
+"""CrimpInterchange: keep the length of yarns in a stretched cage; they exchange crimp."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from spacemap_vtk.textile.geometry.axes import ALL, Share
 from spacemap_vtk.textile.geometry.partition import share_of
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 
-#: Strain of yarns that are meant to keep their length, from which on it is told.
+#: Strain of inextensible yarns above which the stage warns.
 _STRAIN = 0.01
-#: Length that yarns have to spare, over that of their room, from which on it is told.
+#: Excess length of slack yarns, over the length of their path, above which the stage warns.
 _SPARE = 0.02
-#: How far points may be from those of their cloth, over its size: the precision of float32.
+#: Tolerance between the input's points and those of its cloth, over its size: float32 precision.
 _APART = 1e-5
-#: Crossings whose slopes are prepared in one go: some hundred megabytes.
+#: Crossings whose slopes are prepared at a time; they need some hundred megabytes.
 _BLOCK = 250_000
 
 
@@ -78,16 +78,16 @@ class CrimpInterchange(YarnParameters, Stage):
 
     _kept: _Woven | None = None
     _crossed: _Crossed | None = None
-    #: The crossings of a whole cloth, and which of them are those of the input.
+    #: The crossings of a whole cloth, and the share of them that the input has.
     _lent: tuple[_Crossed, Share] | None = None
-    #: Of what has been told: an animation would say it again with every frame's numbers.
+    #: Kinds of warnings issued so far. An animation would repeat them with each frame's numbers.
     _told: set[str] | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
-        """Find the crossings' heights, and lay the yarns through them."""
+        """Compute the heights at the crossings and lay the yarns through them."""
         output.ShallowCopy(inputs[0])
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
-            return  # a process with nothing to do
+            return  # this process has no points
         lent = self._lent
         whole, part = lent or (self._crossings(*inputs), ALL)
         kept = self._prepared(inputs[0], inputs[1])
@@ -108,7 +108,8 @@ class CrimpInterchange(YarnParameters, Stage):
         weights = kept.recrimp.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
-        # in this order, which no set has: pieces of a cloth are put together, files made again
+        # Keep the order of `arrays`, which a set would lose: pieces of a cloth must agree in it to
+        # be joined, and files must be reproducible.
         for name in [n for n, array in self.arrays.items() if array.association == "cell"]:
             values = _shown(name, state, tension)
             if len(values) == 1:
@@ -120,28 +121,28 @@ class CrimpInterchange(YarnParameters, Stage):
     def at_crossings(
         self, name: str, weave: vtkPointSet, cage: vtkUnstructuredGrid
     ) -> NDArray[np.float32 | np.uint8]:
-        """Return what an array that is provided holds at all crossings; lays no yarn.
+        """Return the values of a provided array at all crossings, without laying yarns.
 
         Parameters
         ----------
         name : str
-            Of an array of cells.
+            Name of a cell array.
         weave : vtkPointSet
-            A weave, or one piece of it.
+            A weave or one piece of it.
         cage : vtkUnstructuredGrid
-            With its displacement.
+            The cage with its displacement.
 
         Returns
         -------
         ndarray of float32, or of uint8 for ``"jammed"``, shape (2 or 1, picks, ends)
-            Of warp and weft, or of what is the same of both.
+            Values of warp and weft, or one value for both.
 
         Raises
         ------
         GeometryError
-            If there is no room for the yarns at rest.
+            If the yarns at rest do not fit.
         InputError
-            If the weave is none, or of splines, or has yarns that cannot be.
+            If the input is not a weave, its axes are splines, or its yarns are impossible.
         """
         whole = self._crossings(weave, cage)
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
@@ -150,14 +151,14 @@ class CrimpInterchange(YarnParameters, Stage):
         return _shown(name, now.state, whole.tension)
 
     def borrow(self, whole: CrimpInterchange | None, part: Share = ALL) -> None:
-        """Take the crossings from another stage's last update, whose cloth is the whole.
+        """Use the crossings of another stage's last update, which has the whole cloth.
 
         Parameters
         ----------
         whole : CrimpInterchange or None
-            With the same settings, and the same cage; None: from nowhere.
+            A stage with the same settings and the same cage; None: use none.
         part : Share, optional
-            Slices: the input is made where these yarns cross.
+            Slices of the yarns whose crossings the input has.
         """
         lent = None
         if whole is not None and whole._crossed is not None:
@@ -167,7 +168,7 @@ class CrimpInterchange(YarnParameters, Stage):
             self.Modified()
 
     def _tell_of(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
-        """Tell what jams, what hangs slack, and what has to strain."""
+        """Warn about jammed, slack and strained yarns."""
         count = state.distance.size
         if (jammed := state.jammed.any(axis=0)).any():
             pressed = np.where(state.jammed, stretch, np.inf)
@@ -178,7 +179,7 @@ class CrimpInterchange(YarnParameters, Stage):
                 f"worst at end {end + 1} and pick {pick + 1}, where space along the "
                 f"{FAMILIES[family]} is {pressed.min():.3g} of what it was",
             )
-        # longer than its room by so much: what it was over what it is, both over the space at rest
+        # Excess length: yarn length over path length, both per length of the cloth at rest.
         spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
         if (slack := (state.slack & (spare > _SPARE)).any(axis=0) & ~jammed).any():
             self._tell_once(
@@ -195,7 +196,7 @@ class CrimpInterchange(YarnParameters, Stage):
             )
 
     def _tell_once(self, kind: str, text: str) -> None:
-        """Add to `warnings`; to Python's own warnings the first time alone."""
+        """Add a sentence to `warnings`; issue only the first of its kind as a Python warning."""
         if self._told is None:
             self._told = set()
         if kind in self._told:
@@ -204,7 +205,7 @@ class CrimpInterchange(YarnParameters, Stage):
         self.warn(text)
 
     def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Crossed:
-        """Return the crossings of the whole cloth that a weave is, or is a piece of."""
+        """Return the crossings of the whole cloth of a weave or of a piece of it."""
         kept, settings = self._crossed, tuple(self.settings.values())
         if kept is None or not kept.serves(settings, weave, cage):
             cloth = cloth_of(weave)
@@ -261,38 +262,38 @@ class CrimpInterchange(YarnParameters, Stage):
 
 
 def estimate_bytes(points: int) -> int:
-    """Return the memory that yarns of some control points take that keep their length.
+    """Estimate the memory for yarns that keep their length.
 
     Parameters
     ----------
     points : int
-        How many.
+        Number of control points.
 
     Returns
     -------
     int
         Bytes.
     """
-    # Feet and offsets; of each ring, of twelve points, its slopes, their weights and its frames.
+    # Feet and offsets; for each ring of twelve points its slopes, their weights and its frames.
     return points * (24 + 24 + 1000 // 12)
 
 
 class _Now(NamedTuple):
-    """Crossings at a time."""
+    """State of the crossings at one time."""
 
     state: CrimpState
     stretch: Floats
     """(2, picks, ends) Of space along warp and weft."""
 
     def cropped(self, part: Share) -> _Now:
-        """Return those of some yarns."""
+        """Return the state of a share of the yarns."""
         ends, picks = part
         fields: Any = (values[..., picks, ends] for values in self.state)
         return _Now(CrimpState(*fields), self.stretch[:, picks, ends])
 
 
 class _Crossed:
-    """The crossings of a whole cloth in a cage: what depends on these and the yarns alone."""
+    """Crossings of a whole cloth in a cage, computed once for a cloth, its yarns and a cage."""
 
     def __init__(
         self,
@@ -305,10 +306,10 @@ class _Crossed:
         self._settings, self._arrays, self._cage = settings, arrays, Geometry(cage)
         self._interchange = Interchange(cloth, yarns)
         self._shape = 2, *cloth.drawdown.shape
-        #: (2, picks, ends) At rest.
+        #: Crimp at rest, (2, picks, ends).
         self.crimp: Floats = self._interchange.solve(np.ones(self._shape)).crimp
         tension = np.asarray(yarns.tension, np.float64)
-        #: EA of warp and weft at each crossing, or of all, in N.
+        #: EA of warp and weft in N, at each crossing or one value each.
         self.tension: Floats = tension if tension.ndim == 3 else tension.reshape(2, 1, 1)
         ends, picks = (each.position for each in cloth.yarns)
         places = np.zeros((cloth.drawdown.size, 3))
@@ -322,16 +323,16 @@ class _Crossed:
     def serves(
         self, settings: tuple[Any, ...], weave: vtkPointSet, cage: vtkUnstructuredGrid
     ) -> bool:
-        """Return whether it is still that of a weave and a cage."""
+        """Return whether these crossings are still valid for a weave and a cage."""
         arrays = cloth_arrays(weave)
         same = settings == self._settings and arrays.keys() == self._arrays.keys()
         same = same and all(np.array_equal(a, arrays[n], True) for n, a in self._arrays.items())
         return same and self._cage.matches(cage)
 
     def at(self, field: NDArray[Any]) -> _Now:
-        """Return what they do where the cage's vertices are displaced."""
+        """Return the state of the crossings for a displacement of the cage's vertices."""
         if self._last is None or not np.array_equal(self._last[0], field):
-            # a unit vector along a warp yarn becomes the second, along a weft yarn the first
+            # `at` gives the images of unit vectors along x (weft), then y (warp); warp comes first.
             found = [slopes.at(field)[::-1] for slopes in self._slopes]
             stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
             asked = np.concatenate(stretch, axis=1).reshape(self._shape)
@@ -340,7 +341,7 @@ class _Crossed:
 
 
 def _shown(name: str, state: CrimpState, tension: Floats) -> NDArray[np.float32 | np.uint8]:
-    """Return what an array of cells holds at each crossing, (2 or 1, picks, ends)."""
+    """Return an array's values at the crossings, (2 or 1, picks, ends)."""
     values: NDArray[Any] = {
         "crimp": state.crimp,
         "yarn_strain": state.strain,
@@ -355,7 +356,7 @@ def _shown(name: str, state: CrimpState, tension: Floats) -> NDArray[np.float32 
 
 @dataclass
 class _Woven:
-    """What depends on the weave and the cage at rest alone."""
+    """Results that depend only on the weave and the cage at rest."""
 
     settings: tuple[Any, ...]
     weave: Geometry

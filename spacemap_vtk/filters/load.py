@@ -1,4 +1,4 @@
-"""A load on a cage as a user writes it: one thing that acts, and its time function."""
+"""A load on a cage as a user writes it: one action and its time function."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from spacemap_vtk.parameters import (
     Vector,
 )
 
-#: What can act, of which a load has exactly one, and where each may act.
+#: The actions, of which a load has exactly one, each with the key of the place where it acts.
 ACTIONS = {
     "pressure": "on",
     "traction": "on",
@@ -38,9 +38,9 @@ ACTIONS = {
     "base_acceleration": "",
     "base_displacement": "",
 }
-#: What is there for ever, and moves no base.
+#: Actions that may act for ever: those that neither move the base nor are gravity.
 DEAD = ("pressure", "traction", "force", "array")
-#: The keys of each time function, those it cannot do without first.
+#: For each time function, the keys that it needs and the keys that it may have.
 TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "step": ((), ("start",)),
     "pulse": (("length",), ("start",)),
@@ -57,9 +57,9 @@ class Numbers(Parameter[Any]):
     Parameters
     ----------
     help : str
-        One sentence for every surface that shows the parameter.
+        One sentence, shown wherever the parameter is shown.
     component : Real
-        What each number must be.
+        Parameter that checks each number.
     """
 
     kind = "numbers"
@@ -70,13 +70,13 @@ class Numbers(Parameter[Any]):
         self.component = component
 
     def convert(self, value: Any) -> tuple[float, ...]:
-        """Return a tuple of checked numbers."""
+        """Convert to a tuple of checked numbers."""
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise InputError("not a list")
         return tuple(self.component.convert(component) for component in value)
 
     def text(self, value: Any) -> str:
-        """Return TOML's spelling, in SI."""
+        """Format the numbers as in TOML, in SI."""
         return format_value(tuple(float(f"{v:.6g}") for v in value))
 
     @property
@@ -193,12 +193,12 @@ class Load(Parameterised):
 
     @property
     def action(self) -> str:
-        """Which of `ACTIONS` it is."""
+        """The load's action, a key of `ACTIONS`."""
         return self._action
 
     @property
     def function(self) -> TimeFunction:
-        """Its factor over time."""
+        """The load's factor as a function of time."""
         return self._function
 
     def _check_place(self) -> None:
@@ -256,7 +256,7 @@ class Load(Parameterised):
         super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
-        # The points as well: a file may have changed since it was read.
+        # Compare the points, too: the file may have changed since it was read.
         return (
             isinstance(other, Load)
             and self._values == other._values
@@ -272,21 +272,21 @@ class Load(Parameterised):
 
 
 class Loads(Parameter[tuple[Load, ...]]):
-    """Any number of loads, as `Load`, as tables of its keys, or as TOML's text for such a list.
+    """Any number of loads, given as `Load`, as tables of its keys, or as a text in TOML.
 
     A scene file writes them as ``[[response.loads]]``.
     """
 
     kind = "loads"
     annotation = "sequence of Load or dict"
-    #: What each of them is; its parameters are declared there.
+    #: Class of each item; it declares the keys.
     record = Load
-    #: What each of them may be, and whether it may have a time.
+    #: Actions that are allowed, and whether a load may have a time function.
     actions: Sequence[str] = tuple(ACTIONS)
     timed = True
 
     def check(self, value: Any) -> tuple[Load, ...]:
-        """Return checked loads; an error names load and key, not the whole list."""
+        """Convert to checked loads; an error names load and key, and does not print the list."""
         try:
             return self.convert(value)
         except InputError as error:
@@ -296,7 +296,7 @@ class Loads(Parameter[tuple[Load, ...]]):
             raise
 
     def convert(self, value: Any) -> tuple[Load, ...]:
-        """Return checked loads."""
+        """Convert to checked loads."""
         if isinstance(value, str):
             value = _from_text(value)
         if isinstance(value, (Load, Mapping)):
@@ -323,7 +323,7 @@ class Loads(Parameter[tuple[Load, ...]]):
         return tuple(loads)
 
     def within(self, value: Any, folder: Path) -> Any:
-        """Return loads whose files count from a folder."""
+        """Resolve the files of loads against a folder."""
         if isinstance(value, Mapping):
             return {
                 key: Load.parameters[key].within(v, folder) if key in Load.parameters else v
@@ -333,10 +333,10 @@ class Loads(Parameter[tuple[Load, ...]]):
 
     @property
     def form(self) -> str:
-        """Their keys."""
+        """The keys of a load, in words."""
         others = {*ACTIONS.values(), *(Load.parameters.keys() if self.timed else ())}
         names = [name for name in Load.parameters if name in others - ACTIONS.keys()]
-        # The one number that is not SI where it has no unit.
+        # Phase is the only number that is not in SI without a unit.
         words = ["phase (in degrees unless it has a unit)" if n == "phase" else n for n in names]
         return (
             f"a list of tables, each with one of {', '.join(self.actions)}, and any of "
@@ -344,7 +344,7 @@ class Loads(Parameter[tuple[Load, ...]]):
         )
 
     def text(self, value: tuple[Load, ...]) -> str:
-        """Return TOML's spelling."""
+        """Format the loads as in TOML."""
         return format_value([load._values for load in value])
 
 
@@ -355,7 +355,7 @@ class DeadLoads(Loads):
     timed = False
 
     def convert(self, value: Any) -> tuple[Load, ...]:
-        """Return checked loads, none of which has a time."""
+        """Convert to checked loads, none of which has a time function."""
         loads = super().convert(value)
         for number, load in enumerate(loads):
             if load.follower:
@@ -379,18 +379,18 @@ class DeadLoads(Loads):
 def load_vectors(
     modes: CageModes, grid: vtkUnstructuredGrid, loads: Iterable[Load], key: str
 ) -> list[LoadVector]:
-    """Return the vectors of loads on a cage.
+    """Compute the vectors of loads on a cage.
 
     Parameters
     ----------
     modes : CageModes
-        Of the cage.
+        Modes of the cage.
     grid : vtkUnstructuredGrid
         The cage, with the point arrays that loads name.
     loads : iterable of Load
-        What acts.
+        The loads.
     key : str
-        Name of the parameter that they are from, for messages.
+        Name of the parameter that contains the loads, for messages.
 
     Returns
     -------
@@ -400,7 +400,7 @@ def load_vectors(
     Raises
     ------
     InputError
-        If a load has no place on the cage; its key names the load.
+        If a load has no place on the cage; the error's key names the load.
     """
     vectors = []
     for number, load in enumerate(loads):

@@ -1,4 +1,4 @@
-"""The parameters of a motion by loads (damping, loads, start, frames), and the arrays of it."""
+"""Parameters of a motion under loads (damping, loads, initial state, frames), and its arrays."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from spacemap_vtk.units import GRAVITY
 ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
 #: The point arrays of a motion.
 _MOTION = ("displacement", "velocity", "acceleration")
-#: What is there only where it is computed.
+#: Condition under which strain and stress are computed.
 _STRESS = {"stress": (True,)}
-#: Damping proportional to mass where nobody says how much is damped [1/s].
+#: Damping proportional to mass if no damping is given [1/s].
 ALPHA = 1.0
-#: Gravity where nobody says, and no object says which way is up [m/s²].
+#: Gravity if none is given and the object does not say which way is up [m/s²].
 DOWN = (0.0, 0.0, -GRAVITY)
 #: The arrays that `add_motion`, `add_stress` and `add_energies` write.
 MOTION_ARRAYS = {
@@ -56,7 +56,7 @@ MOTION_ARRAYS = {
     "von_mises": Provided("cell", "Pa", _STRESS),
     **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
 }
-#: alpha and beta damp where no ratio is asked for.
+#: alpha and beta have an effect only if no damping ratio is given.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
 
@@ -72,7 +72,7 @@ class DampingPairs(Parameter[Any]):
     form = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
 
     def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
-        """Return two pairs of floats, the lower frequency first."""
+        """Convert to two pairs of floats, the lower frequency first."""
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise InputError("not a list of pairs")
         pairs = []
@@ -87,12 +87,12 @@ class DampingPairs(Parameter[Any]):
         return tuple(sorted(pairs))
 
     def text(self, value: Any) -> str:
-        """Return TOML's spelling."""
+        """Format the pairs as in TOML."""
         return str([list(pair) for pair in value])
 
 
 class DampingRatio(Series):
-    """A damping ratio for all modes, one for each, or the name of a text file with these."""
+    """A damping ratio for all modes, one for each, or the name of a text file of ratios."""
 
     each = (
         "one for each mode from the first on, the last for all that follow; or the name of a text "
@@ -100,20 +100,20 @@ class DampingRatio(Series):
     )
 
     def convert(self, value: Any) -> Any:
-        """Return a ratio, a tuple of several, or the path of a file, read when it is used."""
+        """Convert to a ratio, a tuple of ratios, or a file's path; the file is read when used."""
         return Path(value) if _is_file(value) else super().convert(value)
 
     def within(self, value: Any, folder: Path) -> Any:
-        """Return a file's path, from the folder on; numbers as they are."""
+        """Join the folder and a file's path; return numbers unchanged."""
         return folder / value if _is_file(value) and not self.is_automatic(value) else value
 
     def text(self, value: Any) -> str:
-        """Return the ratios with commas, or the file."""
+        """Format the ratios with commas, or the file's path."""
         return str(value) if isinstance(value, Path) else super().text(value)
 
 
 def _is_file(value: Any) -> bool:
-    # What has letters, but for those that numbers have.
+    # A file name contains letters that do not occur in numbers.
     numbers = r"[-+.,%\d\seE]*|[-+]?(nan|inf)"
     return isinstance(value, Path) or (
         isinstance(value, str) and re.fullmatch(numbers, value) is None
@@ -121,7 +121,7 @@ def _is_file(value: Any) -> bool:
 
 
 class LoadParameters(Parameterised):
-    """The parameters of what moves a cage by loads from t = 0 on."""
+    """Parameters of stages that move a cage by loads from t = 0 on."""
 
     alpha = Real(
         None,
@@ -196,12 +196,12 @@ class LoadParameters(Parameterised):
     )
 
     def check(self) -> None:
-        """Check how much is damped."""
+        """Check that the damping is given only once."""
         _ = self.damping
 
     @property
     def damping(self) -> Damping:
-        """What damps the modes, out of the four parameters that say so."""
+        """Damping of the modes, from the four parameters for it."""
         ways = [
             name for name in ("damping_ratio", "damping_pairs") if getattr(self, name) is not None
         ]
@@ -228,23 +228,23 @@ class LoadParameters(Parameterised):
             raise
 
     def idle(self, name: str) -> str:
-        """Return why a parameter counts for nothing; empty where `damping` refuses it instead."""
+        """Return why a parameter has no effect; empty if `damping` refuses it instead."""
         return "" if self._contradicts(name) else super().idle(name)
 
     def _contradicts(self, name: str) -> bool:
-        # Zero contradicts nothing.
+        # A value of zero contradicts nothing.
         return name in ("alpha", "beta") and bool(getattr(self, name))
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
-        """Return the continuous range of times."""
+        """Return the first and last time."""
         return 0.0, self.duration
 
     def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
-        """Return the times of the frames, without which ParaView would write one step only."""
+        """Return the times of the frames; without them ParaView would write only one time step."""
         return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
 
     def gravity_on(self, grid: vtkUnstructuredGrid) -> Floats:
-        """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own."""
+        """Return the gravity from t = 0 on [m/s²], (3,): as given, or that of the solver."""
         field, up, in_use = grid.GetFieldData(), up_axis(grid), {}
         if self.alpha is None and self.damping_ratio is None and self.damping_pairs is None:
             in_use["alpha"] = ALPHA
@@ -259,14 +259,14 @@ class LoadParameters(Parameterised):
         return np.array(gravity)
 
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
-        """Return what acts beside that under which the cage hangs."""
-        # A cage that hangs has its gravity, and its dead loads, in its equilibrium.
+        """Return the loads in addition to those of the equilibrium."""
+        # The equilibrium of a hanging cage already contains its gravity and its dead loads.
         more = self.gravity_on(grid) - gravity_in(grid)
         vectors = [modes.vector("gravity", more, step())] if more.any() else []
         return vectors + load_vectors(modes, grid, self.loads, "loads")
 
     def started(self, grid: vtkUnstructuredGrid) -> tuple[Floats, Floats]:
-        """Return what is added to displacement and velocity at t = 0, (V, 3) both."""
+        """Return what is added to displacement and velocity at t = 0, both (V, 3)."""
         displacement = self._start(
             grid, self.initial_displacement, "displacement", self.initial_displacement_array
         )
@@ -274,7 +274,7 @@ class LoadParameters(Parameterised):
         return displacement, velocity
 
     def far_loads(self, modes: CageModes) -> list[str]:
-        """Say which loads act at points outside the cage."""
+        """Return a warning for each load that acts at a point outside the cage."""
         return [
             f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
             "on the vertex nearest to it"
@@ -300,9 +300,10 @@ def add_motion(output: vtkUnstructuredGrid, fields: Iterable[Floats]) -> None:
 
 
 def add_stress(output: vtkUnstructuredGrid, strain: Floats, stress: Floats) -> None:
-    """Write strain and stress of each tetrahedron, (T, 6) both."""
+    """Write strain and stress of each tetrahedron, both (T, 6)."""
     cells = output.GetCellData()
-    order = [0, 1, 2, 5, 3, 4]  # VTK's, whose shears are a tensor's: half of engineering's
+    # VTK's order. Its shear strains are those of a tensor, half the engineering strains.
+    order = [0, 1, 2, 5, 3, 4]
     add_array(cells, "strain", strain[:, order] * [1, 1, 1, 0.5, 0.5, 0.5])
     add_array(cells, "stress", stress[:, order])
     add_array(cells, "von_mises", von_mises(stress))

@@ -1,4 +1,4 @@
-"""ModalResponse: the cage's displacement at any time, as a closed-form sum over modes."""
+"""ModalResponse: the cage's displacement at any time, as a sum over modes in closed form."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class ModalResponse(LoadParameters, Stage):
 
     @property
     def motion(self) -> Response | None:
-        """The motion as of the last update; None before."""
+        """The motion as of the last update; None before the first."""
         return None if self._kept_motion is None else self._kept_motion[1]
 
     def check(self) -> None:
@@ -99,12 +99,12 @@ class ModalResponse(LoadParameters, Stage):
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
-        """Evaluate the sum at `time`; before t = 0 the initial state holds, at rest."""
+        """Evaluate the sum at `time`; before t = 0 the cage is at rest in its initial state."""
         grid = inputs[0]
         if self._modes is None:
             self._modes = ModesReader()
         modes = self._modes.read(grid)
-        # The motion does not depend on the time asked for.
+        # The motion is the same for all requested times.
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._kept_motion[0] != key:
             self._kept_motion = key, self._response(grid, modes)
@@ -176,28 +176,28 @@ class ModalResponse(LoadParameters, Stage):
 def static_displacements(
     model: Model, forces: Floats, processes: Processes | None = None
 ) -> tuple[Floats, Floats]:
-    """Return static displacements, from the user's cache folder where they were solved before.
+    """Return static displacements, from the user's cache folder if they are there.
 
     Parameters
     ----------
     model : Model
-        What is loaded.
+        The loaded model.
     forces : ndarray of float64, shape (3V, m)
         Forces on the vertices [N].
     processes : Processes, optional
-        Those of which the first solves for all.
+        Processes of a collective run; the first one solves for all.
 
     Returns
     -------
     displacements : ndarray of float64, shape (3V, m)
-        In m.
+        Displacements in m.
     rounding : ndarray of float64, shape (m,)
-        The share of each that is rounding, see `Model.statics`.
+        Share of each displacement that is rounding error, see `Model.statics`.
     """
     if processes is not None:
         first = processes.from_first(lambda: list(static_displacements(model, forces)))
         return first[0], first[1]
-    # For the unit modulus: another one changes neither the entry nor, but for its size, the answer.
+    # Entries are for unit modulus, so that they serve every modulus: the displacement scales.
     keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]
     result, rounding = np.empty(forces.shape), np.empty(len(keys))
     missing = []

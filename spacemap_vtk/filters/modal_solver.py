@@ -41,25 +41,25 @@ from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.units import format_quantity
 
-#: A cage is warned of where it bends or twists more often than this too stiffly or softly.
+#: A cage that bends or twists by more than this factor too stiffly or too softly causes a warning.
 BENDS_ALIKE = 2.0
 
-#: Quadratic tetrahedra no wider than this many thicknesses twist a sheet as it is, within 5 % in
+#: Quadratic tetrahedra that are at most this many thicknesses wide twist correctly, within 5 % in
 #: frequency (see `spacemap_vtk.mechanics.elements.bending.locking`).
 TWISTS_WELL = 4
 
 #: Above this ratio (see `spacemap_vtk.mechanics.elements.materials.volume_ratio`) linear
-#: tetrahedra lock in volume too.
+#: tetrahedra also show volumetric locking.
 NEARLY_INCOMPRESSIBLE = 0.45
 
-#: What a stage solves in fewer seconds is kept on disk no more often than once in so many: in a
-#: drag, writing takes as long as solving.
+#: Solutions that take fewer seconds than the first are stored on disk at most once in the second
+#: number of seconds: while a slider is dragged, writing would take as long as solving.
 _QUICK, _PAUSE = 0.05, 1.0
 
-#: Eigenvalues are warned of where rounding is more than this share of them.
+#: Rounding errors of eigenvalues above this share cause a warning.
 ROUNDING = 1e-4
 
-#: The arrays that are kept on disk, and their shapes.
+#: The arrays that are stored on disk, and their shapes.
 _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 
 
@@ -149,21 +149,21 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         group="Hung",
     )
 
-    #: Kept for those that come upon it by content: another support or material reuses parts.
+    #: Keeps parts alive that are found by content: other supports or materials reuse them.
     _model: Model | None = None
-    #: Digest, and the last solution for unit modulus and density.
+    #: Digest, and the last solution, for unit modulus and density.
     _kept: tuple[str, Solution] | None = None
-    #: Digest, number and density of the modes that the output's arrays hold, and these.
+    #: Digest, number and density of the modes in the output's arrays, and these arrays.
     _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
-    #: Digest of the last model, and how stiff its tetrahedra are.
+    #: Digest of the last model, and the locking of its tetrahedra.
     _locking: tuple[str, Locking] | None = None
-    #: The undeformed model of what hangs; digest of the last equilibrium, its displacement,
-    #: and the share of the load at which it buckled.
+    #: The undeformed model of a hanging cage; then the digest of the last equilibrium, its
+    #: displacement, and the share of the load at which the cage buckled.
     _rest: Model | None = None
     _hangs: tuple[str, Sequence[Floats]] | None = None
     _stored: float = -math.inf
-    #: What the yarns resist; of a stage a copy of its parameters. That stage may lie below this
-    #: one, and a pipeline that refers to itself in a circle is never freed.
+    #: Stiffness of the yarns; of a stage, a copy of its parameters. That stage may be below this
+    #: one, and a pipeline with a reference cycle is never freed.
     _yarns: YarnParameters | YarnMechanics | None = None
     _followed: weakref.ref[Stage] | None = None
 
@@ -176,11 +176,11 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     @property
     def terms(self) -> Sequence[Mapping[str, Any]]:
-        """Further terms of the cage's energy: for each its kind and the arguments of its maker.
+        """Further terms of the cage's energy: for each, its kind and the arguments of its maker.
 
         A kind is registered with `spacemap_vtk.mechanics.equilibrium.energy_terms.energy_term`.
-        Equilibrium, modes and steps obey the terms; positions count from the base. Scene files
-        have no key for them.
+        Equilibrium, modes and steps include the terms. Positions are relative to the base. Scene
+        files have no key for terms.
         """
         return self._terms
 
@@ -200,7 +200,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     @property
     def yarns(self) -> YarnParameters | YarnMechanics | None:
-        """What the yarns of the weave in the cage resist; a stage's parameters are followed."""
+        """Stiffness of the yarns of the weave in the cage; changes of a stage are followed."""
         return self._yarns
 
     @yarns.setter
@@ -212,7 +212,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         self._use_yarns(value)
 
     def _use_yarns(self, yarns: YarnParameters | YarnMechanics | None) -> None:
-        """Store what yarns resist, and run again where that has changed and counts."""
+        """Store the stiffness of yarns; run again if it has changed and has an effect."""
         before, now = _numbers_of(self._yarns), _numbers_of(yarns)
         if len(before) == len(now) and all(map(np.array_equal, before, now)):
             return
@@ -229,7 +229,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
-        """Assemble, solve and attach the modes as point arrays."""
+        """Assemble the matrices, solve, and attach the modes as point arrays."""
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
@@ -255,7 +255,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if self.hangs:
             load = self._dead_load(grid, model)
             if load.any() or any(term.forces(vertices).any() for term in terms):
-                # The first is kept, too: its strains are those of the next equilibrium.
+                # Keep the undeformed model, too: the next equilibrium uses its strains.
                 self._rest, rest = model, self._hung(model, load, layers)
                 self._model = model = Model(*made, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._solved(model, layers)
@@ -283,7 +283,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             self._warn_of_volume(model.elasticity)
 
     def measures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
-        """Return the measures of the sheet that a cage is to mechanics, without solving anything.
+        """Return the figures of a cage that is a sheet, without solving anything.
 
         Parameters
         ----------
@@ -293,7 +293,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         Returns
         -------
         DataSheet or None
-            None of a cage of tetrahedra.
+            None if the cage is a solid.
         """
         sheet = self._sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
@@ -301,12 +301,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return data_sheet(*self._plate(grid, sheet))
 
     def _plate(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
-        """Return what a cage resists that is a sheet, and its mass per area."""
+        """Return the stiffness of a cage that is a sheet, and its mass per area."""
         cloth = cloth_of(grid) if self.material == WOVEN else None
         return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth, self._yarns)
 
     def _sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
-        """Return the sheet that the cage is to mechanics; None of a solid."""
+        """Return the sheet as which the cage is modelled; None for a solid."""
         if self.elements == "tetrahedra":
             return None
         found = layer(vertices, elements)
@@ -324,7 +324,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     @property
     def hangs(self) -> bool:
-        """Whether there is something that the cage hangs under, and it shall."""
+        """Whether the cage is to hang, and there is a load under which it hangs."""
         return self.hang and (any(self.gravity) or bool(self.dead_loads) or bool(self._terms))
 
     @property
@@ -346,7 +346,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return total
 
     def _hung(self, model: Model, load: Floats, layers: float) -> Floats:
-        """Return the displacement to the equilibrium [m], (V, 3): from disk, or solved."""
+        """Return the displacement to the equilibrium [m], (V, 3), from disk or solved."""
         digest = digest_of(model.digest, load / model.modulus)
 
         def allow() -> None:
@@ -373,7 +373,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return found
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
-        # With all of scipy that solves: what is kept on disk needs none of it.
+        # This imports scipy's solvers, which results from disk do not need.
         from spacemap_vtk.mechanics.modal.eigen import estimate_bytes
 
         dof = model.pencil.size
@@ -387,7 +387,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return model.modes(count, lambda share: self.report(share, "modes"))
 
     def _solved(self, model: Model, layers: float) -> Solution:
-        """Return the modes for unit modulus and density: kept, from disk, or solved."""
+        """Return the modes for unit modulus and density, from memory, from disk or solved."""
         count, digest = min(self.modes, model.pencil.size), model.digest
 
         def solve() -> Solution:
@@ -402,7 +402,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                     self._stored = now
             return found
 
-        # Not so many of more: they differ by rounding, and who asks anew gets the same to the bit.
+        # Never return the first of more modes: they differ by rounding, and the result must be the
+        # same, to the bit, as when the modes are solved anew.
         missing = self._kept is None or self._kept[0] != digest or len(self._kept[1][0]) != count
         processes = self._processes
         if processes is not None and processes.largest([missing])[0]:
@@ -415,7 +416,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return self._kept[1]
 
     def _mode_arrays(self, shapes: Floats, density: float) -> list[vtkDataArray]:
-        """Return the mode shapes as VTK has them: the same objects for the same modes."""
+        """Return the mode shapes as VTK arrays: the same objects for the same modes."""
         assert self._kept is not None
         modes = self._kept[0], len(shapes), density
         if self._arrays is None or self._arrays[0] != modes:
@@ -499,18 +500,18 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 def hung(
     model: Model, load: Floats, tell: Progress, allow: Callable[[], object] = lambda: None
 ) -> list[Floats]:
-    """Return where a body comes to rest under dead loads: from disk, or solved.
+    """Return the equilibrium of a body under dead loads, from disk or solved.
 
     Parameters
     ----------
     model : Model
         The body, undeformed.
     load : ndarray of float64, shape (3V,)
-        On the vertices [N].
+        Forces on the vertices [N].
     tell : callable
-        Is told the share that is done.
+        Receives the share that is done.
     allow : callable, optional
-        May raise before it is solved.
+        Called before solving; may raise to prevent it.
 
     Returns
     -------
@@ -533,7 +534,7 @@ def _numbers_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
 
 
 def _follower(solver: ModalSolver) -> Callable[[Any, str], None]:
-    """Return an observer of the stage that a solver follows, which does not keep the solver."""
+    """Return an observer of the stage that a solver follows; it does not keep the solver alive."""
     known = weakref.ref(solver)
 
     def follow(caller: Any, event: str) -> None:
@@ -545,18 +546,18 @@ def _follower(solver: ModalSolver) -> Callable[[Any, str], None]:
 
 
 def _woven(grid: vtkUnstructuredGrid) -> float | None:
-    """Return the mass per area [kg/m²] of the weave in a cage; None where there is none."""
+    """Return the mass per area [kg/m²] of the weave in a cage; None if there is no weave."""
     mass = grid.GetFieldData().GetArray("areal_mass")
     return None if mass is None else float(mass.GetValue(0))
 
 
 def _rounded(times: float) -> str:
-    """Return a number of two digits, written out while that is short."""
+    """Format a number with two digits, without an exponent while it is short."""
     return f"{float(f'{times:.2g}'):.7g}"
 
 
 def _read(digest: str, count: int, vertices: int) -> Solution | None:
-    """Return modes from disk; None if there are none, or not what they should be."""
+    """Read modes from disk; None if they are missing or invalid."""
     entry = cache.load(f"modes-{digest}-{count}", **_STORED)
     if entry is None or not all(np.isfinite(array).all() for array in entry.values()):
         return None

@@ -1,4 +1,4 @@
-"""MotionReader: a cage that moves as another program has computed it."""
+"""MotionReader: a cage whose motion another program has computed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from spacemap_vtk.io.series import MeshSeries, kinds, open_series
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
-#: Steps whose displacement is held: two are needed between them, more for going back.
+#: Steps whose displacement is kept. Interpolation needs two; more help when time goes back.
 _HELD = 8
 
 
@@ -81,7 +81,7 @@ class MotionReader(Stage):
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
         """Return the times of the first and the last step."""
         if self.file is None:
-            return None  # ParaView asks before its user can name one; `run` refuses
+            return None  # ParaView asks before its user can choose a file; `run` refuses
         times = self._series().times
         return times[0], times[-1]
 
@@ -103,7 +103,7 @@ class MotionReader(Stage):
             displacement += share * self._displacement(series, after)
         for note in volume.notes:
             self.warn(note)
-        # arrays of the first step's own would be stale at any other
+        # Do not pass on arrays of the first step: at any other time they would be stale.
         output.SetPoints(volume.grid.GetPoints())
         output.SetCells(VTK_TETRA, volume.grid.GetCells())
         add_array(output.GetPointData(), "displacement", displacement)

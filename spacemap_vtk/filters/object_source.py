@@ -1,4 +1,4 @@
-"""ObjectSource: any mesh out of a file."""
+"""ObjectSource: read any mesh from a file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.io.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import Choice, FilePath, Real, Vector
 
-#: The files read, with time of change and size.
+#: The files that were read, with time of change and size.
 _State = tuple[tuple[Path, int, int], ...]
 
 
@@ -87,24 +87,24 @@ class ObjectSource(Stage):
     _kept_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
 
     def load(self) -> vtkPointSet:
-        """Read the file, once as long as it does not change.
+        """Read the file; it is read again only if it changes.
 
         Returns
         -------
         vtkPointSet
-            As it stands in the file.
+            The object as it is in the file.
 
         Raises
         ------
         InputError
-            If there is no file, or it cannot be read, or holds no finite points.
+            If there is no file, or it cannot be read or has no finite points.
         """
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
         if not os.path.isfile(self.file):
             self._kept = None
             with naming("file"):
-                read_blocks(self.file)  # says what is wrong
+                read_blocks(self.file)  # raises the appropriate error
         key = self._state()
         if self._kept is None or self._kept[0] != key:
             with naming("file"):
@@ -113,12 +113,12 @@ class ObjectSource(Stage):
         return self._kept[1].data
 
     def check(self) -> None:
-        """Read the file."""
+        """Check that the file can be read."""
         self.load()
 
     @property
     def picture(self) -> vtkImageData | None:
-        """What the object is painted with, by its texture coordinates; None if with nothing."""
+        """Picture for the object's texture coordinates; None if there is none."""
         self.load()
         return self._kept[1].picture if self._kept else None
 
@@ -130,7 +130,7 @@ class ObjectSource(Stage):
         return tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
-        """Put the object in its place."""
+        """Scale, rotate and move the object."""
         piece = self.piece
         if piece.of > 1:
             self._run_piece(output, piece)
@@ -140,7 +140,7 @@ class ObjectSource(Stage):
             self.warn(note)
 
     def _run_piece(self, output: vtkPointSet, piece: Piece) -> None:
-        """Keep of the object what is asked for, and let go of the rest."""
+        """Keep only the requested piece of the object and release the rest."""
         key = (*self.settings.values(), self._state(), piece)
         if self._kept_piece is None or self._kept_piece[0] != key:
             whole = self.load().NewInstance()
@@ -164,7 +164,7 @@ class ObjectSource(Stage):
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return
-        # Only objects that are moved pay for it.
+        # Imported here, because only objects that are moved need it.
         from vtkmodules.vtkCommonTransforms import vtkTransform
         from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
@@ -175,7 +175,7 @@ class ObjectSource(Stage):
         transform.RotateY(self.rotate[1])
         transform.RotateZ(self.rotate[2])
         transform.Translate(self.place)
-        mover = vtkTransformFilter()  # normals and vectors turn as well
+        mover = vtkTransformFilter()  # normals and vectors are rotated, too
         mover.SetTransform(transform)
         mover.SetInputData(data)
         mover.Update()
@@ -188,7 +188,7 @@ class ObjectSource(Stage):
                 self.load()
             if self._kind is not None:
                 kind = self._kind[1]
-        except Exception:  # `run` meets the same error, where it can be told
+        except Exception:  # `run` raises the same error again, where it can be reported
             pass
         info = out_info.GetInformationObject(0)
         made = info.Get(vtkDataObject.DATA_OBJECT())
@@ -198,7 +198,7 @@ class ObjectSource(Stage):
 
 
 def _cut(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
-    """Return a piece of a mesh; what has no cells is not cut, and is the first's."""
+    """Return a piece of a mesh. A mesh without cells is not divided; piece 0 gets all of it."""
     if whole.GetNumberOfCells() == 0:
         return whole if piece.number == 0 else whole.NewInstance()
     from vtkmodules.vtkFiltersParallel import (

@@ -1,4 +1,4 @@
-"""PatchTessellator: Bézier patches to a surface with analytic normals."""
+"""PatchTessellator: turn Bézier patches into a surface with analytic normals."""
 
 from __future__ import annotations
 
@@ -35,15 +35,17 @@ from spacemap_vtk.textile.patches import bezier
 from spacemap_vtk.textile.patches.tessellation import Tessellation
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 
-#: Point array for shading: where fibres run.
+#: Point array for shading: the direction of the fibres.
 STRANDS = "strands"
-#: Subdivisions where nobody says how many, and nobody knows how large a patch is seen.
+#: Subdivisions if none are given and the size of a patch on the screen is unknown.
 AUTOMATIC_SIDES = 4
-#: The subdivisions of each patch, from control points and patches; see `PatchTessellator.choose`.
+#: Function that computes each patch's subdivisions from control points and patches; see
+#: `PatchTessellator.choose`.
 Detail = Callable[[AnyFloats, AnyInts], AnyInts]
-#: How far a facet may be from what is round, in pixels.
+#: Largest distance between a facet and the round surface [pixels].
 _CHORD = 0.3
-#: Most of them, of a surface that has as many everywhere; nearer, only what is in sight has more.
+#: Most subdivisions of a surface with the same number everywhere. In close-ups only the visible
+#: part gets more.
 MOST_SIDES = 12
 
 
@@ -93,34 +95,34 @@ class PatchTessellator(Stage):
 
     @property
     def tessellation(self) -> Tessellation | None:
-        """What evaluates the patches of the last update; None where they have not one number."""
+        """Evaluator of the last update's patches; None if their subdivisions differ."""
         if self._kept is None or len(self._kept.groups) != 1:
             return None
         return self._kept.groups[0].tessellation
 
     @property
     def sides(self) -> int:
-        """The subdivisions in force."""
+        """The subdivisions that are used."""
         return self.subdivisions or self._chosen
 
     @property
     def chosen(self) -> tuple[int, bool, Detail | None]:
-        """What `choose` takes to have the same facets."""
+        """Arguments with which `choose` gives the same facets."""
         return self._chosen, self._strands, self._detail
 
     def choose(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:
-        """Say how many subdivisions automatic ones are, and what shading needs.
+        """Set the number of automatic subdivisions, and the data for shading.
 
         Parameters
         ----------
         sides : int
-            From 1 on.
+            At least 1.
         strands : bool
-            Whether points of yarns get where their fibres run, see
+            Whether points of yarns get the direction of their fibres, see
             `spacemap_vtk.textile.geometry.plies.Strands.coordinates`.
         detail : callable, optional
-            Returns the subdivisions of each patch in place of `sides`, (P,), from the control
-            points and the patches, (P, k). Of two that differ one must divide the other.
+            Computes the subdivisions of each patch, (P,), from the control points and the patches,
+            (P, k), and replaces `sides`. Of two different results one must divide the other.
         """
         changed = (sides, detail) != (self._chosen, self._detail) and self.subdivisions is None
         if changed or strands != self._strands:
@@ -131,7 +133,7 @@ class PatchTessellator(Stage):
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
         if self.piece.of > 1 and grid.GetNumberOfPoints() == 0:
-            return  # a process with nothing to do
+            return  # this process has no points
         if isinstance(grid, vtkPolyData):
             output.ShallowCopy(grid)
             self._drop_ghosts(output)
@@ -162,11 +164,12 @@ class PatchTessellator(Stage):
         at_points.SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(given):
             if array is rational:
-                continue  # it says how to interpolate, and is nothing on the surface
+                continue  # weights are for interpolation; the surface does not need them
             if (label := prepared.label(array, grid)) is not None:
                 of_cells.AddArray(prepared.cell_array(label))
                 continue
-            # In float32 as the positions are: twice the bytes would say no more.
+            # In float32 like the positions: double precision would take twice the bytes for
+            # nothing.
             numbers = vtk_to_numpy(array)
             values = _joined(
                 [
@@ -180,7 +183,7 @@ class PatchTessellator(Stage):
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
     def _drop_ghosts(self, output: vtkPolyData) -> None:
-        """Drop what was there to find the outer faces of a piece."""
+        """Remove the ghosts, which were needed only to find the outer faces of a piece."""
         if self.piece.of > 1 and self.piece.ghosts == 0:
             output.RemoveGhostCells()
             for data in (output.GetCellData(), output.GetPointData()):
@@ -202,31 +205,31 @@ def _joined(parts: Sequence[AnyFloats]) -> AnyFloats:
 
 
 def sides_seen(pixels: float, plies: int = 1) -> int:
-    """Return how many facets a quarter of a yarn of some pixels needs to look round.
+    """Return how many facets a quarter of a yarn's outline needs to look round.
 
     Parameters
     ----------
     pixels : float
-        Its diameter.
+        Diameter of the yarn in pixels.
     plies : int, optional
-        That make its outline.
+        Number of plies that form its outline.
 
     Returns
     -------
     int
-        Subdivisions.
+        Number of subdivisions.
     """
     radius = 0.5 * pixels
     if radius <= _CHORD:
         return 1
     sides = max(1, min(MOST_SIDES, math.ceil(math.pi / 4 / math.acos(1.0 - _CHORD / radius))))
-    if plies > 1:  # the outline is as many times as curved
+    if plies > 1:  # the curvature of the outline grows with the number of plies
         sides = min(MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
     return sides
 
 
 def polygons_of(data: vtkDataSet) -> vtkPolyData:
-    """Return the surface of any object, curved patches in few polygons.
+    """Return the surface of any object; curved patches become few polygons.
 
     Parameters
     ----------
@@ -236,7 +239,7 @@ def polygons_of(data: vtkDataSet) -> vtkPolyData:
     Returns
     -------
     vtkPolyData
-        `data` itself where it is one.
+        `data` itself if it is vtkPolyData.
     """
     if isinstance(data, vtkPolyData):
         return data
@@ -254,16 +257,16 @@ def polygons_of(data: vtkDataSet) -> vtkPolyData:
 
 
 def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
-    """Return the memory that the surface of some patches takes.
+    """Estimate the memory for the surface of patches.
 
     Parameters
     ----------
     patches : int
-        How many.
+        Number of patches.
     subdivisions : int
-        Of each, along both sides.
+        Subdivisions along each side of a patch.
     columns : int, optional
-        Components of the point arrays that are carried over.
+        Components of the point arrays that are interpolated.
 
     Returns
     -------
@@ -271,15 +274,15 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
         Bytes.
     """
     samples, polygons = patches * (subdivisions + 1) ** 2, patches * subdivisions**2
-    # Positions, normals and what is carried over in float32; four point numbers, an offset, yarn,
-    # family and colour of each polygon; of each patch where its control points are, what it is
-    # labelled with, and where fibres would run.
+    # Positions, normals and interpolated arrays in float32. For each polygon four point numbers, an
+    # offset, yarn, family and colour. For each patch its control points, its labels and the
+    # direction of its fibres.
     number = 8 if 4 * polygons >= 2**31 else 4
     return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 180
 
 
 class _Group:
-    """Patches of one number of subdivisions."""
+    """Patches with the same number of subdivisions."""
 
     def __init__(self, patches: AnyInts, numbers: Ints, sides: int) -> None:
         order = math.isqrt(patches.shape[1])
@@ -288,7 +291,7 @@ class _Group:
         self._strands: tuple[Strands, Strands] | None = None
 
     def strands(self, whole: Strands) -> Strands:
-        """Return the strands of the whole, sampled as these patches are."""
+        """Return the strands of all patches, sampled at these patches' points."""
         if self._strands is None or self._strands[0] is not whole:
             self._strands = whole, whole.with_sides(self.sides)
         return self._strands[1]
@@ -296,7 +299,7 @@ class _Group:
     def evaluate(
         self, points: AnyFloats, weights: AnyFloats | None, whole: Strands | None
     ) -> tuple[AnyFloats, AnyFloats]:
-        """Return positions and normals, drawn in to the plies."""
+        """Return positions and normals, shaped into plies."""
         surface = self.tessellation.evaluate(points, weights=weights)
         if whole is not None and whole.makes_plies(self.sides):
             views = self.tessellation.views(*surface)
@@ -306,7 +309,7 @@ class _Group:
         return surface
 
     def coordinates(self, whole: Strands) -> AnyFloats:
-        """Return where fibres run at the points of these patches."""
+        """Return the direction of the fibres at the points of these patches."""
         ways = np.empty((self.tessellation.point_count, 3), np.float32)
         for which, view in self.tessellation.views(ways):
             view[:] = self.strands(whole).coordinates(self.numbers[which])
@@ -314,7 +317,7 @@ class _Group:
 
 
 class _Patches:
-    """What depends on connectivity and subdivisions alone."""
+    """Results that depend only on connectivity and subdivisions."""
 
     def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> None:
         patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
@@ -337,7 +340,7 @@ class _Patches:
             value=int(sides.max(initial=1)),
             cure="Use fewer subdivisions, or fewer yarns.",
         )
-        #: Of each patch, or of all.
+        #: One number for each patch, or one for all.
         self.subdivisions = subdivisions
         self.cells = Connectivity(grid)
         if isinstance(subdivisions, int):
@@ -358,7 +361,7 @@ class _Patches:
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
     def _quads(self) -> AnyInts:
-        """Return the points of each facet, group after group."""
+        """Return the point numbers of each facet, group by group."""
         if len(self.groups) == 1:
             return self.groups[0].tessellation.quads
         parts, first = [], 0
@@ -368,7 +371,7 @@ class _Patches:
         return np.concatenate(parts)
 
     def close_seams(self, positions: AnyFloats) -> None:
-        """Lay edges of many facets on those of few that they share: else light falls between."""
+        """Move edges with many facets onto the coarser edges of neighbours, to close gaps."""
         for fine, before, after, share in self._seams:
             positions[fine] = (1.0 - share) * positions[before] + share * positions[after]
 
@@ -376,9 +379,9 @@ class _Patches:
         return np.array_equal(self.subdivisions, subdivisions) and self.cells.matches(grid)
 
     def strands(self, grid: vtkUnstructuredGrid) -> Strands | None:
-        """Return where fibres and plies run on a whole weave; None on anything else."""
+        """Return the strands of fibres and plies of a whole weave; None for anything else."""
         places = grid.GetFieldData().GetArray(PLACES)
-        # what decides is written together: the same array is of the same weave
+        # These arrays are always written together: the same array belongs to the same weave.
         if places is not None and self.placed is not None:
             array, time = self.placed
             if places is array and places.GetMTime() == time:
@@ -389,20 +392,20 @@ class _Patches:
             self.told, self.woven, self.ways = told, None, None
             cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
             if cloth is not None:
-                # not of some patches of a weave
+                # Not possible for a part of a weave's patches.
                 with suppress(GeometryError):
                     places = vtk_to_numpy(places)
                     self.woven = Strands(self.patches, cloth, places, self.groups[0].sides)
         return self.woven
 
     def coordinates(self, strands: Strands) -> vtkDataArray:
-        """Return where fibres run, as long as the yarns are the same one array."""
+        """Return the direction of the fibres: the same array as long as the yarns are the same."""
         if self.ways is None:
             self.ways = to_array(_joined([g.coordinates(strands) for g in self.groups]), STRANDS)
         return self.ways
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
-        """Return an array of points as one of patches, where it is a whole number of theirs."""
+        """Return a point array as a cell array, if it has one integer for each patch."""
         name = array.GetName()
         values = vtk_to_numpy(array)
         if values.dtype.kind not in "iu" or grid.GetCellData().HasArray(name):
@@ -418,7 +421,7 @@ class _Patches:
     def cell_array(self, array: vtkDataArray) -> vtkDataArray:
         name = array.GetName()
         kept = self.arrays.get(name)
-        # The same object for the same values, so that a picture need not take them over again.
+        # Return the same object for the same values, so that renderers need not upload them again.
         if kept is not None and kept[0].GetMTime() == kept[1] and _equal(kept[0], array):
             made = kept[2]
         else:
@@ -429,13 +432,13 @@ class _Patches:
         return made
 
 
-#: Points along edges, the points of a coarser edge before and after each, and its share between
-#: these, (n, 1).
+#: Points along edges; for each the points of a coarser edge before and after it; and its position
+#: between these as a share, (n, 1).
 _Seam = tuple[AnyInts, AnyInts, AnyInts, AnyFloats]
 
 
 def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
-    """Return where edges of more facets meet edges of fewer."""
+    """Return the seams where edges with more facets meet edges with fewer."""
     degree = math.isqrt(patches.shape[1]) - 1
     order = bezier.quadrilateral_order(degree, degree)
     count, first = int(patches.max()) + 1, 0
@@ -450,7 +453,7 @@ def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
             ends, along = net[side].astype(np.int64)[:, [0, -1]], samples[side] + first
             turned = ends[:, 0] > ends[:, 1]
             along = np.where(turned[:, None], along[:, ::-1], along)
-            # What is closed to a point has no edge.
+            # An edge that is collapsed to a point has no seam.
             keys.append(
                 np.where(ends[:, 0] == ends[:, 1], -1, ends.min(axis=1) * count + ends.max(axis=1))
             )
@@ -479,7 +482,7 @@ def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
 
 
 def _told(grid: vtkUnstructuredGrid) -> list[bytes | None]:
-    """Return what decides where fibres and plies run."""
+    """Return the data that determine the strands of fibres and plies."""
     field = grid.GetFieldData()
     seen = (f"cloth_{family}_{key}" for family in FAMILIES for key in ("twist", "plies"))
     arrays = (field.GetArray(name) for name in (PLACES, *seen))

@@ -1,4 +1,4 @@
-"""RotationStrain: a cage turns as far as it likes, and its linear motion no longer stretches it."""
+"""RotationStrain: remove the artificial stretch of large rotations from a linear motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
 from spacemap_vtk.ndarrays import Floats
 
-#: What a mover writes that is replaced here, and its order as a derivative of time.
+#: Rates of a mover that are replaced here, in the order of their time derivatives.
 _RATES = ("velocity", "acceleration")
 
 
@@ -78,12 +78,12 @@ class RotationStrain(Stage):
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Rebuild the shape at the time of the input."""
-        self._turn(False)  # whoever comes next may not turn it
+        self._turn(False)  # another consumer of those stages may not have a RotationStrain
         output.ShallowCopy(inputs[0])
         linear = self.rebuild(output)
         kernel, moved = self._kernel(output), array_of(output.GetPointData(), "displacement", "")
         if kernel.rotation(linear) > TRUSTED_ROTATION:
-            # No angle of this time, which would make another warning of each frame of a film.
+            # The text names no angle: with it, each frame of a film would give a new warning.
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
                 "rebuilt shape is not reliable: use [transient] in place of [response], or let the "
@@ -93,23 +93,23 @@ class RotationStrain(Stage):
             self.warn(text)
 
     def rebuild(self, cage: vtkUnstructuredGrid) -> Floats:
-        """Replace the linear motion in a cage's arrays by that without the stretch of turning.
+        """Replace the linear motion in a cage's arrays by the motion without artificial stretch.
 
         Parameters
         ----------
         cage : vtkUnstructuredGrid
-            With a point array ``displacement``, and whatever rates it has; its arrays are replaced,
-            none is written to.
+            A cage with a point array ``displacement``, and with any rates. Its arrays are replaced,
+            not written to.
 
         Returns
         -------
         ndarray of float64, shape (V, 3)
-            Displacement of the linear motion from where the cage hangs, or is undeformed [m].
+            Displacement of the linear motion from the equilibrium or the undeformed shape [m].
 
         Raises
         ------
         InputError
-            If it has no displacement.
+            If the cage has no displacement.
         """
         data = cage.GetPointData()
         owner = "RotationStrain (put a mover before it)"
@@ -127,19 +127,19 @@ class RotationStrain(Stage):
         return linear
 
     def largest(self, cage: vtkUnstructuredGrid, linear: Floats) -> tuple[float, float]:
-        """Return by how much an element of a cage turns at most, and is strained at most.
+        """Return the largest rotation and the largest strain of an element of a cage.
 
         Parameters
         ----------
         cage : vtkUnstructuredGrid
             As for `rebuild`.
         linear : ndarray of float64, shape (V, 3)
-            Displacement of a linear motion from where the cage hangs, or is undeformed [m].
+            Displacement of a linear motion from the equilibrium or the undeformed shape [m].
 
         Returns
         -------
         angle, strain : float
-            As of `RotationCoordinates.largest`.
+            As for `RotationCoordinates.largest`.
         """
         return self._kernel(cage).largest(linear)
 
@@ -148,7 +148,7 @@ class RotationStrain(Stage):
         self._turn(True)
 
     def _turn(self, turned: bool) -> None:
-        """Say to those above whether it is for this stage that they are to run."""
+        """Tell the stages above whether they run for this stage."""
         for stage in self.upstream():
             if isinstance(stage, Stage):
                 if self.role in stage.excludes:
@@ -161,15 +161,15 @@ class RotationStrain(Stage):
 
     @property
     def motion(self) -> Motion | None:
-        """The rebuilt motion as of the last update, where the mover knows more than its present."""
+        """The rebuilt motion as of the last update; None if the mover knows one time only."""
         above = (s for s in self.upstream() if isinstance(s, Stage) and s is not self)
         linear = next((stage.motion for stage in above if stage.motion is not None), None)
         return None if linear is None or self._kept is None else self._kept[1].motion(linear)
 
     def _kernel(self, grid: vtkUnstructuredGrid) -> RotationCoordinates:
-        """Return what rebuilds shapes of a cage: factorised once."""
+        """Return the object that rebuilds shapes of a cage, factorised once for each cage."""
         data = grid.GetPointData()
-        # A new time brings new displacements; all that the kernel is made of keeps its arrays.
+        # At a new time only displacements are new arrays; those that the kernel needs stay.
         known = data.HasArray("fixed_components")
         of_cage = [grid.GetPoints(), grid.GetCells()]
         names = ("fixed_components", "fixed_directions", "rigid_body", "equilibrium")

@@ -1,4 +1,4 @@
-"""TetraCage: a coarse tetrahedral mesh round any data set."""
+"""TetraCage: a coarse tetrahedral mesh around any data set."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ from spacemap_vtk.textile.geometry.weave import build
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.units import format_quantity
 
-#: Distances of the envelope of an object that falls apart, as shares of its diagonal.
+#: Distances of the envelope around an object that falls apart, as shares of its diagonal.
 _ENVELOPES = (0.01, 0.02)
-#: Points further away than so many of fTetWild's tolerances are no matter of these.
+#: Points further outside than this multiple of fTetWild's tolerance stay outside.
 _FURTHEST = 2.0
-#: Of a cage that is larger by this than what it is made for, that is told.
+#: Warn if the cage's volume exceeds the enclosed volume by more than this factor.
 _LARGER = 1.1
-#: Hexahedra along the longest side of an object's box.
+#: Number of hexahedra along the longest side of an object's box.
 _ALONG = 8
-#: Of a cloth that goes by its yarns: crossings of those that are made together, a yarn of how many
-#: is made first, and what rounding may take, as a share.
+#: For a cage that is carved yarn by yarn: crossings of the yarns that are built together; one yarn
+#: in this many is built first; and the tolerance for rounding, as a share.
 _CROSSINGS, _APART, _SLACK = 1_500, 16, 1e-6
 
 
@@ -141,7 +141,7 @@ class TetraCage(Stage):
     )
     file = FilePath(None, "A volume mesh to read.", automatic="no file", when={"method": ("file",)})
 
-    #: How much of the cage is what the object's surface encloses.
+    #: Share of the cage's volume that the object's surface encloses.
     _filled_share = 1.0
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
@@ -151,7 +151,7 @@ class TetraCage(Stage):
             self._from_file(output)
         else:
             self._round(inputs[0], output)
-        # A sheet can weigh as the weave in it does, and be as stiff as its yarns make it.
+        # A sheet may take its mass and stiffness from the weave inside.
         pass_cloth(inputs[0], output)
         if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
             output.GetFieldData().AddArray(mass)
@@ -163,8 +163,8 @@ class TetraCage(Stage):
     def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
-        # Asking for all of the object would give all of it to the other consumers as well; a cloth
-        # is known from any piece of it.
+        # Asking the stages above for the whole object would also give the whole to their other
+        # consumers. A cloth, however, is known from any of its pieces.
         apart, wild = self.piece.of > 1 and self._processes is None, self.method == "tetwild"
         by_yarns = apart and (self.inflate > 0.0 if wild else self.method == "carved")
         cloth = cloth_of(data) if by_yarns else None
@@ -192,12 +192,12 @@ class TetraCage(Stage):
             self.in_use = {"divisions": chosen}
         divisions = np.array(chosen)
         carved = self.method == "carved"
-        if carved:  # room for the margin, in whole hexahedra
+        if carved:  # add whole hexahedra for the margin
             step = (bounds[:, 1] - bounds[:, 0]) / divisions
             bounds += np.array([-1, 1]) * self.margin * step[:, None]
             divisions = divisions + 2 * self.margin
         require(
-            # To number the edges of quadratic ones takes more than they do.
+            # Numbering the edges of quadratic tetrahedra takes more memory than the cage.
             round(estimate_bytes(divisions.tolist()) * (1.1 if self.order == 1 else 10.5)),
             "this cage",
             key="divisions",
@@ -211,7 +211,7 @@ class TetraCage(Stage):
         cells = bounds[:, 0], (bounds[:, 1] - bounds[:, 0]) / divisions, divisions.tolist()
         if cloth is not None:
             kept = _touched_by_yarns(cloth, points_of(data).dtype, whole, *cells)
-        elif data.GetNumberOfPoints():  # a process may have nothing to do
+        elif data.GetNumberOfPoints():  # a process may have no points
             kept = touched(*outline(data, polygons_of(data)), *cells)
         if self._processes is not None:
             kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
@@ -268,7 +268,7 @@ class TetraCage(Stage):
         inside = float(volumes_of(vertices, tetrahedra).sum())
         sizes, loose = parts(tetrahedra)
         if len(sizes) > loose:
-            # Nothing holds a part that can turn about an edge or a vertex: no solver could go on.
+            # A part that can rotate about an edge or a vertex is not held: solvers would fail.
             join = partial(self._joined, partial(envelope, low, high, touch), diagonal)
             length = self.edge_length or diagonal / 10
             mesh = kept(join, points, triangles, length, _ENVELOPES, EPSILON)
@@ -292,7 +292,7 @@ class TetraCage(Stage):
         return vertices, tetrahedra
 
     def _joined(self, around: Callable[[float], Outline], diagonal: float) -> dict[str, Any]:
-        """Return the mesh of the least envelope that joins all that the widest one does."""
+        """Return the mesh of the narrowest envelope that joins all that the widest one joins."""
         most = bodies(*around(_ENVELOPES[-1] * diagonal))
         for share in _ENVELOPES:
             skin = around(share * diagonal)
@@ -338,7 +338,7 @@ class TetraCage(Stage):
 
 
 def _cubes(bounds: Floats) -> tuple[int, ...]:
-    """Return the numbers of hexahedra of a box that are as good as cubes."""
+    """Return the numbers of hexahedra that make them nearly cubes."""
     sides = bounds[:, 1] - bounds[:, 0]
     return tuple(np.maximum(1, np.rint(_ALONG * sides / sides.max())).astype(int).tolist())
 
@@ -351,13 +351,13 @@ def _touched_by_yarns(
     spacing: Floats,
     divisions: Sequence[int],
 ) -> Bools:
-    """Return the hexahedra that a cloth touches: as `touched`, of few yarns after others."""
-    # `whole` are the bounds of all control points, which are of some `kind`.
+    """Find the hexahedra that a cloth touches, as `touched` does, building few yarns at a time."""
+    # `whole` are the bounds of all control points, and `kind` is their data type.
     kept = np.zeros(divisions[::-1], np.bool_)
     bounds, nothing = np.array(whole).reshape(3, 2), np.empty(0, np.int64)
 
     def box(number: int, yarn: int) -> tuple[slice, ...]:
-        """Return the hexahedra in which some of a yarn can be."""
+        """Return the hexahedra that a yarn may touch."""
         own, room = cloth.yarns[number], bounds.copy()
         reach = 0.5 * float(own.aspect) * float(own.diameter[yarn]) * (1.0 + _SLACK)
         room[number] = own.position[yarn] + np.array([-reach, reach])
@@ -368,7 +368,8 @@ def _touched_by_yarns(
 
     for number, across in enumerate(cloth.size[::-1]):
         boxes = [box(number, yarn) for yarn in range(cloth.size[number])]
-        # Some that are far apart touch most: of the others those remain that may touch more.
+        # A few yarns far apart touch most hexahedra. Of the others only those are built that may
+        # touch more.
         apart = np.arange(len(boxes)) % _APART == 0
         for yarns in (np.flatnonzero(apart), np.flatnonzero(~apart)):
             waiting = yarns.tolist()

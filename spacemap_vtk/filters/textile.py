@@ -1,4 +1,4 @@
-"""What a source of yarns says of itself, so that no other part has to guess."""
+"""What a source of yarns declares about its textile, so that no other part has to guess."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from spacemap_vtk.textile.weave.yarn import section_factor
 
 
 class Measure(NamedTuple):
-    """A figure of a textile."""
+    """A figure of a textile, with its unit."""
 
     key: str
     """Its name in JSON and in tables."""
@@ -31,31 +31,31 @@ class Measure(NamedTuple):
 
 
 class Textile:
-    """A source stage that makes yarns: its patches have the cell array ``yarn``."""
+    """Base of source stages that make yarns: their patches have the cell array ``yarn``."""
 
-    # A source inherits from `spacemap_vtk.filters.base.Stage` and from this class. It has to state
-    # the diameters of its yarns, and overrides what else it knows. What it does not know stays None
-    # or empty: tabs, figures and exports that need it are then absent, or refused in one sentence.
-    # Nothing here may build the patches.
+    # A source inherits from `spacemap_vtk.filters.base.Stage` and from this class. It must declare
+    # the diameters of its yarns, and overrides whatever else it knows. The rest stays None or
+    # empty: tabs, figures and exports that need it are absent or refused with a message. Nothing
+    # here may build the patches.
 
     @property
     def yarn_diameters(self) -> Floats:
-        """Diameter of each yarn, of a flattened one its height [m], (yarns,)."""
+        """Diameter of each yarn [m], (yarns,); of a flattened yarn, its height."""
         raise NotImplementedError(f"{type(self).__name__} does not state its yarns' diameters")
 
     @property
     def families(self) -> Mapping[str, int]:
-        """Number of yarns in each family by the family's name, in the order of the yarns."""
+        """Number of yarns in each family, by the family's name, in the order of the yarns."""
         return {"yarns": len(self.yarn_diameters)}
 
     @property
     def extent(self) -> Floats | None:
-        """Length of the textile along x, y and z [m], (3,)."""
+        """Size of the textile along x, y and z [m], (3,)."""
         return None
 
     @property
     def linear_densities(self) -> Floats | None:
-        """Mass of each yarn per length [kg/m], (yarns,)."""
+        """Mass per length of each yarn [kg/m], (yarns,)."""
         return None
 
     @property
@@ -65,7 +65,7 @@ class Textile:
 
     @property
     def closed(self) -> bool:
-        """Whether the surface of every yarn is closed, so that nobody sees its inside."""
+        """Whether the surface of every yarn is closed, so that its inside is never seen."""
         return False
 
     @property
@@ -74,33 +74,33 @@ class Textile:
         return None
 
     def make_draft(self) -> Draft | None:
-        """Return the draft by which a loom makes the textile; None where no loom does."""
+        """Return the draft for weaving the textile on a loom; None if it cannot be woven."""
         return None
 
 
 class Woven(Textile):
-    """A textile of warp and weft: it has a cloth with Peirce's figures, and a draft."""
+    """A textile of warp and weft: it has a cloth with Peirce's figures and a draft."""
 
-    # What is drawn of a large cloth is counted before it is built, and built in parts.
+    # The patches of a large cloth are counted before they are built, and are built in parts.
 
     @property
     def cloth(self) -> Cloth:
-        """Weave and measures of all yarns; reads the draft, builds nothing.
+        """Weave and dimensions of all yarns; reads the draft, builds nothing.
 
-        There may be no room for its yarns: `Cloth.check` refuses that.
+        Its yarns may not fit: `Cloth.check` refuses them.
 
         Raises
         ------
         InputError
             If the draft cannot be read, or parameters exclude each other.
         SizeError
-            If not even the crossings would fit into memory; `counts` looks after the patches.
+            If the crossings alone do not fit into memory; `counts` checks the patches.
         """
         raise NotImplementedError(f"{type(self).__name__} does not state its cloth")
 
     @property
     def counts(self) -> Counts:
-        """Number of control points and patches, at most; builds nothing.
+        """Upper limits for the numbers of control points and patches; builds nothing.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Woven(Textile):
 
     @property
     def source(self) -> Draft:
-        """Draft that it weaves, before any parameter changes it; of a pattern one repeat.
+        """Draft before any parameter changes it; of a pattern, one repeat.
 
         Raises
         ------
@@ -131,11 +131,10 @@ class Woven(Textile):
 
     @property
     def feasible(self) -> Mapping[str, tuple[float, float]]:
-        """Interval in which each parameter may lie, all the others as they are.
+        """Interval of feasible values for each parameter, while the others stay as they are.
 
-        Low and high, infinite where there is no bound; a parameter that has no feasible value is
-        left out. Reads the draft, builds nothing, and does not need the present values to be
-        feasible.
+        Low and high; infinite if there is no limit. A parameter that has no feasible value is left
+        out. Reads the draft, builds nothing, and does not need the present values to be feasible.
 
         Raises
         ------
@@ -146,7 +145,7 @@ class Woven(Textile):
 
     @property
     def found(self) -> Mapping[str, float]:
-        """What automatic parameters are resolved to, by name, where it is one value for all yarns.
+        """Values of automatic parameters, by name, where one value holds for all yarns.
 
         Raises
         ------
@@ -159,39 +158,39 @@ class Woven(Textile):
 
     @property
     def single(self) -> bool:
-        """Whether control points are in single precision."""
+        """Whether control points are stored in single precision."""
         return False
 
     def lend(self, other: Woven, part: Share | None = None) -> None:
-        """Let another source of the same class and settings make a part of the cloth, or all.
+        """Let another source of the same class and settings make all or part of this cloth.
 
         Parameters
         ----------
         other : Woven
-            Need not read and measure the cloth anew.
+            The source that then need not read and compute the cloth again.
         part : Share, optional
-            Slices: the yarns to make, where they cross; by default all.
+            Slices of the yarns whose crossings it makes; by default all.
         """
         raise NotImplementedError(f"{type(self).__name__} does not make parts of its cloth")
 
     @property
     def yarn_diameters(self) -> Floats:
-        """Diameter of each yarn, of a flattened one its height [m], (yarns,)."""
+        """Diameter of each yarn [m], (yarns,); of a flattened yarn, its height."""
         return np.concatenate([yarns.diameter for yarns in self.cloth.yarns])
 
     @property
     def families(self) -> dict[str, int]:
-        """Number of ends, and of picks."""
+        """Number of ends and of picks."""
         return dict(zip(FAMILIES, self.cloth.size, strict=True))
 
     @property
     def extent(self) -> Floats:
-        """Length of the cloth along x, y and z [m], (3,)."""
+        """Size of the cloth along x, y and z [m], (3,)."""
         return np.ptp(whole_bounds(self.cloth).reshape(3, 2), axis=1)
 
     @property
     def linear_densities(self) -> Floats | None:
-        """Mass of each yarn per length [kg/m], (yarns,)."""
+        """Mass per length of each yarn [kg/m], (yarns,)."""
         cloth = self.cloth
         if cloth.density is None:
             return None

@@ -1,4 +1,4 @@
-"""TransientResponse: the cage's displacement by steps of the nonlinear equations of motion."""
+"""TransientResponse: the cage's displacement from steps of the nonlinear equations of motion."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from spacemap_vtk.mechanics.transient.stepper import Stepped
 
 
-#: Prefix of entries on disk; it changes where the same parameters give other states.
+#: Prefix of entries on disk. Change it when the same parameters give other states.
 _ENTRY = "steps-gauss"
 
-#: States of an entry on disk, and the seconds between two writings of one that is not full.
+#: States of an entry on disk, and the seconds between two writes of an entry that is not full.
 _CHUNK, _PAUSE = 512, 5.0
 
 
@@ -70,7 +70,7 @@ class TransientResponse(LoadParameters, Stage):
     inputs = ("vtkUnstructuredGrid",)
     takes = ("cage",)
     makes = "cage"
-    excludes = ("rotation",)  # what is stepped turns without being stretched
+    excludes = ("rotation",)  # a stepped motion has no artificial stretch
     provides: ClassVar = MOTION_ARRAYS
 
     held = Supports(
@@ -93,11 +93,11 @@ class TransientResponse(LoadParameters, Stage):
 
     @property
     def motion(self) -> Stepped | None:
-        """The motion as of the last update; None before."""
+        """The motion as of the last update; None before the first."""
         return None if self._kept_motion is None else self._kept_motion[1]
 
     def check(self) -> None:
-        """Check damping, loads and start."""
+        """Check damping, loads and initial state."""
         super().check()
         for number, load in enumerate(self.loads):
             if load.steady:
@@ -125,7 +125,7 @@ class TransientResponse(LoadParameters, Stage):
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
-        """Step on to `time`, or look it up; before t = 0 the initial state holds, at rest."""
+        """Step to `time`, or look it up; before t = 0 the cage is at rest in its initial state."""
         grid = inputs[0]
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._known != key:
@@ -157,8 +157,8 @@ class TransientResponse(LoadParameters, Stage):
         return bool(self.held) or self.initial == "equilibrium"
 
     def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
-        """Make the motion, unless all that it depends on is as it was."""
-        # With all of scipy, which telling the parameters needs none of.
+        """Make the motion, unless everything that it depends on is unchanged."""
+        # This imports scipy's solvers, which listing the parameters does not need.
         from spacemap_vtk.mechanics.transient.stepper import Stepped
 
         self.check()
@@ -243,7 +243,7 @@ class TransientResponse(LoadParameters, Stage):
         return found if model.displacement is None else found + model.displacement
 
     def _store(self, digest: str, motion: Stepped) -> None:
-        """Keep on disk what was stepped since the last time."""
+        """Store the states computed since the last time on disk."""
         (count, last), rows, now = self._stored, motion.rows, clock.monotonic()
         if len(rows) == count or (now - last < _PAUSE and len(rows) // _CHUNK == count // _CHUNK):
             return
@@ -254,7 +254,7 @@ class TransientResponse(LoadParameters, Stage):
 
 
 def _read(digest: str) -> list[Floats]:
-    """Return the states on disk, by entries."""
+    """Read the states on disk, entry by entry."""
     found: list[Floats] = []
     while not found or len(found[-1]) == _CHUNK:
         shape = (-1, found[0].shape[1] if found else -1)

@@ -1,4 +1,4 @@
-"""The parameters of a weave, and the kinds that only these have."""
+"""The parameters of a weave, and the parameter types that only a weave has."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from spacemap_vtk.textile.weave.threads import SECTIONS
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, linear_density, twist
 
 _P = TypeVar("_P", bound=Parameter[Any])
-#: Warp and weft in the words of their parameters: `crossed` is the number of the other family.
+#: Words for warp and weft in the parameters' texts; `crossed` is the number of the other family.
 _WORDS = [
     dict(
         zip(
@@ -40,13 +40,13 @@ _WORDS = [
     )
 ]
 
-#: Sizes [m] that a number without a unit may have where it is about yarns: 0.3 is 300 mm, and
-#: whoever writes that means millimetres.
+#: Sizes of yarns [m] that may be written without a unit. A user who writes 0.3 does not mean
+#: 300 mm but 0.3 mm.
 _YARNS = (1e-6, 0.02)
 
 
 def both(declared: _P) -> tuple[_P, _P]:
-    """Declare a parameter for the warp and the weft, once: with the words of each in its texts."""
+    """Declare a parameter for the warp and the weft, with the words of each in its texts."""
     warp, weft = copy(declared), copy(declared)
     for made, words in zip((warp, weft), _WORDS, strict=True):
         parts: list[Parameter[Any]] = [made]
@@ -60,7 +60,7 @@ def both(declared: _P) -> tuple[_P, _P]:
 
 
 def key_of(quantity: str, family: int) -> str:
-    """Return the name of the parameter that is a quantity of the warp (0) or the weft (1)."""
+    """Return the name of the parameter for a quantity of the warp (0) or the weft (1)."""
     return f"{FAMILIES[family]}_{quantity}"
 
 
@@ -75,7 +75,7 @@ class Pattern(Parameter[Any]):
     )
 
     def convert(self, value: Any) -> Any:
-        """Return a name in its usual spelling, or a tuple of strings of 0 and 1."""
+        """Convert to a name in canonical spelling, or to a tuple of strings of 0 and 1."""
         if isinstance(value, str):
             return patterns.canonical(value)
         if not isinstance(value, Iterable):
@@ -83,7 +83,7 @@ class Pattern(Parameter[Any]):
         return tuple(drawdown.rows(drawdown.from_matrix(list(value))))
 
     def text(self, value: Any) -> str:
-        """Return the name or the rows."""
+        """Format the name or the rows."""
         return f'"{value}"' if isinstance(value, str) else str(list(value))
 
 
@@ -91,12 +91,12 @@ class YarnCount(Real):
     """The linear density of a yarn, in any system of yarn counts."""
 
     def parse(self, text: str) -> float:
-        """Return kg/m."""
+        """Convert to kg/m."""
         return linear_density(text)
 
     @property
     def form(self) -> str:
-        """The systems, with examples."""
+        """The systems of yarn counts, with examples."""
         return (
             'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"; "20/2" and '
             '"8/2" are cotton counts, Ne), or in kg/m, ' + self.range
@@ -107,19 +107,19 @@ class Twist(Real):
     """The twist of a yarn, in turns per metre."""
 
     def parse(self, text: str) -> float:
-        """Return turns per metre, above 0 for Z."""
+        """Convert to turns per metre, positive for Z."""
         return twist(text)
 
     @property
     def form(self) -> str:
-        """The ways to write it, with examples."""
+        """The accepted spellings, with examples."""
         return (
             'turns in a length and their direction, as "600 Z" (per metre) or "15 /in S", at most '
             f"{self.maximum:g} per metre"
         )
 
     def text(self, value: Any) -> str:
-        """Return turns per metre and their direction."""
+        """Format the turns per metre and their direction."""
         return f"{abs(value):.6g} {'S' if value < 0 else 'Z'}"
 
 
@@ -136,7 +136,7 @@ def repeat_of(pattern: Any) -> Bools:
 
 
 class WeaveParameters(Parameterised):
-    """The parameters that say what is woven."""
+    """The parameters of a weave."""
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(

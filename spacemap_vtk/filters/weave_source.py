@@ -30,9 +30,9 @@ from spacemap_vtk.textile.weave.feasible import feasible_intervals
 from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.textile.weave.resolve import Asked, ThreadsAsked, resolve
 
-#: Ends and picks of a pattern where the user gives no number.
+#: Ends and picks of a pattern if no number is given.
 SIZE = 7
-#: Parameters of which each follows from the others, so that only one can be given.
+#: Groups of parameters that follow from each other, so that only one of a group may be given.
 _RIVALS = (
     ("warp_diameter", "warp_count"),
     ("weft_diameter", "weft_count"),
@@ -40,7 +40,7 @@ _RIVALS = (
     ("weft_spacing", "weft_sett"),
     ("warp_crimp_height", "warp_crimp", "weft_crimp"),
 )
-#: Of a drawdown, while it is repeated.
+#: Bytes per crossing while a drawdown is repeated.
 _CROSSING_BYTES = 4
 
 
@@ -72,19 +72,19 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     }
     seamless = True
 
-    #: The draft's file and its time, and what it holds.
+    #: The draft's file with its time, and its contents.
     _read: tuple[tuple[Any, ...], Draft] | None = None
-    #: For which parameters, and which cloth.
+    #: The parameters, and the cloth that they resolve to.
     _resolved: tuple[tuple[Any, ...], Cloth] | None = None
-    #: What is made of the cloth: where some of its yarns cross; None: all of it.
+    #: The part of the cloth to make, as the yarns whose crossings it has; None: the whole cloth.
     _part: tuple[Share, Cloth] | None = None
-    #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
+    #: A cloth, its mass per area and, if pieces were requested, its bounds.
     _whole: tuple[Cloth, float, Floats | None] | None = None
 
     @property
     def cloth(self) -> Cloth:
-        """The cloth as the parameters ask for it."""
-        # asked for at every frame, by whoever draws it
+        """The cloth that the parameters describe."""
+        # Cached, because drawing requests it in every frame.
         key = (*self.settings.values(), *self._stamp)
         if self._resolved is None or self._resolved[0] != key:
             try:
@@ -100,26 +100,26 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def counts(self) -> weave.Counts:
-        """Number of control points and patches, at most."""
+        """Upper limits for the numbers of control points and patches."""
         cloth = self.cloth if self._part is None else self._part[1]
-        # A piece has its share, and at most a yarn more.
+        # A piece has its share of the yarns, and at most one yarn more.
         pieces = min(self.piece.of, sum(cloth.size))
         self._require(weave.estimate_bytes(cloth, self.single) // pieces, *cloth.size, pieces)
         return weave.estimate_counts(cloth)
 
     @property
     def closed(self) -> bool:
-        """Whether the ends of yarns are closed by caps."""
+        """Whether caps close the ends of yarns."""
         return bool(self.caps)
 
     @property
     def single(self) -> bool:
-        """Whether control points are in single precision."""
+        """Whether control points are stored in single precision."""
         return self.precision == "single"
 
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
-        """Interval in which each parameter may lie: crimps, diameters, spacings."""
+        """Interval of feasible values for each parameter: crimps, diameters, spacings."""
         return {key_of(*which): ends for which, ends in feasible_intervals(self.cloth).items()}
 
     @property
@@ -133,22 +133,22 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         return self.packing
 
     def make_draft(self) -> Draft:
-        """Return the draft of the fabric: the file's own, as far as no parameter changes it."""
-        # Also of yarns that have no room to be woven.
+        """Return the fabric's draft: that of the file, as far as no parameter changes it."""
+        # This works also for yarns that do not fit.
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
         return as_draft(self.cloth, self.source, self.asked, title)
 
     @property
     def asked(self) -> Asked:
-        """What the parameters ask of the fabric, the default size of a pattern among it.
+        """Values of the parameters for the fabric, including a pattern's default size.
 
         Raises
         ------
         InputError
-            If parameters exclude each other.
+            If parameters contradict each other.
         """
-        # here, and nowhere else, the names that a user writes become warp and weft
+        # Only here are the parameters' names, which users write, translated to warp and weft.
         self._refuse_rivals()
         size = SIZE if self.draft is None else None
         each = [field.name for field in fields(ThreadsAsked)]
@@ -176,7 +176,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def found(self) -> dict[str, float]:
-        """What automatic parameters are resolved to, where it is one value for all yarns."""
+        """Values of automatic parameters, where one value holds for all yarns."""
         cloth = self.cloth
         values = {
             "ends": cloth.size[0],
@@ -193,7 +193,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def source(self) -> Draft:
-        """The draft's file, or one repeat of the pattern."""
+        """Draft from the file, or one repeat of the pattern."""
         if self.draft is None:
             return Draft(repeat_of(self.pattern))
         if self.pattern != self.parameter("pattern").default:
@@ -216,7 +216,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def _stamp(self) -> tuple[Any, ...]:
-        """The draft's file, when it was written, and whether it is trimmed."""
+        """The draft's file, when it was last written, and whether it is trimmed."""
         return self.draft, written(self.draft), self.trim
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
@@ -247,11 +247,12 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             add_number(output.GetFieldData(), f"{name}_height", height)
         add_number(output.GetFieldData(), "radial_error", made.radial_error)
         if self._whole is None or (self._whole[0] is not cloth and self._part is None):
-            # of all yarns, and the same for each piece
+            # Figures of all yarns, the same for each piece.
             bounds = whole_bounds(cloth) if self.piece.of > 1 else None
             self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
         _, mass, bounds = self._whole
-        add_number(output.GetFieldData(), "areal_mass", mass)  # for one that is a sheet
+        # A cage that is a sheet can weigh as much as the weave.
+        add_number(output.GetFieldData(), "areal_mass", mass)
         add_cloth(output, cloth)
         made.places[:, 3] = numbers[made.places[:, 3].astype(np.int64)]
         add_array(output.GetFieldData(), PLACES, made.places)
@@ -259,7 +260,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
 
     def lend(self, other: Woven, part: Share | None = None) -> None:
-        """Let another source of the same class and settings make a part of the cloth, or all."""
+        """Let another source of the same class and settings make all or part of this cloth."""
         assert isinstance(other, WeaveSource)
         other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
         other._part = None if part is None else (part, cropped(self.cloth, part))

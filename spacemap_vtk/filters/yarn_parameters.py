@@ -1,4 +1,4 @@
-"""The parameters that say what yarns resist with."""
+"""Parameters for the stiffness of yarns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.yarn import section_factor
 
 _FLATTEST = YarnMechanics().flattest
-#: What counts for yarns that stretch.
+#: Condition for parameters that have an effect only if yarns stretch.
 _ELASTIC = {"inextensible": (False,)}
 
 
@@ -23,7 +23,7 @@ class WarpAndWeft(Series):
     each = "for the warp and the weft"
 
     def convert(self, value: Any) -> Any:
-        """Return a checked value, or a tuple of two."""
+        """Convert to a checked value, or to a tuple of two."""
         result = super().convert(value)
         if isinstance(result, tuple) and len(result) != 2:
             raise InputError(f"{len(result)} values in place of 2")
@@ -31,19 +31,19 @@ class WarpAndWeft(Series):
 
     @staticmethod
     def pair(value: Any) -> tuple[float, float] | None:
-        """Return the values for warp and weft; None where there is none."""
+        """Return the values for warp and weft; None if there is no value."""
         if value is None or isinstance(value, tuple):
             return value
         return value, value
 
     def tell(self, value: Any) -> str:
-        """Return the figures of warp and weft, or the one of both."""
+        """Format the figures of warp and weft, or one for both if they are equal."""
         warp, weft = (self.component.tell(each) for each in self.pair(value) or ())
         return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 
 class YarnParameters(Parameterised):
-    """The parameters that say what yarns resist with."""
+    """Parameters for the stiffness of yarns."""
 
     inextensible = Flag(
         True,
@@ -103,7 +103,7 @@ class YarnParameters(Parameterised):
     )
 
     def yarns(self, cloth: Cloth) -> YarnMechanics:
-        """Return what the yarns of a cloth resist with; a modulus is for their counts."""
+        """Return the mechanics of a cloth's yarns; a modulus is multiplied by their counts."""
         if cloth.layers is not None:
             raise InputError(
                 "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
@@ -137,7 +137,7 @@ class YarnParameters(Parameterised):
         return rest._replace(tension=each)
 
     def check(self) -> None:
-        """Check that yarns that stretch have one stiffness."""
+        """Check that extensible yarns have exactly one stiffness."""
         if self.inextensible:
             return
         if self.tension is not None and self.modulus is not None:
