@@ -1,4 +1,4 @@
-"""The figures of an object or a textile that is not woven, and of its cage."""
+"""The figures of an object or of a textile that is not woven, and of its cage."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 
-#: Who knows the names of types of cells: another class since VTK 9.6.
+#: Class with the names of cell types; it was replaced in VTK 9.6.
 _NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataModel.vtkCellTypes)
 
 
@@ -63,7 +63,7 @@ def body(scene: Scene) -> dict[str, Any]:
 
 
 def textile(scene: Scene) -> dict[str, Any] | None:
-    """Return what a scene's source says of its yarns; None of an object."""
+    """Return the figures that a scene's source declares for its yarns; None for an object."""
     made = scene.textile
     if made is None:
         return None

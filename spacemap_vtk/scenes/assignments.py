@@ -1,4 +1,4 @@
-"""What ``--set`` says: a value of a scene's key, or the values that a sweep goes through."""
+"""Parse the arguments of ``--set``: one value of a scene's key, or the values of a sweep."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from spacemap_vtk.errors import InputError, UnknownNameError, naming_section
 from spacemap_vtk.io.formats import toml
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, suggestion
 
-#: Values between two ends, both among them: evenly spaced, or each the same multiple of the last.
+#: Values from one end to the other, inclusive: evenly spaced, or in a constant ratio.
 _SPACED = re.compile(r"\s*(linspace|geomspace)\((.*)\)\s*", re.DOTALL)
 _MOST = 1000
 _OPENING, _CLOSING = "([{", ")]}"
@@ -22,22 +22,22 @@ _OPENING, _CLOSING = "([{", ")]}"
 
 @dataclass(frozen=True)
 class ValueList:
-    """The values that a key goes through; one that has a single value is set to it."""
+    """The values of a key in a sweep; a single value is simply set."""
 
     section: str
     key: str
-    #: As a scene file has them.
+    #: In the form of scene files.
     values: tuple[Any, ...]
-    #: Who checks and shows them.
+    #: Parameter that checks and formats them.
     parameter: Parameter[Any]
 
     @property
     def name(self) -> str:
-        """What follows ``--set``, before the values."""
+        """The key as it is written after ``--set``."""
         return f"{self.section}.{self.key}"
 
     def label(self, value: Any) -> str:
-        """Return a value as people read it, in a few words."""
+        """Format a value for people, in a few words."""
         checked = self.parameter.check(value)
         if checked is None:
             return "auto"
@@ -49,7 +49,7 @@ class ValueList:
 
 
 def parsed(assignment: str) -> tuple[str, str, str]:
-    """Return section, key and what is said of it, of ``section.key=value``."""
+    """Split ``section.key=value`` into section, key and value."""
     target, equals, text = assignment.partition("=")
     section, dot, key = target.strip().partition(".")
     if not equals or not dot:
@@ -60,7 +60,7 @@ def parsed(assignment: str) -> tuple[str, str, str]:
 
 
 def value_of(text: str) -> Any:
-    """Return a value that is written as in a scene file; quotes can be left out."""
+    """Parse a value as in a scene file; quotes may be left out."""
     try:
         return toml.parsed(f"value = {text}")["value"]
     except ValueError:
@@ -68,7 +68,7 @@ def value_of(text: str) -> Any:
 
 
 def part_of(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
-    """Return what a section configures, of all that there are."""
+    """Return the object that a section configures; refuse an unknown section."""
     if section not in parts:
         raise UnknownNameError(
             "a scene has no section of that name",
@@ -80,7 +80,7 @@ def part_of(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
 
 
 def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
-    """Return the values of ``section.key=value,value``, each of which the key takes."""
+    """Parse ``section.key=value,value`` and check each value."""
     section, key, text = parsed(assignment)
     part = part_of(parts, section)
     with naming_section(section):
@@ -103,7 +103,7 @@ def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
 
 
 def _split(text: str) -> Iterator[str]:
-    """Yield what stands between commas that are in no brackets and no quotes."""
+    """Yield the texts between commas that are outside brackets and quotes."""
     depth, quote, start = 0, "", 0
     for place, letter in enumerate(text):
         if quote:
@@ -122,7 +122,7 @@ def _split(text: str) -> Iterator[str]:
 
 
 def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
-    """Return the value that a word says, or those of a linspace or geomspace."""
+    """Return the value of a word, or the values of a linspace or geomspace."""
     match = _SPACED.fullmatch(word)
     if match is None:
         return [value_of(word)]
@@ -144,12 +144,12 @@ def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
     if not 2 <= count <= _MOST or not (even or first * last > 0):
         raise refused
     found = (np.linspace if even else np.geomspace)(first, last, count)
-    # As people would write them: the last digits are of rounding.
+    # Round as people would write the values: the last digits are rounding errors.
     return [_with_unit(float(f"{value:.12g}"), number) for value in found.tolist()]
 
 
 def _with_unit(value: float, parameter: Real) -> Any:
-    """Return a number, with its unit where a scene would not accept it alone."""
+    """Return a number, with its unit if a scene would refuse it without."""
     with suppress(InputError):
         parameter.require_plausible(value)
         return value
@@ -157,7 +157,7 @@ def _with_unit(value: float, parameter: Real) -> Any:
 
 
 def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
-    """Return a list as one value where it is one, else its items."""
+    """Return a list as one value if the parameter accepts it, otherwise its items."""
 
     def taken(value: Any) -> bool:
         with suppress(InputError):
@@ -165,5 +165,5 @@ def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
             return True
         return False
 
-    # one of which no item is a value is refused as a whole
+    # If no item is accepted either, the list is refused as a whole.
     return values if not taken(values) and any(map(taken, values)) else [values]

@@ -1,4 +1,4 @@
-"""Which stages a scene has, and how they are connected: both from what the classes declare."""
+"""Choose the stages of a scene and connect them, from what their classes declare."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sections() -> dict[str, type[Parameterised]]:
 
 
 def roles_of(stages: Collection[type[Stage]]) -> list[str]:
-    """Return all roles in the order of the pipeline; a role of a stage follows its `after`."""
+    """Return all roles in the order of the pipeline; a stage's role follows its `after`."""
     roles = list(ROLES)
     own = {stage.role: stage.after for stage in stages if stage.after and stage.role not in ROLES}
     while found := [role for role in own if own[role] in roles]:
@@ -43,15 +43,15 @@ def roles_of(stages: Collection[type[Stage]]) -> list[str]:
 
 
 def words_of(name: str) -> str:
-    """Return a stage's name as lists have it."""
+    """Return a stage's name in words, for lists."""
     spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
     return spaced.capitalize()
 
 
 def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
-    """Return those stages of all parts that make up a scene that has some sections, in order."""
+    """Return the stages of a scene with the given sections, in the order of the pipeline."""
     stages = [part for part in parts.values() if isinstance(part, Stage)]
-    # One section of a stage that has to do with the cage will do, and the scene moves.
+    # A section of one stage that concerns the cage is enough to make the scene move.
     moves = any(stage.section in given for stage in stages if _has_cage(stage))
     required = ROLES if moves else (ROLES[0], ROLES[-1])
     chosen: dict[str, Stage] = {}
@@ -61,7 +61,7 @@ def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[St
             chosen[stage.role] = stage
     found: list[Stage] = []
     for stage in chosen.values():
-        # What makes a cage out of none takes the place of all that made one before.
+        # A stage that makes a cage without needing one replaces all stages before that make one.
         if stage.makes not in stage.takes:
             found = [other for other in found if other.makes != stage.makes]
         found.append(stage)
@@ -73,7 +73,7 @@ def _has_cage(stage: Stage) -> bool:
 
 
 def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) -> None:
-    """Refuse sections that would have no effect beside another."""
+    """Refuse sections that would have no effect because of another section."""
     found = chain(parts, given)
     for stage in parts.values():
         if isinstance(stage, Stage) and stage.section in given and stage not in found:
@@ -90,19 +90,20 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
 def switched(
     parts: Mapping[str, Parameterised], given: Collection[str], section: str, on: bool
 ) -> set[str]:
-    """Return the sections of a scene whose stage of a section is switched on or off."""
+    """Return a scene's sections after the stage of one section is switched on or off."""
     if on:
         return {section} | {other for other in given if fits(parts, section, [other])}
     middle = {stage.section for stage in chain(parts, given) if _has_cage(stage)} - {section}
     rest = set(given) - {section}
     part = parts[section]
     if not isinstance(part, Stage) or part.role in ROLES:
-        return rest - middle  # without one of them there is no motion
-    return rest if rest & middle else rest | middle  # the others were there for it alone
+        return rest - middle  # without such a stage there is no motion
+    # If no other stage of the cage was given, the missing ones were there for this stage only.
+    return rest if rest & middle else rest | middle
 
 
 def fits(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]) -> bool:
-    """Return whether the stage of a section can stand in one scene with each of some others."""
+    """Return whether a section's stage can be in a scene with each of the other stages."""
     one = parts[section]
     assert isinstance(one, Stage)
     stages = (parts.get(other) for other in others)
@@ -115,9 +116,9 @@ def fits(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]
 
 
 def connect_chain(stages: Iterable[Stage]) -> None:
-    """Connect stages: each port to the last stage before that makes what it takes."""
+    """Connect each input port to the last stage before that makes the data it accepts."""
     stages = list(stages)
-    # What yarns resist is said by the stage that exchanges their crimp, for the cage, too.
+    # The stage for crimp interchange declares the stiffness of yarns; the solver uses it, too.
     yarns = next((stage for stage in stages if isinstance(stage, YarnParameters)), None)
     made: dict[str, Stage] = {}
     for stage in stages:

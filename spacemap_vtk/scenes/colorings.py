@@ -1,6 +1,7 @@
-"""What a surface's colours can mean: declared here once, for pictures, films and the window.
+"""Meanings of a surface's colours, declared once for pictures, films and the window.
 
-Apart from what computes their numbers: the help of a command names them, and needs no VTK.
+They are separate from the code that computes their numbers, because the help of a command lists
+them and needs no VTK.
 """
 
 from __future__ import annotations
@@ -11,30 +12,30 @@ from spacemap_vtk.units import pretty
 
 
 class Coloring(NamedTuple):
-    """A meaning of colours."""
+    """One meaning of colours."""
 
-    #: Words for people; the title of the scale.
+    #: Label for people; the title of the scale.
     label: str
     #: SI unit of the numbers.
     unit: str = ""
-    #: Array that it shows, or without which it is nothing: one that a stage must provide.
+    #: Array that it shows or depends on; a stage must provide it.
     array: str = ""
-    #: Whether the array is one of numbers, whose size is shown on a scale.
+    #: Whether the array has numbers that are shown on a scale.
     scaled: bool = False
 
     @property
     def words(self) -> str:
-        """The label, with its unit."""
+        """The label with its unit."""
         return f"{self.label} [{pretty(self.unit)}]" if self.unit else self.label
 
     @property
     def numbers(self) -> bool:
-        """Whether colours stand for numbers, those of an array or of gaps that are measured."""
+        """Whether colours represent numbers, of an array or of measured clearances."""
         return self.scaled or bool(self.array and self.unit)
 
 
-#: By the word that a scene file has for it, in groups: colours, motion, what strains and presses
-#: the cage, what it is made of, and what yarns do.
+#: Colourings by their names in scene files, in groups: colours, motion, strain and stress of the
+#: cage, its material, and the state of yarns.
 GROUPS = (
     {
         "own": Coloring("Own colours"),

@@ -1,8 +1,8 @@
-"""The picture of a still cloth's face: its size, and how much of the cloth is in it.
+"""Picture of the face of a still cloth: its size, and which part of the cloth it shows.
 
-A weaver looks for the whole draft, undistorted and not repeated. A picture of no given size has the
-cloth's own proportions; one of another size shows the cloth in its middle. Of a cloth so long that
-its yarns could not be seen, the beginning is drawn.
+A weaver wants to see the whole draft, undistorted and not repeated. A picture without a given size
+has the proportions of the cloth; a picture of another size shows the cloth in its middle. If a
+cloth is so long that its yarns would be too small to be seen, only its beginning is drawn.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: A cloth is drawn whole up to so many times its width, and beyond that where a yarn has at least
-#: so many pixels.
+#: A cloth is drawn completely up to this many times its width; beyond that only as far as each yarn
+#: has at least this many pixels.
 _LONGEST, _SEEN = 16.0, 1.0
 
 
 def picture_size(scene: Scene) -> tuple[int, int]:
-    """Return width and height of a scene's pictures, in pixels, where nobody asks for others."""
+    """Return width and height of a scene's pictures in pixels, if no size is asked for."""
     if scene.view.size is not None:
         width, height = scene.view.size
         return width, height
@@ -29,7 +29,7 @@ def picture_size(scene: Scene) -> tuple[int, int]:
             return USUAL_SIZE
         cloth = woven.cloth
     except SpacemapError:
-        return USUAL_SIZE  # whoever draws it says why
+        return USUAL_SIZE  # drawing raises the same error and reports it
     side = WIDE_SIDE if sum(cloth.size) > MANY_THREADS else max(USUAL_SIZE)
     lengths = lengths_of(cloth)
     counts = _drawn_counts(scene, cloth, (side, side))
@@ -42,7 +42,7 @@ def picture_size(scene: Scene) -> tuple[int, int]:
 
 
 def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
-    """Leave out the end of a still cloth that is far longer than wide, and warn of that."""
+    """Leave out the end of a still cloth that is far longer than wide, and warn about it."""
     woven = face_of(scene)
     if woven is None:
         return
@@ -60,13 +60,13 @@ def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
 
 
 def face_scale(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> float:
-    """Return how many pixels a metre of a scene's cloth has in a picture of all its face."""
+    """Return the pixels per metre of a scene's cloth in a picture of its whole face."""
     each = zip(size, lengths_of(cloth), strict=True)
     return scene.view.zoom * min(pixels / length for pixels, length in each)
 
 
 def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[int, int]:
-    """Return how many ends and picks are drawn: all but of a family that makes the cloth long."""
+    """Return how many ends and picks are drawn; only the family of the long side is reduced."""
     lengths, counts = lengths_of(cloth), list(cloth.size)
     long = 0 if lengths[0] > lengths[1] else 1
     if scene.source.settings[("ends", "picks")[long]] is None:
@@ -77,12 +77,12 @@ def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[in
 
 
 def face_of(scene: Scene) -> Woven | None:
-    """Return the textile whose face a picture shows undistorted; None of any other picture."""
+    """Return the textile whose face a picture shows undistorted; None for other pictures."""
     return scene.woven if scene.view.camera == FLAT and not scene.moves else None
 
 
 def lengths_of(cloth: Cloth) -> list[float]:
-    """Return how long a cloth is across its ends and its picks, in m."""
+    """Return the size of a cloth across its ends and across its picks, in m."""
     return [
         float(yarns.position[-1] - yarns.position[0]) + threads.mean_spacing(cloth.diameter_sum)
         for yarns, threads in zip(cloth.yarns, cloth.threads, strict=True)

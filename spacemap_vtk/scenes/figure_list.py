@@ -1,7 +1,7 @@
-"""A scene's figures one after another: in words for people, and as numbers with units for tables.
+"""A scene's figures in order: as text for people, and as numbers with units for tables.
 
-What `spacemap_vtk.scenes.report` returns by name stands here with its label and unit, so that what
-is printed and what a table holds cannot differ.
+The figures that `spacemap_vtk.scenes.report` returns by name get their label and unit here, so that
+printed figures and tables cannot differ.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.units import UNITS, format_quantity
 
-#: In place of a figure that cannot be had; a warning says why.
+#: Text for a figure that is not available; a warning explains why.
 UNKNOWN = "–"
-#: Modes whose frequencies tables have.
+#: Number of modes whose frequencies are in tables.
 _FIRST = 3
-#: The units that tables are in, whatever a value's size: columns of all tables can be compared.
+#: Units of tables. They do not depend on a value's size, so that columns of tables are comparable.
 _TABLE_UNITS = {
     "m": "mm",
     "%": "%",
@@ -31,7 +31,7 @@ _TABLE_UNITS = {
     "N.m2": "mN.mm2",
     "N.m/kg": "cN/tex",
 }
-#: What is told of warp and weft: its key, its label and its unit; None for counts and words.
+#: Figures of warp and weft: key, label and unit; None for counts and words.
 _OF_YARNS = (
     ("yarns", "yarns", None),
     ("diameter", "diameter d", "m"),
@@ -53,36 +53,36 @@ _OF_YARNS = (
 
 
 class Figure(NamedTuple):
-    """A figure."""
+    """A figure of a scene."""
 
-    #: As in what `report` returns.
+    #: As in the result of `report`.
     key: str
     label: str
-    #: For people.
+    #: Text for people.
     told: str
-    #: For tables, in SI, of "%" a share; None of what is no number, or not known.
+    #: Value for tables, in SI; for "%" a share; None if it is not a number or unknown.
     value: float | None = None
     unit: str = ""
 
     @property
     def heading(self) -> str:
-        """What a table's column is called, with its unit."""
+        """Heading of a table's column, with the unit."""
         return with_unit(self.key.removesuffix("_deg").replace("_", " "), self.unit)
 
     @property
     def entry(self) -> str:
-        """What stands in a table below that: six digits of the number, or nothing."""
+        """Text in the cell of a table: six digits, or nothing."""
         return "" if self.value is None else in_table(self.value, self.unit)
 
 
 def with_unit(name: str, unit: str) -> str:
-    """Return a table's heading for numbers that have a unit."""
+    """Return a table's heading for numbers with a unit."""
     unit = _TABLE_UNITS.get(unit, unit)
     return f"{name} [{unit}]" if unit else name
 
 
 def in_table(value: float, unit: str) -> str:
-    """Return a number in the unit that tables have in place of its own."""
+    """Format a number in the unit of tables."""
     if isinstance(value, int):
         return str(value)
     share = UNITS[""]["%"] if unit == "%" else UNITS.get(unit, {}).get(_TABLE_UNITS.get(unit, ""))
@@ -90,7 +90,7 @@ def in_table(value: float, unit: str) -> str:
 
 
 def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
-    """Return the figures of warp and weft, side by side, of those of `report.fabric`."""
+    """Return the figures of warp and weft in pairs, from those of `report.fabric`."""
     found = []
     for key, label, unit in _OF_YARNS:
         pair = []
@@ -104,7 +104,7 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
 
 
 def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
-    """Return those of the cloth as a whole, of its cage and of its motion."""
+    """Return the figures of the whole cloth, of its cage and of its motion."""
 
     def figure(key: str, label: str, unit: str, text: str, factor: float = 1) -> Figure:
         value = figures[key]
@@ -140,7 +140,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
-    """Return what a cage is to mechanics, and a sheet's measures: equal ones once, or `both`."""
+    """Return the figures of a cage's elements; equal ones of warp and weft once unless `both`."""
     found = []
     if "elements" in figures:
         found.append(Figure("elements", "elements of the cage", figures["elements"]))
@@ -160,13 +160,13 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
 
 
 def motion_figures(swing: dict[str, Any] | None) -> list[Figure]:
-    """Return the numbers of `report.motion`, which `cloth_figures` tells in one sentence."""
+    """Return the numbers of `report.motion`, which `cloth_figures` puts into one sentence."""
     units = {"largest_rotation_deg": "deg", "largest_stretch": "%", "largest_volume_change": "%"}
     return [Figure(key, key, "", swing[key], unit) for key, unit in units.items()] if swing else []
 
 
 def mode_figures(figures: dict[str, Any]) -> list[Figure]:
-    """Return the numbers of the first modes, of those of `report.modes`, and the cage's mass."""
+    """Return the numbers of the first modes, from those of `report.modes`, and the cage's mass."""
     found = [Figure("mass", "mass", "", figures["mass"], "kg")]
     for number, mode in enumerate(figures["modes"][:_FIRST], 1):
         found.append(Figure(f"mode_{number}", "", "", mode["frequency_hz"], "Hz"))
@@ -177,7 +177,7 @@ def mode_figures(figures: dict[str, Any]) -> list[Figure]:
 
 
 def body_figures(figures: dict[str, Any]) -> list[Figure]:
-    """Return the numbers of an object and its cage, of those of `anatomy.body`."""
+    """Return the numbers of an object and its cage, from those of `anatomy.body`."""
     counts = [Figure(key, key, "", figures[key]) for key in ("points", "cells", "triangles")]
     cage = figures["cage"] or {}
     units = {"vertices": "", "tetrahedra": "", "volume": "m3", "points_outside": ""}
@@ -185,7 +185,7 @@ def body_figures(figures: dict[str, Any]) -> list[Figure]:
 
 
 def textile_figures(textile: Textile) -> list[Figure]:
-    """Return what a source that is not woven says of its yarns."""
+    """Return the figures that a source that is not woven declares for its yarns."""
     diameters = textile.yarn_diameters
     low, high = float(diameters.min()), float(diameters.max())
     told = _cell(low, "m") if low == high else f"{_cell(low, 'm')} to {_cell(high, 'm')}"
@@ -205,7 +205,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
 
 
 def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
-    """Return how a cage hangs, of what `report.modes` says of it."""
+    """Return the figures of a hanging cage, from those of `report.modes`."""
     if hung is None:
         return []
     sag, drape = hung["sag"], hung["drape_coefficient"]
@@ -226,7 +226,7 @@ def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
     found, ends = figures[key], figures["ends"]
     if not found:
         return Figure(key, label, UNKNOWN, None, "m")
-    # what rounding leaves of touching is no overlap
+    # A distance within rounding errors is contact, not overlap.
     touching = 1e-8 * min(figures[family]["diameter"] for family in FAMILIES)
     distance = found["distance"] if abs(found["distance"]) > touching else 0.0
     place = ", ".join(_cell(x, "m") for x in found["place"])

@@ -1,8 +1,8 @@
-"""Memory that pictures and files of moving surfaces take, estimated before any is taken.
+"""Estimate the memory of pictures, and of files of moving surfaces, before any is allocated.
 
-A machine that lacks memory ends a program without a word, so what clearly does not fit is refused.
-The estimates hold within a factor of two, on any VTK and any OpenGL; what they let through and yet
-does not fit ends as Python's own MemoryError, or is ended.
+If a machine runs out of memory, it ends the program without a message. Therefore work that clearly
+does not fit is refused. The estimates hold within a factor of two, for all versions of VTK and
+OpenGL. Work that is accepted but does not fit raises Python's MemoryError, or is killed.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
-# The table: bytes of whatever there are many of.
+# The table: bytes for each item of a kind.
 
-#: Once: OpenGL's libraries, compiled loops, and what solves.
+#: Once: OpenGL's libraries, compiled loops and solvers.
 _PROGRAM = 200_000_000
-#: Each drawn pixel, with its depth, samples, shade and place in the picture.
+#: Each drawn pixel, with its depth, samples, shading and position in the picture.
 _PIXEL = 60
 #: Each patch at rest: control points and labels.
 _PATCH = 300
-#: Each patch that moves, in addition: where it rests, its tetrahedra and their weights.
+#: Each patch that moves, in addition: its rest shape, its tetrahedra and their weights.
 _MOVED_PATCH = 600
-#: Each patch in addition, if its cage is quadratic or smooth, and if its yarns trade crimp.
+#: Each patch in addition, if its cage is quadratic or smooth, and if its yarns exchange crimp.
 _CURVED_PATCH = 1200
-#: Each point of a surface that OpenGL holds, with the facets of that point.
+#: Each point of a surface in OpenGL, including the facets of that point.
 DRAWN_POINT = 90
-#: Each point of a surface, what OpenGL holds included.
+#: Each point of a surface, including OpenGL's copy.
 _SURFACE_POINT = 2 * DRAWN_POINT
-#: Each point of a surface that becomes triangles with colours in a file.
+#: Each point of a surface that is converted to triangles with colours in a file.
 _MESH_POINT = 300
 #: Each point of such triangles, in the frames that are compared, and in writers.
 _FRAME_POINT = 125
@@ -41,52 +41,52 @@ _FRAME_POINT = 125
 _CROSSING = 50
 #: Each crossing in addition, if clearances are measured.
 _MEASURED_CROSSING = 150
-#: Each crossing in addition, if what its yarns do there is solved.
+#: Each crossing in addition, if the state of its yarns is solved.
 _SOLVED_CROSSING = 800
 
 # A pixel of the picture is the mean of a block of drawn pixels.
 
-#: Width of the block under contact shadows, which know one depth for each drawn pixel. These show
-#: yarns as well as four samples of OpenGL in each, in a third of the time.
+#: Width of the block with contact shadows, which know one depth for each drawn pixel. The result is
+#: as good as with four OpenGL samples per drawn pixel, in a third of the time.
 _BLOCK_SHADED = 2
 #: Width of the block without contact shadows.
 _BLOCK_PLAIN = 3
 #: Width of the block for a cage's thin lines.
 _BLOCK_LINES = 4
-#: OpenGL's own samples of a drawn pixel, if it takes any: it does for lines in front of yarns.
+#: OpenGL samples of a drawn pixel, if it takes any: it does for lines in front of yarns.
 SAMPLES = 4
-#: Longest side of a picture that is drawn in the larger blocks: graphics cards know a largest.
+#: Longest side of a picture that is drawn in the larger blocks: graphics cards limit image sizes.
 _LARGE = 2048
 
 
 @dataclass(frozen=True)
 class PictureRequest:
-    """Which pictures of a scene are to be drawn."""
+    """The pictures of a scene that are to be drawn."""
 
     #: Width and height in pixels.
     size: tuple[int, int]
     frames: int = 1
-    #: What each panel shows: "fabric", "cage" or "both"; none: as the scene says.
+    #: Contents of each panel: "fabric", "cage" or "both"; empty: as the scene says.
     panels: Sequence[str] = ()
     #: Whether only the edges of facets are drawn.
     wireframe: bool = False
 
 
 def panels_of(scene: Scene, show: Sequence[str] = ()) -> Sequence[str]:
-    """Return what each panel of a picture shows, by default what the scene says."""
+    """Return the contents of a picture's panels, by default as the scene says."""
     chosen = scene.view.show if scene.moves else "fabric"
     return show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
 
 
 def widths_of(width: int, panels: int) -> list[int]:
-    """Return the widths of a picture's panels: the last takes what does not divide evenly."""
+    """Return the widths of a picture's panels; the last one gets the remainder."""
     widths = [width // panels] * panels
     widths[-1] += width - sum(widths)
     return widths
 
 
 def grain_of(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]:
-    """Return the width of the block that a pixel is drawn as, and OpenGL's samples in each."""
+    """Return the width of the block that is drawn for a pixel, and OpenGL's samples of each."""
     if panel == "fabric" and shaded:
         return _BLOCK_SHADED, 0
     if panel != "both" and max(size) <= _LARGE:
@@ -95,7 +95,7 @@ def grain_of(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]
 
 
 def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
-    """Return the memory of windows and pictures, with the program's own."""
+    """Return the memory of windows and pictures, including the program's."""
     view, panels = scene.view, panels_of(scene, request.panels)
     shadows = view.shadows and view.look.occlusion > 0.0 and not COLORINGS[view.color].numbers
     drawn = 0
@@ -107,13 +107,13 @@ def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
 
 
 def yarn_bytes(scene: Scene, request: PictureRequest, patches: int, sides: int) -> int:
-    """Return the memory of a picture of some patches, each of so many facets along its sides."""
+    """Return the memory of a picture of patches with `sides` facets along each side."""
     surface = _SURFACE_POINT * patches * (sides + 1) ** 2
     return pixel_bytes(scene, request) + patch_bytes(scene, patches) + surface
 
 
 def patch_bytes(scene: Scene, patches: int) -> int:
-    """Return the memory of a scene's patches, and of what moves them."""
+    """Return the memory of a scene's patches and of the data that move them."""
     each = _PATCH
     if scene.moves:
         curved = scene.cage.order == 2 or scene.warp.smooth
@@ -123,17 +123,17 @@ def patch_bytes(scene: Scene, patches: int) -> int:
 
 
 def mesh_bytes(points: int) -> int:
-    """Return the memory in which a surface of some points becomes triangles with colours."""
+    """Return the memory for converting a surface to triangles with colours."""
     return _MESH_POINT * points
 
 
 def frame_bytes(points: int) -> int:
-    """Return the memory of the frames of a motion of some points, beside its targets."""
+    """Return the memory of the frames of a motion, in addition to its targets."""
     return _FRAME_POINT * points
 
 
 def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
-    """Return the memory of a picture of a sheet in place of a scene's yarns."""
+    """Return the memory of a picture of a sheet that replaces a scene's yarns."""
     measured = scene.view.color == "clearance"
     solved = COLORINGS[scene.view.color].array in CrimpInterchange.provides
     solved |= measured and scene.stage("crimp") is not None
@@ -148,7 +148,7 @@ def require_pixels(scene: Scene, request: PictureRequest) -> None:
 
 
 def require_sheet(scene: Scene, counts: tuple[int, int], size: int) -> None:
-    """Refuse a sheet of so many ends and picks whose bytes do not fit into memory."""
+    """Refuse a sheet of `counts` ends and picks that does not fit into memory."""
     with scene.naming_file(), naming_section("view"):
         require(
             size,
@@ -165,7 +165,7 @@ def require_yarns(
     patches: int,
     sides: int,
 ) -> None:
-    """Refuse yarns that do not fit into memory together, and name those that do."""
+    """Refuse yarns that do not fit into memory together, and suggest numbers that do."""
 
     def needed(sides: int, share: float = 1.0) -> int:
         some = ceil(share**2 * patches)

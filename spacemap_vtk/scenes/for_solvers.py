@@ -1,4 +1,4 @@
-"""A scene's cage as other solvers take it: refused where they would find something else."""
+"""A scene's cage for other solvers; refused if they would compute something else."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from spacemap_vtk.mechanics.modal.model import Model
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
-#: Time functions that end at a value which stays, and when they have [s].
+#: Time functions that end at a constant value, and a time [s] when all have reached it.
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9
-#: Parameters of what is fitted to a cage, by the field of `Fittings`, that are not written.
+#: Fields of `Fittings` that are not written, and the parameters that they come from.
 _FITTED = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
 
 
 def analysis_of(scene: Scene) -> InputDeck:
-    """Return a scene's model and loads, after its solver has run."""
+    """Run a scene's solver, and return the model and its loads."""
     solver = scene.stage("solver")
     if solver is not None:
         scene.update_stage(solver)
@@ -63,7 +63,7 @@ def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
 
 
 def _refuse(model: Model) -> None:
-    """Refuse what tetrahedra of a material, held along axes, are not."""
+    """Refuse models with anything but tetrahedra of a material, held along x, y and z."""
     if model.plate is not None:
         raise InputError(
             "the cage is a sheet, whose elements other solvers do not have",

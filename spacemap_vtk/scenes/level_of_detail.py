@@ -1,8 +1,8 @@
-"""How the yarns of a cloth are drawn: decided here, and obeyed by window, picture, film and figure.
+"""Choose how the yarns of a cloth are drawn, for window, pictures, films and figures alike.
 
-A picture asks `choose_level` before anything is made, and `LevelOfDetail.at_scale` once its camera
-is placed. The window asks `choose_level`, too; if that is a sheet, it asks `choose_near` whenever
-the camera has come to rest.
+A picture calls `choose_level` before anything is made, and `LevelOfDetail.at_scale` once its camera
+is placed. The window also calls `choose_level`; if the result is a sheet, it calls `choose_near`
+each time the camera comes to rest.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ class Form(Enum):
     WHOLE = "whole"
     #: The yarns in view, made and drawn one piece after another.
     PIECES = "pieces"
-    #: As PIECES, in tiles with their neighbours beside them: clearances are measured.
+    #: Like PIECES, in tiles with their neighbours, because clearances are measured.
     TILES = "tiles"
-    #: In the window, the yarns in view in place of that part of the sheet.
+    #: In the window: the yarns in view, which replace that part of the sheet.
     NEAR = "near"
     #: A sheet whose shader draws each yarn, a few pixels wide.
     SHADER = "shader"
-    #: A sheet in the mean colours of its yarns, which are too thin to be seen.
+    #: A sheet with the mean colours of its yarns, which are too thin to be seen.
     SHEET = "sheet"
 
 
 # Distances from yarn to yarn, in pixels.
 
-#: Nearer yarns are not seen as yarns.
+#: Yarns closer than this cannot be seen separately.
 SMALLEST_YARN = 2.0
-#: The same in the window, which takes one sample of each pixel: finer yarns make moiré.
+#: The same limit in the window, which has one sample per pixel: finer yarns cause moiré patterns.
 SMALLEST_IN_WINDOW = 3.0
-#: Nearer yarns fill the picture with edges, which need more samples.
+#: Yarns closer than this fill the picture with edges, which need more samples.
 _FINE = 4.0
-#: Nearer yarns show no more than their places, their light and their colours.
+#: Of yarns closer than this only position, shading and colour can be seen.
 _RESOLVED_YARN = 8.0
 
 # Widths of yarns, in pixels.
@@ -68,55 +68,55 @@ _PLIES = 16.0
 
 # Numbers of patches, and of quadrilaterals (facets) that they are divided into.
 
-#: Most patches that a picture draws together however small they are: that takes no time.
+#: Up to this number a picture draws all patches together, however small: that takes no time.
 MANY_PATCHES = 300_000
-#: Most patches that the window draws together.
+#: Up to this number the window draws all patches together.
 WINDOW_PATCHES = 60_000
-#: More patches take 5 s and more to draw: the shader draws what it can of them.
+#: More patches take 5 s or longer to draw: the shader draws them where it can.
 SHADER_PATCHES = 1_500_000
-#: Most patches and quadrilaterals of a piece: some hundred megabytes. Each piece costs as much as
-#: an empty picture, 0.2 s for 1920 x 1080.
+#: Most patches and quadrilaterals of a piece, which need some hundred megabytes. Each piece takes
+#: as long to draw as an empty picture, 0.2 s for 1920 x 1080.
 PIECE_PATCHES = 300_000
 _PIECE_QUADS = 800_000
-#: Most patches and quadrilaterals in view in the window: made in two seconds, drawn in one.
+#: Most patches and quadrilaterals in view in the window: two seconds to make, one to draw.
 NEAR_PATCHES = 1_500_000
 _NEAR_QUADS = 2_000_000
 #: More quadrilaterals are a mistake in `surface.subdivisions`: they take minutes to draw.
 MOST_QUADS = 500_000_000
-#: Quadrilaterals that patches in view may have: so many, or one for so many pixels.
+#: Most quadrilaterals of the patches in view: this number, or one for this many pixels.
 _VIEW_QUADS = 600_000
 _PIXELS_OF_QUAD = 4
-#: Points of a moving surface in a file, about, unless more are asked for.
+#: Approximate number of points of a moving surface in a file, unless more are asked for.
 FILE_POINTS = 500_000
 #: Quadrilaterals along each side of a patch out of view.
 LEAST_SIDES = AUTOMATIC_SIDES
 
-# What the sheet's shader can draw.
+# Limits of the sheet's shader.
 
 #: Most crossings in a row of its texture, a power of 2: older graphics cards take no more.
 LONGEST_ROW = 8192
-#: Share by which yarns of a family may differ: it knows one diameter and one spacing of each.
+#: Share by which yarns of a family may differ: the shader has one diameter and spacing for each.
 _ALIKE = 0.1
 
 
 @dataclass(frozen=True)
 class DrawnCloth:
-    """The numbers of a scene's cloth that decide how it is drawn."""
+    """The figures of a scene's cloth that decide how it is drawn."""
 
     ends: int
     picks: int
     patches: int
-    #: Mean distance from yarn to yarn in m, of the family where that is larger.
+    #: Mean distance from yarn to yarn in m, of the family with the larger one.
     spacing: float
     #: Height of the thickest yarn in m.
     height: float
     #: Width of the widest yarn in m.
     width: float
-    #: Plies of the yarn that has most.
+    #: Largest number of plies of a yarn.
     plies: int = 1
-    #: Quadrilaterals along each side of a patch that the scene asks for; None: as many as are seen.
+    #: Quadrilaterals along each side of a patch, if the scene gives them; None: automatic.
     subdivisions: int | None = None
-    #: Whether colours show clearances, which belong to the quadrilaterals they are measured on.
+    #: Whether colours show clearances, which belong to the quadrilaterals that are measured.
     clearance: bool = False
     #: Whether the sheet's shader can draw each yarn.
     shadable: bool = False
@@ -128,7 +128,7 @@ class DrawnCloth:
 
     @classmethod
     def of(cls, scene: Scene) -> DrawnCloth | None:
-        """Return the numbers of a scene; None if it has no cloth, or one that cannot be woven."""
+        """Return the figures of a scene; None if it has no cloth, or an impossible one."""
         if scene.woven is None:
             return None
         try:
@@ -154,19 +154,19 @@ class LevelOfDetail:
     """How the yarns of a cloth are drawn."""
 
     form: Form = Form.WHOLE
-    #: Quadrilaterals along each side of a patch; if there are `near_quads`, of one out of view.
+    #: Quadrilaterals along each side of a patch; with `near_quads`, of a patch out of view.
     sides: int = AUTOMATIC_SIDES
-    #: Quadrilaterals that patches in view share as they are near or far; 0: all have `sides`.
+    #: Quadrilaterals that the patches in view share by distance; 0: all patches have `sides`.
     near_quads: int = 0
-    #: Plies of which outlines are made.
+    #: Number of plies whose outlines are made.
     plies: int = 1
     #: Whether fibres are shaded.
     fibres: bool = False
-    #: Number of pieces that the yarns are made in.
+    #: Number of pieces in which the yarns are made.
     pieces: int = 1
     #: Pixels from yarn to yarn.
     pixels: float = 0.0
-    #: Memory that drawing takes, within a factor of two.
+    #: Memory for drawing, within a factor of two.
     bytes: int = 0
 
     @property
@@ -176,19 +176,19 @@ class LevelOfDetail:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether OpenGL takes samples of each drawn pixel, since nearly all are edges."""
+        """Whether OpenGL takes samples of each drawn pixel, because nearly all are edges."""
         return self.pixels < _FINE
 
     @property
     def has_sheet(self) -> bool:
-        """Whether a sheet stands in for yarns that are not in memory together."""
+        """Whether a sheet replaces yarns, which are not all in memory together."""
         return self.form is not Form.WHOLE
 
     def at_scale(self, cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
-        """Return the level for a camera that is placed."""
-        # `cloth` is what this level was chosen for, `scale` the pixels of a metre where it is
-        # nearest to the camera, `size` that of the fabric's picture. If yarns are seen, pieces of
-        # them take the sheet's place.
+        """Return the level for the camera's position."""
+        # `cloth` is the cloth for which this level was chosen, `scale` the pixels per metre where
+        # it is nearest to the camera, and `size` the size of the fabric's picture. If yarns can be
+        # seen, pieces of them replace the sheet.
         seen = facets_seen(cloth, scale, size)
         seen = replace(seen, form=self.form, bytes=self.bytes)
         made = cloth.subdivisions is not None or seen.shows_yarns
@@ -210,9 +210,9 @@ def choose_level(
     opengl: bool = True,
     window: bool = False,
 ) -> LevelOfDetail:
-    """Return how a scene's yarns are drawn, before any is made: WHOLE, SHADER or SHEET."""
-    # Without a request neither pixels nor memory count; with one, SizeError is raised if what
-    # would be drawn does not fit into memory.
+    """Choose how a scene's yarns are drawn, before any is made: WHOLE, SHADER or SHEET."""
+    # Without a request neither pixels nor memory matter. With one, SizeError is raised if the
+    # result would not fit into memory.
     cloth = DrawnCloth.of(scene)
     if cloth is None or scene.woven is None:
         if request is not None:
@@ -244,15 +244,16 @@ def choose_form(
     shader: bool = True,
     window: bool = False,
 ) -> Form:
-    """Return WHOLE, SHADER or SHEET."""
+    """Choose WHOLE, SHADER or SHEET."""
     # `face`: pixels from yarn to yarn of a still cloth that is seen from its face, else None.
-    # `fit`: whether all yarns fit into memory together. `shader`: whether the sheet's may be used.
+    # `fit`: whether all yarns together fit into memory. `shader`: whether the sheet's may be used.
     if cloth.subdivisions is not None:
-        # What takes hours is refused, not drawn in pieces.
+        # A request that takes hours is refused, not drawn in pieces.
         refused = cloth.patches * cloth.subdivisions**2 >= MOST_QUADS
         return Form.WHOLE if fit or refused else Form.SHEET
-    # Only a sheet has the exact mean colour of all that a pixel shows, so that few yarns that are
-    # too thin to be seen become one, too. Without OpenGL they are drawn, if less exactly.
+    # Only a sheet has the exact mean colour of everything in a pixel. Therefore a sheet also
+    # replaces few yarns if they are too thin to be seen. Without OpenGL they are drawn, less
+    # exactly.
     thin = face is not None and face < SMALLEST_YARN and opengl
     many = WINDOW_PATCHES if window else MANY_PATCHES
     if fit and cloth.patches <= many and not thin:
@@ -266,7 +267,7 @@ def choose_form(
 def choose_near(
     cloth: DrawnCloth, scale: float, patches: int, size: tuple[int, int]
 ) -> LevelOfDetail:
-    """Return how the window draws the yarns in view, which have so many patches: NEAR or SHEET."""
+    """Choose NEAR or SHEET for the yarns in the window's view, which have this many patches."""
     if scale * cloth.spacing < SMALLEST_IN_WINDOW or patches > NEAR_PATCHES:
         return LevelOfDetail(Form.SHEET)
     most = max(1, isqrt(_NEAR_QUADS // max(1, patches)))
@@ -275,7 +276,7 @@ def choose_near(
 
 
 def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
-    """Return the quadrilaterals that look round where a metre is at most so many pixels."""
+    """Choose facets that look round, where a metre has at most `scale` pixels."""
     plies = cloth.plies if cloth.width * scale > _PLIES else 1
     sides = sides_seen(cloth.height * scale, plies)
     level = LevelOfDetail(
@@ -295,13 +296,13 @@ def sides_in_file(cloth: DrawnCloth, usual: int) -> int:
 
 
 def quads_in_view(size: tuple[int, int]) -> int:
-    """Return how many quadrilaterals patches in view may have in a picture of some size."""
+    """Return the largest number of quadrilaterals in view for the size of a picture."""
     return max(_VIEW_QUADS, prod(size) // _PIXELS_OF_QUAD)
 
 
 def _is_shadable(scene: Scene, cloth: Cloth) -> bool:
     """Return whether the sheet's shader can draw each yarn."""
-    # It compares the heights of end and pick at each place, so that nothing may hide behind
+    # It compares the heights of end and pick at each place, so that nothing may be hidden behind
     # anything else.
     if cloth.layers is not None or cloth.axis == "spline" or max(cloth.size) > LONGEST_ROW:
         return False

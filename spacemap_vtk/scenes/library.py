@@ -19,12 +19,12 @@ def folder() -> Path:
 
 
 def names() -> list[str]:
-    """Return the names of the scenes."""
+    """Return the names of the included scenes."""
     return sorted(path.stem for path in folder().glob("*.toml"))
 
 
 def kinds() -> dict[str, list[str]]:
-    """Return the names by what is seen."""
+    """Return the names of the included scenes, grouped by what they show."""
     found: dict[str, list[str]] = {
         kind: [] for kind in ("Weaves", "Cloth that moves", "Cloth that hangs", "Other objects")
     }
@@ -41,15 +41,15 @@ def kinds() -> dict[str, list[str]]:
 
 
 def find(scene: str | Path) -> Path:
-    """Return the file that a user's word stands for."""
+    """Return the file for a path or the name of an included scene."""
     path = Path(scene)
     if not (why := registry.refusal(path)):
         return path
     if str(scene) == path.name and os.path.isfile(named := folder() / f"{scene}.toml"):
         return named
-    if why not in (registry.NOT_THERE, registry.A_FOLDER):  # no other name helps
+    if why not in (registry.NOT_THERE, registry.A_FOLDER):  # suggesting names would not help
         raise InputError(f"{path}: {why}", cure="See to its permissions, or choose another file.")
-    # Only for its message: numpy comes along.
+    # Imported here, because only the message needs it, and it imports numpy.
     from spacemap_vtk.parameters import suggestion
 
     raise InputError(
@@ -60,10 +60,10 @@ def find(scene: str | Path) -> Path:
 
 
 def values_of(path: Path, name: str = "") -> dict[str, Any]:
-    """Return what a scene, a draft or a mesh says, as a scene file would that calls it `name`."""
+    """Return the values of a scene, draft or mesh as a scene file that calls it `name`."""
     kind = registry.kind_of(path)
     if kind == "draft":
-        # as its weaver sees it: the face, flat, its yarns side by side
+        # A weaver expects the face, flat, with the yarns side by side.
         return {
             "weave": {"draft": name or str(path), "thick_yarns": "flatten"},
             "view": {"camera": "face"},

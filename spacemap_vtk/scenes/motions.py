@@ -1,4 +1,4 @@
-"""One scene moved in several ways: the same loads, damping and start by modes and by steps."""
+"""Move one scene in several ways: with the same loads, damping and start, by modes or by steps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.scenes.scene import Scene
 
-#: What a cage can be moved by: the sections that do it, the mover's first, and what to call it.
+#: Ways to move a cage: the sections, that of the mover first, and a label.
 MOTIONS = {
     "response": (("response",), "modes"),
     "rotation": (("response", "rotation"), "modes,\nturning rebuilt"),
@@ -16,7 +16,7 @@ MOTIONS = {
 
 
 def loaded_cage(scene: Scene) -> LoadParameters:
-    """Return what moves a scene's cage by loads; refuses a scene without."""
+    """Return the stage that moves a scene's cage by loads; refuse a scene without one."""
     mover = scene.stage("mover")
     if isinstance(mover, LoadParameters):
         return mover
@@ -27,7 +27,7 @@ def loaded_cage(scene: Scene) -> LoadParameters:
 
 
 def take_motion(scene: Scene, name: str, given: LoadParameters) -> None:
-    """Let a scene move in one of `MOTIONS`, by the loads, damping and start of what moved it."""
+    """Move a scene in one of `MOTIONS`, with the loads, damping and start of `given`."""
     sections, _ = MOTIONS[name]
     values = {key: getattr(given, key) for key in LoadParameters.parameters}
     if name != "transient" and isinstance(given, TransientResponse) and given.held:

@@ -1,4 +1,4 @@
-"""What a scene's files say of where they come from, and the scene that such a record describes."""
+"""Records of provenance in a scene's output files, and the scenes that they describe."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from spacemap_vtk.scenes.scene import Scene
 
 
 def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
-    """Return how what is ordered of a scene comes to be, as the scene is now."""
+    """Return the record of a job and its scene, as the scene is now."""
     folder, values = scene.file.parent if scene.file else Path(), values_of(scene)
     files: dict[Path, None] = {}
     for name, part in scene.parts.items():
@@ -37,11 +37,11 @@ def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) ->
 
 
 def values_of(scene: Scene) -> dict[str, Any]:
-    """Return what a file of a scene's folder would say to be that scene, as it is now."""
+    """Return the values of a scene file, in the scene's folder, that gives the present scene."""
     folder = scene.file.parent if scene.file else Path()
     values: dict[str, Any] = {"title": scene.title}
     for name, part in scene.parts.items():
-        # What is connected, or looked at, though the file may not say so.
+        # Skip stages that are neither given nor connected. All else counts, given or not.
         if name not in scene.given and isinstance(part, Stage) and part not in scene.stages:
             continue
         said = _said(part, folder, scene.object.section in scene.given)
@@ -51,8 +51,9 @@ def values_of(scene: Scene) -> dict[str, Any]:
 
 
 def elsewhere(scene: Scene) -> Iterator[str]:
-    """Yield a sentence for each file that a scene reads, and its user has not named."""
-    # A scene may name what lies beside it and below, and so may each file that it names.
+    """Yield a sentence for each file that a scene reads outside the folders it may refer to."""
+    # A scene may refer to files in its folder and below, and so may each of these files. Files
+    # that the user has named are not reported.
     for stage in scene.stages:
         for key, value in stage.settings.items():
             said = scene.file is not None and (stage.section, key) not in scene.assigned
@@ -69,13 +70,13 @@ def _is_below(place: str, folder: Path) -> bool:
 
 
 def _several(path: Path) -> list[Path]:
-    """Return the files that a pattern stands for."""
+    """Return the files that match a pattern."""
     return named_like(path) if is_pattern(path) else [path]
 
 
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
-    """Return the scene of a record, and its inputs in the first folder that has them unchanged."""
-    # A scene that names any other file is refused: the record may be a stranger's.
+    """Return a record's scene, and its inputs in the first folder that has them unchanged."""
+    # A scene that refers to other files is refused, because the record may be a stranger's.
     folders = list(folders)
     faults = [_fault(record, folder) for folder in folders]
     if all(faults):
@@ -103,7 +104,7 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
 
 
 def _fault(record: Record, folder: Path) -> str | None:
-    """Return what is wrong with a record's inputs in a folder; None if they are as they were."""
+    """Return what is wrong with a record's inputs in a folder; None if they are unchanged."""
     for name, was in record.inputs.items():
         path = folder / name
         if not os.path.isfile(path):
@@ -120,18 +121,18 @@ def _digest(path: Path, _changed: int) -> str:
 
 
 def _files(value: Any, motion: bool) -> Iterator[Path]:
-    """Yield the files that are read for values, those that they name with them."""
+    """Yield the files that are read for values, and the files that those refer to."""
     for path in paths_in(value):
         try:
             found = open_series(path).files if motion else [path]
         except SpacemapError:
-            continue  # whoever needs it says so
+            continue  # the stage that needs it raises this error
         found += [other for each in found for _, other in named(each)]
         yield from filter(os.path.isfile, found)
 
 
 def _said(part: Parameterised, folder: Path, of_object: bool = False) -> dict[str, Any]:
-    """Return what is not as it is by itself, as a scene file has it."""
+    """Return the values that differ from the usual ones, as in a scene file."""
     return {
         key: _written(value, part.parameter(key), folder)
         for key, value in part.settings.items()
@@ -152,7 +153,7 @@ def _written(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
         ]
     number = getattr(parameter, "component", parameter)
     if isinstance(value, float) and isinstance(number, Real) and number.unit:
-        # With its unit, where that loses no digit.
+        # With its unit, if the text gives the same value.
         text = number.text(value)
         return text if parameter.check(text) == value else f"{value!r} {number.unit}"
     return "auto" if value is None and parameter.automatic else value
@@ -166,5 +167,5 @@ def _named(path: Path, folder: Path) -> str:
 
 
 def places(record_file: Path, folder: Path | None) -> list[Path]:
-    """Return the folders where a file's inputs may be."""
+    """Return the folders in which a file's inputs may be."""
     return [folder] if folder else [Path(), record_file.parent, library.folder()]

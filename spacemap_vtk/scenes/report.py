@@ -1,4 +1,4 @@
-"""A scene's figures, as plain dictionaries: what ``modes`` and ``info`` tell."""
+"""A scene's figures as plain dictionaries, for the commands ``modes`` and ``info``."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.textile.weave.yarn import section_factor
 
-#: Of larger cloth the clearance of splines, a deformed cloth's clearance, and its motion are not
-#: measured.
+#: For cloth with more crossings these are not computed: the clearance of splines, the clearance of
+#: a deformed cloth, and its motion.
 MOST_CROSSINGS = 20_000
-#: Times of a motion that are looked at: at most, at least, and cells times times in between, which
-#: take 0.2 s; the motion of a cage of more cells is not told.
+#: Times of a motion that are examined: at most, and at least; cells times number of times, which
+#: take 0.2 s; and the most cells of a cage whose motion is reported.
 SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
-#: Share of a drape coefficient by which it may differ in cells twice as wide without a warning.
+#: Share by which a drape coefficient may change, in cells twice as wide, without a warning.
 DEPENDS = 0.1
-#: Cosine of the slope up to which a cloth is draped over a disc.
+#: Cosine of the largest slope of a cloth that is draped over a disc.
 LEVEL = 0.999
-#: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
+#: Figures of a fabric, and of its warp or weft, that are unknown if the yarns do not fit.
 _NO_FIGURES: dict[str, Any] = dict.fromkeys(
     (
         "thickness",
@@ -78,7 +78,7 @@ def modes(scene: Scene) -> dict[str, Any]:
             missing = "no cage"
             cure = 'Add a section [modal], or "--set cage.divisions=[5,5,1]".'
         raise InputError(f"{scene.file}: this scene has {missing}, so no modes", cure=cure)
-    scene.check()  # before the modes are solved: how they are damped
+    scene.check()  # check the damping before the modes are solved
     scene.update_stage(solver)
     grid = solver.output
     cage = ModesReader().read(grid)
@@ -123,7 +123,7 @@ def modes(scene: Scene) -> dict[str, Any]:
 
 
 def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
-    """Return what a cage is to mechanics: a sheet with its measures, or tetrahedra."""
+    """Return whether a cage is a sheet, with its figures, or tetrahedra."""
     if sheet is None:
         return {"elements": "tetrahedra", "sheet": None, "poissons_ratios": None}
     warp, weft = sheet.tensile_rigidity
@@ -131,19 +131,19 @@ def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
     return {
         "elements": "sheet",
         "sheet": sheet._asdict(),
-        # pulled along the warp, and along the weft
+        # For a pull along the warp, and along the weft.
         "poissons_ratios": [ratio, ratio * weft / warp],
     }
 
 
 def motion(scene: Scene) -> dict[str, Any] | None:
-    """Return how far a scene's linear motion turns and stretches its cage; None where none does."""
+    """Return how far a scene's linear motion turns and stretches its cage; None if it has none."""
     mover = scene.stage("mover")
     if not isinstance(mover, ModalResponse):
         return None
     try:
-        mover.update(0.0)  # what it doubts is no warning of what was asked for
-    except SpacemapError:  # whoever asks for the motion is told why there is none
+        mover.update(0.0)  # its warnings do not concern the figures that were asked for
+    except SpacemapError:  # drawing the motion raises this error and reports it
         return None
     return last_motion(scene)
 
@@ -170,7 +170,7 @@ def last_motion(scene: Scene) -> dict[str, Any] | None:
 
 
 def motion_told(figures: dict[str, Any]) -> str:
-    """Return the figures of `motion` in a line, with the cures where it is out of its realm."""
+    """Return the figures of `motion` as a sentence, with cures if they are out of range."""
     told, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
     if not figures["rebuilt"]:
         told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
@@ -200,7 +200,7 @@ def motion_in_short(figures: dict[str, Any]) -> str:
 
 
 def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
-    """Return how a cage hangs under gravity: how far down, and of a sheet its shadow."""
+    """Return the figures of a cage that hangs under gravity: its sag, and a sheet's shadow."""
     gravity = np.array(solver.gravity)
     if model.displacement is None or not gravity.any():
         return None
@@ -222,11 +222,11 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
     fewer = None if solver.dead_loads else coarser(model)
     if fewer is None:
         return figures
-    # What differs in cells twice as wide still depends on them.
+    # What changes in cells twice as wide still depends on the cells.
     weight = fewer.nodal_mass[:, None] * gravity
     try:
         moved, _ = hung(fewer, weight.ravel(), lambda share: None)
-    except SpacemapError:  # as where no vertex is left that is held: all of it is in doubt
+    except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
         figures["drape_coefficient_error"] = found
         return figures
     assert fewer.plate is not None
@@ -245,7 +245,7 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
 
 
 def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, float, float | None]:
-    """Return the areas of a hung sheet's shadow, of the sheet, and of the disc that it lies on."""
+    """Return the areas of a hanging sheet's shadow, of the sheet, and of the disc below it."""
     surface = model.pencil.surface
     assert surface is not None
     assert model.displacement is not None
@@ -299,7 +299,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
 
 
 def cloth(scene: Scene) -> dict[str, Any]:
-    """Return the figures of a fabric that are soon found: no clearance, and nothing of a cage."""
+    """Return the figures of a fabric that are quick to compute, without clearance or cage."""
     room = not isinstance(scene.obstacle(), GeometryError)
     textile = scene.woven
     assert textile is not None
@@ -335,7 +335,7 @@ def cloth(scene: Scene) -> dict[str, Any]:
 
 
 def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, None]:
-    """Add the least clearance to those of `cloth`, if there is room; pauses now and then."""
+    """Add the least clearance to the figures of `cloth`, unless yarns do not fit; yields often."""
     if figures["thickness"] is None:
         return
     assert scene.woven is not None
@@ -347,7 +347,7 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
 
 
 def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
-    """Return what the yarns of a family measure, whether or not they can be woven."""
+    """Return the figures of a family's yarns, whether or not they fit."""
     height, aspect, section = np.asarray(threads.diameter), threads.aspect, threads.shape
     diameter = float(height.mean())
     tex = None

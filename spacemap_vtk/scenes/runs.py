@@ -1,4 +1,4 @@
-"""A sweep: a scene over lists of values, each combination a run that is a scene of its own."""
+"""A sweep: one scene with lists of values; each combination is a run."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from spacemap_vtk.scenes.footprint import PictureRequest
 from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.scene import Scene
 
-#: More are a mistake in the lists.
+#: Larger sweeps are mistakes in the lists.
 MOST_RUNS = 10_000
-#: Letters of a file's name, without those of its ending.
+#: Longest name of a file, without its ending.
 _LONGEST = 120
 
 
 @dataclass(frozen=True)
 class Run:
-    """A scene with one value of each list."""
+    """A scene with one value from each list."""
 
-    #: Of its files, without their endings.
+    #: Name of its files, without their endings.
     name: str
-    #: Of each list with several values the one that counts here, in words and as it was given.
+    #: The value from each list with several values: in words, and as it was given.
     labels: tuple[str, ...]
     chosen: tuple[Any, ...]
-    #: The scene's file, and what it says; paths in it are whole.
+    #: The scene's file and its values, with absolute paths.
     file: Path
     values: Mapping[str, Any]
-    #: Section, key and value of all that is set.
+    #: Section, key and value of everything that is set.
     assigned: tuple[tuple[str, str, Any], ...]
-    #: Of its pictures [s]; none: as the scene says.
+    #: Times of its pictures [s]; empty: as the scene says.
     times: tuple[float, ...] = ()
 
     def scene(self) -> Scene:
-        """Return the scene, not yet run."""
+        """Return the scene, not yet updated."""
         scene = Scene(self.values, self.file)
         for section, key, value in self.assigned:
             scene.assign(section, key, value)
@@ -56,7 +56,7 @@ class Run:
 
     @property
     def whole(self) -> dict[str, Any]:
-        """The values as a scene file of its own has them."""
+        """The values as in a scene file for this run alone."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self.values.items()}
         for section, key, value in self.assigned:
             found.setdefault(section, {})[key] = value
@@ -66,7 +66,7 @@ class Run:
 
     @property
     def digest(self) -> str:
-        """Another one for other values, times, files that it reads, or another program."""
+        """Digest of the values, times, contents of the input files and the program's version."""
         told = [__version__, self.whole, self.times]
         found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
         for path in sorted(set(paths_in(self.whole))):
@@ -77,22 +77,22 @@ class Run:
 
 @dataclass
 class Sweep:
-    """All runs, and what they go through."""
+    """All runs and their lists of values."""
 
-    #: The lists with several values: of a grid its directions, the last one running fastest.
+    #: The lists with several values: the axes of a grid, the last one varying fastest.
     axes: list[ValueList]
     runs: list[Run]
-    #: Of the scene.
+    #: Title of the scene.
     title: str = ""
-    #: Whether the lists go in step, the first value of each together, and so on.
+    #: Whether the lists are paired: the first values of all lists together, and so on.
     paired: bool = False
-    #: Those that `check` knows to fail, and why.
+    #: Runs that `check` found impossible, and why.
     impossible: dict[str, str] = field(default_factory=dict)
-    #: What the largest run takes to be drawn, as `check` has found [bytes].
+    #: Memory to draw the largest run, as found by `check` [bytes].
     memory: int = 0
 
     def check(self) -> None:
-        """Refuse what no run may have; what yarns and memory have no room for is a result."""
+        """Refuse invalid values; yarns that do not fit, or too little memory, are results."""
         for run in self.runs:
             try:
                 scene = run.scene()
@@ -109,7 +109,7 @@ class Sweep:
 
 
 def _bytes(scene: Scene) -> int:
-    """Return the memory that drawing takes; of yarns drawn in pieces all that there is."""
+    """Return the memory for drawing; for yarns drawn in pieces, a number above any memory."""
     level = choose_level(scene, PictureRequest(picture_size(scene)))
     return sys.maxsize if level.has_sheet else level.bytes
 
@@ -122,7 +122,7 @@ def sweep_of(
     times: Sequence[float] = (),
     fixed: Sequence[tuple[str, str, Any]] = (),
 ) -> Sweep:
-    """Return the runs of a scene over what ``--set`` says, each with a list of values."""
+    """Return the runs of a scene for the arguments of ``--set``, each with a list of values."""
     file = library.find(scene).resolve()
     values = library.values_of(file, file.name)
     return runs_of(
@@ -140,7 +140,7 @@ def runs_of(
     times: Sequence[float] = (),
     fixed: Sequence[tuple[str, str, Any]] = (),
 ) -> Sweep:
-    """Return the runs of a scene that has been read, of values that a file would say."""
+    """Return the runs of a scene that has been read, with the values of its file."""
     lists = [swept(assignment, read.parts) for assignment in assignments]
     names = [each.name for each in lists]
     for name in names:
@@ -186,7 +186,7 @@ def placed(
     parts: Mapping[str, Parameterised | type[Parameterised]],
     folder: Path,
 ) -> dict[str, Any]:
-    """Return a scene's values with whole paths."""
+    """Return a scene's values with absolute paths."""
     found: dict[str, Any] = {}
     for section, said in values.items():
         found[section] = said
@@ -197,7 +197,7 @@ def placed(
 
 
 def _name(keys: Sequence[str], labels: Sequence[str]) -> str:
-    """Return a file's name that tells the values, of letters that every disk takes."""
+    """Return a file name that contains the values, in characters that all disks accept."""
     pairs = [
         f"{key}={label}".replace("/", "-").replace("µ", "u").replace(" ", "")
         for key, label in zip(keys, labels, strict=True)
@@ -206,7 +206,7 @@ def _name(keys: Sequence[str], labels: Sequence[str]) -> str:
 
 
 def _apart(runs: list[Run]) -> list[Run]:
-    """Return runs none of which has the name of another; the same one twice is refused."""
+    """Return the runs with unique names; refuse the same run twice."""
     names = [run.name.casefold() for run in runs]
     found, seen = [], {}
     for run, name in zip(runs, names, strict=True):

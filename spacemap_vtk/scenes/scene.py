@@ -1,4 +1,4 @@
-"""A scene: the pipeline as a scene file describes it, and how to look at it."""
+"""A scene: the pipeline that a scene file describes, with its view and animation."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ P = TypeVar("P", bound=Parameterised)
 
 
 class Scene:
-    """A pipeline, connected, with its view and animation.
+    """A connected pipeline with its view and animation.
 
     The object is a fabric, or with a section ``[object]`` any mesh. With a section ``[motion]`` the
-    cage and its motion come from a file, and none of the stages that compute them is connected.
+    cage and its motion come from a file, and the stages that compute them are not connected.
     Without any of the sections ``[cage]``, ``[modal]``, ``[response]`` and ``[warp]`` the fabric
-    is still, and none of those stages is connected.
+    does not move, and those stages are not connected.
 
     Parameters
     ----------
     values : mapping
-        ``title`` and a table for each section, as a scene file has them.
+        ``title`` and a table for each section, as in a scene file.
     file : Path, optional
-        Where they come from; relative paths count from its folder, and messages name it.
+        File of the values; relative paths start from its folder, and messages name it.
 
     Raises
     ------
@@ -68,12 +68,12 @@ class Scene:
 
     def __init__(self, values: Mapping[str, Any], file: Path | None = None) -> None:
         self.file = file
-        #: What each section of the file configures, in the order of the pipeline.
+        #: The object that each section configures, in the order of the pipeline.
         self.parts: dict[str, Parameterised] = {
             name: cls(**cls.usual(of_object=ObjectSource.section in values))
             for name, cls in sections().items()
         }
-        # Those that come with the program, connected or not.
+        # Parts that are included in the program, connected or not.
         self.object = self.part(ObjectSource)
         self.cage, self.modal = self.part(TetraCage), self.part(ModalSolver)
         self.response, self.motion = self.part(ModalResponse), self.part(MotionReader)
@@ -81,9 +81,9 @@ class Scene:
         self.view, self.animation = self.part(View), self.part(Animation)
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
-        #: Sections and keys that `assign` has changed: the file does not say these.
+        #: Sections and keys that `assign` has changed; errors about them must not name the file.
         self.assigned: set[tuple[str | None, str | None]] = set()
-        #: The sections that it has; `assign` adds more.
+        #: The scene's sections; `assign` adds more.
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
@@ -109,35 +109,35 @@ class Scene:
         Returns
         -------
         Scene
-            Connected, not yet run.
+            The scene, connected but not yet updated.
 
         Raises
         ------
         InputError
-            If the file is missing, is no TOML, or holds what a scene does not know.
+            If the file is missing, is not TOML, or has unknown sections or keys.
         """
         path = library.find(scene)
         return cls(library.values_of(path, path.name), path)
 
     def part(self, cls: type[P]) -> P:
-        """Return what the section of a class configures.
+        """Return the object that a class's section configures.
 
         Parameters
         ----------
         cls : type
-            With a section, as `spacemap_vtk.WeaveSource`.
+            A class with a section, such as `spacemap_vtk.WeaveSource`.
 
         Returns
         -------
         Parameterised
-            This scene's own, connected or not.
+            The object of this scene, connected or not.
         """
         part = self.parts[cls.section]
         assert isinstance(part, cls)
         return part
 
     def stage(self, role: str) -> Stage | None:
-        """Return the connected stage of a role.
+        """Return the connected stage with a role.
 
         Parameters
         ----------
@@ -147,40 +147,40 @@ class Scene:
         Returns
         -------
         Stage or None
-            None where the scene has none.
+            None if the scene has no such stage.
         """
         return next((stage for stage in self.stages if stage.role == role), None)
 
     @property
     def given(self) -> tuple[str, ...]:
-        """The sections that it has."""
+        """The sections of the scene."""
         return tuple(sorted(self._sections))
 
     @property
     def source(self) -> Stage:
-        """What is deformed."""
+        """The stage that makes the object."""
         return self.stages[0]
 
     @property
     def textile(self) -> Textile | None:
-        """The source as a textile; None where it makes no yarns."""
+        """The source as a textile; None if it makes no yarns."""
         return self.source if isinstance(self.source, Textile) else None
 
     @property
     def woven(self) -> Woven | None:
-        """The source as a textile of warp and weft; None where it is anything else."""
+        """The source as a textile of warp and weft; None if it is not woven."""
         return self.source if isinstance(self.source, Woven) else None
 
     @property
     def draft_file(self) -> Path | None:
-        """The file of the draft that it weaves; None where there is none."""
+        """The draft's file; None if there is none."""
         return None if self.textile is None else self.textile.draft_file
 
     @property
     def has_draft(self) -> bool:
-        """Whether a loom makes its source."""
+        """Whether the source can be woven on a loom."""
         if self.woven is not None:
-            return True  # also where the draft cannot be read: `draft` says why
+            return True  # also if the draft cannot be read: `draft` raises the error
         return self.textile is not None and self.textile.make_draft() is not None
 
     @property
@@ -190,20 +190,20 @@ class Scene:
 
     @property
     def moving(self) -> list[Stage]:
-        """The stages from what moves the cage to what lets the object ride along."""
+        """The stages from the mover of the cage to the warp of the object."""
         mover = self.stage("mover")
         return [] if mover is None else self.stages[self.stages.index(mover) : -1]
 
     @property
     def object_at_rest(self) -> Stage:
-        """The stage that makes the object as it is before a cage moves it."""
+        """The stage that makes the object before a cage moves it."""
         rides = (n for n, s in enumerate(self.stages) if set(s.takes) == {"object", "cage"})
         still = self.stages[: next(rides, -1)]
         return next(stage for stage in reversed(still) if stage.makes == "object")
 
     @property
     def last_object(self) -> Stage:
-        """The stage that the surface is made of: the object, moved if the scene moves."""
+        """The stage whose output becomes the surface: the object, moved if the scene moves."""
         return next(stage for stage in reversed(self.stages[:-1]) if stage.makes == "object")
 
     @property
@@ -213,7 +213,7 @@ class Scene:
 
     @property
     def warnings(self) -> list[str]:
-        """What the stages have said of their trustworthiness in any update, each sentence once."""
+        """Warnings of all updates so far, each sentence once."""
         return list(self._warnings)
 
     def set(self, assignment: str) -> None:
@@ -222,32 +222,32 @@ class Scene:
         Parameters
         ----------
         assignment : str
-            ``section.key=value``, the value written as in a scene file; quotes can be left out.
+            ``section.key=value``, with the value as in a scene file; quotes may be left out.
 
         Raises
         ------
         InputError
-            If it is not of that form, or refused.
+            If the text has another form, or the value is refused.
         """
         section, key, text = parsed(assignment)
         self.assign(section, key, value_of(text))
 
     def assign(self, section: str, key: str, value: Any) -> None:
-        """Change a value: the one way to do so. Messages about it do not name the file.
+        """Change a value. All changes go through here; errors about it do not name the file.
 
-        The section's stage is connected, if it was not, as if the scene's file had that section.
+        If the section's stage was not connected, it is connected, as if the file had the section.
 
         Parameters
         ----------
         section, key : str
-            Its place in a scene file.
+            Section and key of a scene file.
         value : object
-            As a scene file has it.
+            Value as in a scene file.
 
         Raises
         ------
         InputError
-            If it is refused.
+            If the value is refused.
         """
         self._write(section, key, value)
         self.assigned.add((section, key))
@@ -258,7 +258,7 @@ class Scene:
 
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
-        """The value of every parameter, by section and name."""
+        """The values of all parameters, by section and name."""
         return {name: part.settings for name, part in self.parts.items()}
 
     def adopt(
@@ -266,14 +266,14 @@ class Scene:
         settings: Mapping[str, Mapping[str, Any]],
         sections: Collection[str] | None = None,
     ) -> None:
-        """Adopt the state of another scene; of what is the same in both nothing runs again.
+        """Take over the state of another scene; stages that are the same do not run again.
 
         Parameters
         ----------
         settings : mapping
-            All of its `settings`, or those that differ.
+            All of the other scene's `settings`, or those that differ.
         sections : collection of str, optional
-            The sections that the other scene has, its `given`; by default the same.
+            The other scene's sections, its `given`; by default those of this scene.
         """
         for section, values in settings.items():
             self.parts[section].configure(**values)
@@ -281,14 +281,14 @@ class Scene:
         self._connect()
 
     def update(self, time: float | None = None, piece: Piece | None = None) -> None:
-        """Run what needs to be run for a time.
+        """Run the stages that need to run for a time.
 
         Parameters
         ----------
         time : float, optional
-            In s; by default the last one.
+            Time in s; by default the last one.
         piece : Piece, optional
-            What part of the object; by default the last one, all of it at first.
+            Piece of the object; by default the last one, at first the whole.
 
         Raises
         ------
@@ -300,14 +300,14 @@ class Scene:
     def update_stage(
         self, stage: Stage, time: float | None = None, piece: Piece | None = None
     ) -> None:
-        """Run the pipeline as far as one of its stages.
+        """Run the pipeline up to one of its stages.
 
         Parameters
         ----------
         stage : Stage
             One of `stages`.
         time : float, optional
-            In s; by default the last one.
+            Time in s; by default the last one.
         piece : Piece, optional
             As for `update`.
 
@@ -325,20 +325,20 @@ class Scene:
     def check(self) -> None:
         """Check what can be checked without running anything.
 
-        A draft is one whether or not there is room for its yarns: where a draft is the scene, what
-        keeps it from being drawn is a warning.
+        A draft is valid whether or not its yarns fit. If the scene is a draft, an obstacle to
+        drawing it is a warning.
 
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible, the cage's material is none,
-            the damping contradicts itself, or the animation has no frames.
+            If the draft cannot be read, the fabric is impossible, the cage's material is invalid,
+            the damping is contradictory, or the animation has no frames.
         """
         with self.naming_file():
             found = self.obstacle()
             own = self.source.section
             draft = None if any(part == own for part, _ in self.assigned) else self.draft_file
-            # What is too large can be drawn: in parts, or from afar.
+            # A fabric that is too large can still be drawn: in parts, or from a distance.
             impossible = isinstance(found, GeometryError)
             if found is not None and impossible and (draft is None or draft != self.file):
                 raise found
@@ -351,7 +351,7 @@ class Scene:
 
     @property
     def colorings(self) -> list[str]:
-        """What the surface's colours can show: keys of `COLORINGS`."""
+        """The possible colourings of the surface: keys of `COLORINGS`."""
         there = self.arrays
         return [
             name for name, color in COLORINGS.items() if not color.array or color.array in there
@@ -360,7 +360,7 @@ class Scene:
     def _check_color(self) -> None:
         color = COLORINGS.get(self.view.color)
         if color is not None and not color.array:
-            return  # as at each frame: what arrays there are takes long to ask
+            return  # this runs in every frame, and listing the arrays takes long
         with naming_section("view"):
             if self.view.color not in self.colorings:
                 raise InputError(
@@ -371,21 +371,21 @@ class Scene:
                 )
 
     def _choose_color_array(self) -> None:
-        """Let an array of the cage that the colours show ride along with the object."""
+        """Let the warp interpolate an array of the cage that the colours show."""
         array = COLORINGS[self.view.color].array
         of_cage = {name for stage in self.stages if stage.makes == "cage" for name in stage.arrays}
         rides = array in of_cage and array not in self.warp.arrays
         self.warp.color_array = array if rides else ""
 
     def obstacle(self) -> GeometryError | SizeError | None:
-        """Return what keeps the cloth from being built; builds nothing.
+        """Return the reason why the cloth cannot be built; builds nothing.
 
         Returns
         -------
         GeometryError, SizeError or None
-            The yarns have no room, or the patches do not fit into memory; None where neither is so,
-            or the scene is not woven. What the cloth says of its own trustworthiness, and an
-            obstacle, is among the warnings from now on.
+            The yarns do not fit, or the patches do not fit into memory. None if neither is the
+            case, or the scene is not woven. Warnings of the cloth, and a warning about the
+            obstacle, are added to `warnings`.
 
         Raises
         ------
@@ -412,7 +412,7 @@ class Scene:
         found.section = self.source.section
         parameter = self.source.parameters.get(found.key or "")
         if isinstance(found.value, float) and parameter is not None:
-            found.value = parameter.show(found.value)  # with its unit, as the stage would say it
+            found.value = parameter.show(found.value)  # with its unit, as in errors of the stage
         self.warn(f"{what}: {found}")
         return found
 
@@ -428,12 +428,12 @@ class Scene:
 
     @property
     def patches(self) -> vtkPointSet:
-        """The Bézier patches or the object, moved if the scene moves, as of the last update."""
+        """The Bézier patches or the object of the last update, moved if the scene moves."""
         return self.last_object.output
 
     @property
     def deforming(self) -> Stage:
-        """The stage from which the warp takes the cage."""
+        """The stage whose output is the warp's cage."""
         for stage in reversed(self.stages):
             if stage.makes == "cage":
                 return stage
@@ -445,12 +445,12 @@ class Scene:
 
     @property
     def deformed_cage(self) -> vtkUnstructuredGrid:
-        """The cage with its displacement, as of the last update; its points are at rest."""
+        """The cage of the last update with its displacement; its points are at rest."""
         return self.deforming.output
 
     @property
     def draft(self) -> Draft:
-        """The draft of the textile; needs no update."""
+        """The draft of the textile; no update is needed."""
         with self.naming_file(), naming_section(self.source.section):
             draft = None if self.textile is None else self.textile.make_draft()
             if draft is None:
@@ -462,7 +462,7 @@ class Scene:
             return draft
 
     def data(self, kind: str) -> Any:
-        """Return what is a key of `spacemap_vtk.io.registry.DATA`, as of the last update.
+        """Return the data for a key of `spacemap_vtk.io.registry.DATA`, as of the last update.
 
         Parameters
         ----------
@@ -473,7 +473,7 @@ class Scene:
         Returns
         -------
         vtkDataSet, Draft or InputDeck
-            The pipeline's own.
+            The pipeline's object, not a copy.
 
         Raises
         ------
@@ -488,16 +488,16 @@ class Scene:
 
     @property
     def painting(self) -> vtkImageData | None:
-        """What the object is painted with; None where it shows its own colours."""
+        """The object's picture; None if it shows its own colours."""
         return self.object.picture if self.source is self.object else None
 
     @property
     def polygons(self) -> vtkPolyData:
-        """The surface, as of the last update."""
+        """The surface of the last update."""
         return self.stages[-1].output
 
     def _write_section(self, section: str, values: Any) -> None:
-        """Write what a file says of a section."""
+        """Set the values of a section of a file."""
         part = part_of(self.parts, section)
         if not isinstance(values, Mapping):
             raise InputError(
@@ -526,12 +526,12 @@ class Scene:
 
     @contextmanager
     def naming_file(self) -> Iterator[None]:
-        """Name this scene's file in an error, unless `set` is to blame.
+        """Add this scene's file to errors, unless `assign` caused them.
 
         Yields
         ------
         None
-            While it is named.
+            While the file is named.
         """
         try:
             yield

@@ -1,4 +1,4 @@
-"""The sections of a scene that configure no stage: how it is looked at, and when."""
+"""The sections of a scene that configure no stage: its view and its animation."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised,
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES, Style
 
-#: Of a picture, where nobody says.
+#: Size of a picture if none is given.
 USUAL_SIZE = 1280, 960
-#: The longer side [pixels] of the picture of a flat cloth of more than so many ends and picks.
+#: Longer side [pixels] of the picture of a flat cloth, if it has more ends and picks than this.
 WIDE_SIDE, MANY_THREADS = 2400, 400
-#: The shortest side that a picture may have, in pixels.
+#: Shortest side of a picture, in pixels.
 SMALLEST_SIDE = 16
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
-#: Colours of the cage's edges, on a light background and on a dark one.
+#: Colours of the cage's edges on a light and on a dark background.
 LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
-#: Backgrounds to choose from: the colours at the bottom and at the top; None is the
-#: style's, and in a dark window dark.
+#: Backgrounds to choose from: the colours at the bottom and at the top. None is the colour of the
+#: style; in a dark window it is dark.
 BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Automatic": (None, None),
     "Light": ("#ffffff", "#dfe6ee"),
@@ -34,8 +34,8 @@ BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Black": ("#000000", "#000000"),
 }
 
-#: Where a camera stands, seen from the middle of the scene; y is up, except from the top, and z of
-#: what lies level.
+#: Position of each camera, as a direction from the middle of the scene, and the direction that is
+#: up: y, or z for `lying`; neither can be up in views along y.
 CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
     "isometric": ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
@@ -49,19 +49,19 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
     "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 }
-#: Those along an axis.
+#: Cameras that look along an axis.
 SIDES = ("front", "back", "right", "left", "top", "bottom")
-#: The one without perspective.
+#: The camera without perspective.
 FLAT = "face"
-#: Where the cage is drawn.
+#: Condition under which the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
 
 
 class Direction(Vector):
-    """A vector of any length but zero."""
+    """A vector whose length is not zero."""
 
     def convert(self, value: Any) -> tuple[Any, ...]:
-        """Return three numbers."""
+        """Convert to three numbers, not all zero."""
         found = super().convert(value)
         if not any(found):
             raise InputError("no direction: its length is zero")
@@ -170,14 +170,14 @@ class View(Parameterised):
 
     @property
     def look(self) -> Style:
-        """The style, with the background that is asked for."""
+        """The style with the chosen background."""
         style = STYLES[self.style]
         below = style.below if self.background is None else self.background
         above = style.above if self.background_top is None else self.background_top
         return replace(style, below=below, above=above)
 
     def within(self, dark: bool) -> View:
-        """Return it as a window shows it: dark where the window is and the scene has no word."""
+        """Return the view for a window: dark like it, unless a background or a style is given."""
         if not dark or {"background", "background_top", "style"} & self.given.keys():
             return self
         below, above = BACKGROUNDS["Dark"]
@@ -185,7 +185,7 @@ class View(Parameterised):
 
     @property
     def line_color(self) -> tuple[int, int, int]:
-        """Colour of the cage's edges, red, green and blue to 255: one that can be seen."""
+        """Colour of the cage's edges that can be seen: red, green and blue from 0 to 255."""
         if self.cage_color is not None:
             return self.cage_color
         look = self.look
@@ -196,7 +196,7 @@ class View(Parameterised):
 
 
 def is_dark(color: Sequence[int]) -> bool:
-    """Return whether what is drawn over a colour must be light."""
+    """Return whether lines over a colour must be light."""
     return sum(color) < 384
 
 
@@ -213,7 +213,7 @@ class Animation(Parameterised):
 
     @property
     def span(self) -> tuple[float, float]:
-        """When it starts and ends, a little later if there is nothing to show."""
+        """Start and end; the end is slightly later than the start if there is nothing to show."""
         return self.start, max(self.stop, self.start * (1 + 1e-9))
 
     def frame_times(self) -> list[float]:
@@ -236,5 +236,5 @@ class Animation(Parameterised):
                 cure="Show a shorter time, or raise animation.speed.",
             )
         step = self.speed / self.frames_per_second
-        # Half a step's grace, so that rounding does not add a frame.
+        # Half a step of tolerance, so that rounding does not add a frame.
         return [self.start + k * step for k in range(max(1, math.ceil(count - 0.5)))]

@@ -1,4 +1,4 @@
-"""What there is to see of a weave as a draft, and the scene values that an edit of it becomes."""
+"""A weave's draft on the screen, and the scene values that result from editing it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from spacemap_vtk.textile.drafts.drawdown import rows
 from spacemap_vtk.textile.drafts.loom import Loom
 
 Colors = Bytes
-#: Values of a weave by key, as a scene file has them; None: the key goes.
+#: Values of a weave by key, as in a scene file; None removes the key.
 Changes = dict[str, Any]
-#: Longer lists of colours are written whole, without a look for their repeat.
+#: In longer lists of colours no repeat is searched for.
 _LONGEST = 2000
 
 
@@ -29,37 +29,37 @@ _LONGEST = 2000
 class Shown:
     """A draft on the screen."""
 
-    #: The draft's own; for a weave without one the smallest that weaves it.
+    #: The draft's loom; for a weave without one, the smallest that weaves it.
     loom: Loom
-    #: (picks, ends) True where the end lies over the pick.
+    #: (picks, ends), True where the end lies over the pick.
     drawdown: Bools
-    #: (ends, 3) Colour of each end.
+    #: (ends, 3), colour of each end.
     warp: Colors
-    #: (picks, 3) Colour of each pick.
+    #: (picks, 3), colour of each pick.
     weft: Colors
-    #: Whether the weave is a pattern, rows or a picture, without a loom of its own: its drawdown
-    #: can be edited.
+    #: Whether the weave is a pattern, rows or a picture, which have no loom: then its drawdown can
+    #: be edited.
     bare: bool
-    #: What it was made from.
+    #: The draft from which it was made.
     source: Draft
 
     @property
     def size(self) -> tuple[int, int]:
-        """Ends and picks."""
+        """Number of ends and of picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
     @property
     def columns(self) -> int:
-        """Columns of the treadling: treadles, or of a liftplan shafts."""
+        """Number of columns of the treadling: treadles, or shafts of a liftplan."""
         return self.loom.treadles if self.loom.liftplan is None else self.loom.shafts
 
     @property
     def lifted(self) -> tuple[tuple[int, ...], ...]:
-        """What is pressed at each pick: treadles, or in a liftplan shafts."""
+        """Treadles that are pressed at each pick, or shafts that are lifted in a liftplan."""
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
     def marks(self, panel: str) -> Bools:
-        """Return what is marked in a grid, numbers from 1 up along its columns: (rows, columns)."""
+        """Return the marks of a grid, (rows, columns); the first is shaft or treadle 1."""
         loom = self.loom
         if panel == "threading":
             return _marks(loom.threading, loom.shafts).T
@@ -72,11 +72,11 @@ class Shown:
         return self.warp if family == "warp" else self.weft
 
     def painted(self, family: str, colors: Colors) -> Shown:
-        """Return the same with other colours of the warp or the weft."""
+        """Return a copy with other colours of the warp or the weft."""
         return replace(self, warp=colors) if family == "warp" else replace(self, weft=colors)
 
     def with_loom(self, loom: Loom) -> Shown:
-        """Return the same on another loom, which weaves its own cloth."""
+        """Return a copy with another loom and the cloth that it weaves."""
         return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
 
 
@@ -89,14 +89,14 @@ def _marks(rows: Sequence[Sequence[int]], columns: int) -> Bools:
 
 
 def shown_of(woven: Woven) -> Shown:
-    """Return what there is to see of a textile's draft; builds nothing."""
+    """Return a textile's draft for the screen; builds nothing."""
     source, cloth, file = woven.source, woven.cloth, woven.draft_file
     if cloth.drawdown.size > MAX_CROSSINGS:
         raise SizeError(
             "a draft of {} x {} yarns is too large to be shown".format(*cloth.size),
             allowed=f"up to {MAX_CROSSINGS} crossings",
         )
-    # Rows and pictures say nothing of a loom.
+    # Rows and pictures contain no loom.
     reader = None if file is None else registry.reader(file, "draft")
     return Shown(
         source.loom_for(cloth.drawdown),
@@ -109,7 +109,7 @@ def shown_of(woven: Woven) -> Shown:
 
 
 def as_draft(shown: Shown) -> Draft:
-    """Return the draft of an edited loom: what the source says besides, over all of its threads."""
+    """Return the draft of an edited loom, with the other data of its source for all threads."""
     source = shown.source
     if source.loom is None:
         return Draft(shown.drawdown, shown.loom)
@@ -136,7 +136,7 @@ def as_colors(family: str, colors: Colors) -> Changes:
 
 
 def as_series(colors: Colors) -> str | list[str]:
-    """Return colours as a scene file has them, repeated over the yarns."""
+    """Return colours as in a scene file, which repeats them over the yarns."""
     count = len(colors)
     length = 1 if count <= _LONGEST else count
     while length < count and (colors[length:] != colors[:-length]).any():

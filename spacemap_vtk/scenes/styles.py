@@ -1,7 +1,7 @@
-"""How what is drawn looks: grounds, inks, light, cloth, shadows; a style is one declaration.
+"""Styles of drawing: backgrounds, lines, light, cloth and shadows. Each style is one declaration.
 
-Light adds up in linear space, of which what is seen is the root (a gamma of 2): a yarn of the
-colour c shows c √L under the light L, and √(c² L + W) where it reflects W of it white.
+Light is added in linear space; the displayed value is its square root (a gamma of 2). A yarn of
+colour c under the light L shows c √L, or √(c² L + W) if it also reflects white light W.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ WHITE: Light3 = (1.0, 1.0, 1.0)
 
 
 class Lamp(NamedTuple):
-    """A light, which stands where the camera does and looks with it."""
+    """A light that is fixed to the camera."""
 
-    #: From the middle of what is seen, in the camera's coordinates: it looks along -z, y is up.
+    #: Position from the middle of the picture, in the camera's coordinates: it looks along -z, y is
+    #: up.
     place: Light3
     strength: float
     color: Light3 = WHITE
@@ -26,7 +27,7 @@ class Lamp(NamedTuple):
 
 @dataclass(frozen=True)
 class Style:
-    """What a surface, the lines about it and what lies behind look like."""
+    """Appearance of surfaces, lines and background."""
 
     label: str
     #: Colours of the background, at the bottom and at the top.
@@ -34,36 +35,36 @@ class Style:
     above: RGB = (255, 255, 255)
     #: Colour of a cage's edges; None: dark, or light on a dark background.
     ink: RGB | None = None
-    #: Width of the line round each yarn in points, its colour, and how much of a yarn's diameter it
-    #: takes at most on either side of the edge.
+    #: Width of the line round each yarn in points, its colour, and its largest width on either side
+    #: of the edge as a share of the yarn's diameter.
     outline: float = 0.0
     outline_ink: RGB = (0, 0, 0)
     outline_share: float = 0.04
-    #: What is under lines of yarns that are too small to be seen.
+    #: Share of the line's colour over yarns that are too small to be seen.
     outline_afar: float = 0.2
-    #: Light from all sides, from above and from below: alone it shows colours as they are.
+    #: Light from all sides, from above and from below. With this light alone colours are unchanged.
     sky: Light3 = WHITE
     earth: Light3 = WHITE
     lamps: tuple[Lamp, ...] = ()
-    #: How far light goes round what it falls on, as it does between fibres.
+    #: How far light reaches round the object, as it does between fibres.
     wrap: float = 0.0
-    #: White that fibres reflect: how much, and how narrow its highlight is.
+    #: White light that fibres reflect: its strength, and the exponent of its highlight.
     gloss: float = 0.0
     gloss_power: float = 8.0
-    #: Light that fibres which stand out catch at a yarn's rim.
+    #: Light on protruding fibres at a yarn's rim.
     sheen: float = 0.0
-    #: How much less is seen of what turns away from the eye, of any colour alike.
+    #: How much surfaces darken that face away from the camera, the same for all colours.
     facing: float = 0.0
-    #: How much of a colour stays; the rest is of the colour `tint`, as bright.
+    #: Share of the colour that stays; the rest is `tint` of the same brightness.
     colored: float = 1.0
     tint: tuple[Light3, Light3] = ((0.0, 0.0, 0.0), WHITE)
-    #: How deep contact shadows are, and the shadow on the ground.
+    #: Depth of the contact shadows, and of the shadow on the ground.
     occlusion: float = 0.0
     shadow: float = 0.0
 
     @property
     def of_numbers(self) -> Style:
-        """The same for colours that stand for numbers: those of their scale where they face us."""
+        """This style for colours that represent numbers: seen from front they match their scale."""
         return replace(
             self,
             sky=WHITE,
@@ -74,7 +75,7 @@ class Style:
             facing=0.6 if self.lamps else 0.0,
             colored=1.0,
             occlusion=0.0,
-            # Without shadows it takes lines to see yarns of one colour cross.
+            # Without shadows, only lines show where yarns of one colour cross.
             outline=max(self.outline, 1.2),
             outline_ink=(0, 0, 0) if self.lamps else self.outline_ink,
             outline_share=0.02 if self.lamps else self.outline_share,
@@ -89,8 +90,9 @@ STYLES = {
         above=(223, 230, 238),
         sky=(0.34, 0.37, 0.41),
         earth=(0.20, 0.18, 0.16),
-        # A warm key raking from the upper left shows the crowns of the yarns, a cool fill from the
-        # right opens the shadows, and a rim from behind parts the cloth from what is behind it.
+        # A warm key light from the upper left shows the crowns of the yarns, a cool fill light from
+        # the right brightens the shadows, and a rim light from behind separates the cloth from the
+        # background.
         lamps=(
             Lamp((-0.8, 0.95, 0.9), 0.80, (1.0, 0.95, 0.87)),
             Lamp((1.0, 0.1, 0.6), 0.18, (0.78, 0.89, 1.0)),
