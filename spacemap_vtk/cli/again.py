@@ -1,4 +1,4 @@
-"""The command that makes a file anew from its own record, and what `info` tells of one."""
+"""The command that makes a file again from its record, and the description of a record."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.jobs import JOBS, DataJob, job_from_json
 from spacemap_vtk.vanishing import vanishing_folder
 
-#: What the window asks for of pictures and films, and frames of their film: no option says that.
+#: Fields of picture and film jobs that only the window sets; there are no options for them.
 _UNSAID = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
 
 
@@ -93,7 +93,7 @@ def again(
 
 
 def told(record: Record, file: Path) -> list[str]:
-    """Return what a record says, for people."""
+    """Describe a record for people."""
     here = "" if record.version == __version__ else f" (this is {__version__})"
     what = str(record.order.get("what"))
     words = f"spacemap {JOBS.get(what, DataJob).command} {shlex.quote(record.file or 'SCENE')}"
@@ -128,21 +128,21 @@ def told(record: Record, file: Path) -> list[str]:
 
 
 def _in_the_way(target: Path) -> Path | None:
-    """Return what would be written over, of the file and what may come to lie beside it."""
+    """Return the first path that would be overwritten: the file, or one written along with it."""
     beside = (target.with_suffix(".mtl"), target.with_suffix(""))
     named = target, *beside, target.with_name(f"{target.name}-metadata.json")
     return next((path for path in named if path.exists()), None)
 
 
 def differences(one: Path, other: Path) -> Iterator[str]:
-    """Yield in words how files differ in what they show; what they say of themselves aside."""
+    """Yield how the contents of two files differ, in words; their records are ignored."""
     if one.read_bytes() == other.read_bytes() and not one.with_suffix("").is_dir():
-        return  # and there are no others that it names
+        return  # no other file belongs to them that could differ
     ending = one.suffix.lower()
     if ending in registry.written("picture"):
         yield from _pixels(one, other)
         return
-    # of an analysis the mesh would be the least, and of what moves it is not all
+    # An analysis is more than its mesh, and a moving surface more than its motion: compare lines.
     held = {kind for each in registry.writers() if ending in each.endings for kind in each.holds}
     read = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
     found = []
@@ -160,7 +160,7 @@ def differences(one: Path, other: Path) -> Iterator[str]:
 def _lines(path: Path) -> list[bytes]:
     name = provenance.NAME.encode()
     content = path.read_bytes()
-    if content.startswith(b"glTF"):  # then its JSON is one line, in which the record is
+    if content.startswith(b"glTF"):  # its JSON is a single line, which includes the record
         end = 20 + int.from_bytes(content[12:16], "little")
         shown = {**json.loads(content[20:end]), "asset": None}
         content = json.dumps(shown, indent=0).encode() + content[end:]

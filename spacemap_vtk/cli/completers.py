@@ -1,7 +1,7 @@
-"""The words that a shell offers where only the running program knows them.
+"""Words for a shell's completion that only the running program knows.
 
-cyclopts writes the shell's script from the declarations of the commands; for an argument with one
-of these functions the script runs ``spacemap __complete``.
+cyclopts generates the shell's script from the declarations of the commands. For an argument with
+one of these functions the script runs ``spacemap __complete``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The command that lays out a page for a publication: figure."""
+"""The command ``figure``, which lays out a page for a publication."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from spacemap_vtk.jobs import FigureJob
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.units import parse_quantity
 
-#: Widths of a page in m that are no mistake, and dots per inch.
+#: Accepted widths of a page in m; accepted dots per inch.
 _WIDTHS, _DOTS = (0.04, 1.2), (30.0, 1200.0)
 
 

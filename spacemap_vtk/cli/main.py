@@ -65,9 +65,9 @@ COMMANDS = {
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in COMMANDS.items():
-    # By name: a command's modules are imported when it is called, not for another one's help.
+    # By name, so that a command's module is imported when it is called, not for other commands.
     app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
-#: The commands of optional parts and of other packages: the place of each one's function.
+#: Commands of optional parts and of other packages, with the place of each one's function.
 EXTENSIONS = {
     each.name: each.value for each in extensions.members("commands") if each.name not in COMMANDS
 }
@@ -75,41 +75,41 @@ for _name, _function in EXTENSIONS.items():
     app.command(_function, name=_name)
 
 _SILENT = logging.NullHandler()
-#: What is told of the place where a command prints, as of a file that it is led to, or a reader.
+#: Errors of the stream to which a command prints, for example a file or another program.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line, by default that of the process, and exit with 0, 1 or 2."""
     if arguments is None:
-        # Next to nothing of what a command makes is garbage: to look for it seldom is enough.
+        # Commands make hardly any garbage, so it is enough to look for it seldom.
         gc.set_threshold(20_000, 20, 20)
         _open_streams()
         outlived()
-    # What libraries log, of folders that they cannot write into for example, is no message.
+    # Libraries log, for example, folders that cannot be written to. This is no message for users.
     logging.getLogger().addHandler(_SILENT)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "--no-cache" in words:
-        # For every command alike, so that none has to pass it on.
+        # Handled here for all commands, so that none has to pass it on.
         from spacemap_vtk.cache import VARIABLE
 
         words.remove("--no-cache")
         os.environ[VARIABLE] = "off"
     try:
         if words and words[0] in COMMANDS:
-            # The sentence of the table is for lists of commands: a command's own help says all.
+            # The table's sentence is for lists of commands; a command's own help contains it.
             app[words[0]].help = None
         elif not words or words[0] not in EXTENSIONS:
-            # A list of commands shows the docstrings of extensions that are imported.
+            # Lists of commands show docstrings of extensions only after these are imported.
             for name in EXTENSIONS:
-                with suppress(ImportError):  # whoever calls the command is shown the error
+                with suppress(ImportError):  # calling the command shows the error
                     app[name]
         with warnings.catch_warnings():
-            # Commands and the window show what stages say in their own way.
+            # Commands and the window report the warnings of stages in their own way.
             warnings.simplefilter("ignore", SpacemapWarning)
             with _heard_interrupt():
                 app(words, exit_on_error=False, print_error=False, result_action="return_value")
-        if sys.stdout is not None:  # as it is where it is closed
+        if sys.stdout is not None:  # None if it is closed
             sys.stdout.flush()
     except CycloptsError as error:
         _say(_plain(error))
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(1)
     except Exception as error:
         if isinstance(error, OSError) and error.filename is None and error.errno in _FULL:
-            if not isinstance(error, BrokenPipeError):  # whoever reads it has read enough
+            if not isinstance(error, BrokenPipeError):  # the reader has closed the pipe on purpose
                 _say(f"what is printed could not be written: {str(error.strerror).lower()}")
             _print_no_more()
         elif isinstance(error, OSError) and error.filename is not None and error.strerror:
@@ -134,11 +134,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Let a closed stream lead nowhere, and one that knows few letters write others as "?"."""
+    """Connect closed streams to the null device; write unencodable characters as "?"."""
     for number in range(3):
         try:
             os.fstat(number)
-        except OSError:  # or the next file that is opened is where libraries print
+        except OSError:  # otherwise the next file to be opened would get what libraries print
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
@@ -148,8 +148,8 @@ def _open_streams() -> None:
 
 
 def outlived() -> None:
-    """Go on in a copy of this process where its memory is limited, and tell what ends that."""
-    # VTK's C++ aborts where it gets no memory: nothing in that process can say so.
+    """Continue in a copy of this process if memory is limited, and report how the copy ends."""
+    # VTK's C++ code aborts if it gets no memory, and the aborted process cannot report it.
     try:
         import resource  # not on Windows
     except ImportError:
@@ -161,7 +161,7 @@ def outlived() -> None:
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
         return
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal tells both
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to both processes
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: os.kill(child, number))
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -179,7 +179,7 @@ def outlived() -> None:
 
 @contextmanager
 def _heard_interrupt() -> Iterator[None]:
-    """Let Ctrl-C be told as itself: of Python code that VTK has just called it knows a failure."""
+    """Turn an error that Ctrl-C caused in Python code called by VTK into KeyboardInterrupt."""
     heard = []
 
     def hear(number: int, frame: FrameType | None) -> None:
@@ -191,7 +191,7 @@ def _heard_interrupt() -> Iterator[None]:
     shown = sys.excepthook
     if hears:
         signal.signal(signal.SIGINT, hear)
-        # From Python 3.13 on VTK prints it, and goes on to fail.
+        # Since Python 3.13 VTK prints the interrupt and then fails.
         sys.excepthook = lambda kind, *rest: None if heard else shown(kind, *rest)
     try:
         yield
@@ -206,8 +206,8 @@ def _heard_interrupt() -> Iterator[None]:
 
 
 def _plain(error: CycloptsError) -> str:
-    """Return what is wrong with the command line, and where its help is."""
-    from spacemap_vtk.cli.options import SEVERAL  # imports what a plain --version does not need
+    """Return what is wrong with the command line, and how to get help."""
+    from spacemap_vtk.cli.options import SEVERAL  # imports modules that --version does not need
 
     command = " ".join(["spacemap", *(error.command_chain or ())])
     text, argument = str(error), error.argument
@@ -225,12 +225,12 @@ def _plain(error: CycloptsError) -> str:
 
 
 def _print_no_more() -> None:
-    """Let what waits to be printed go nowhere, or Python would try once more, and say so."""
+    """Discard what waits to be printed; otherwise Python would try again and report an error."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _say(error: BaseException | str) -> None:
-    with suppress(OSError):  # the exit status tells, too
+    with suppress(OSError):  # the exit status shows the failure, too
         text = one_line(error) if isinstance(error, BaseException) else " ".join(error.split())
         print(f"spacemap: {text}", file=sys.stderr)

@@ -70,7 +70,7 @@ def modes(
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
         caption="x, y, z: effective mass in % of what can move; Σ: with those above it",
-        min_width=72,  # of the caption
+        min_width=72,  # width of the caption
     )
     frequencies = aligned(mode["frequency_hz"] for mode in figures["modes"])
     for number, (mode, frequency) in enumerate(zip(figures["modes"], frequencies, strict=True), 1):
@@ -128,7 +128,7 @@ def plot(
 
 
 def _point(text: str | None) -> list[float]:
-    """Return a position at rest; without a text none."""
+    """Parse a position at rest; empty if no text is given."""
     if text is None:
         return []
     with suppress(InputError):

@@ -1,4 +1,4 @@
-"""What several commands share: options, opening a scene, warnings."""
+"""Shared code of the commands: options, opening a scene, running a job, printing."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 def flag(help: str, *names: str, **more: Any) -> Parameter:
-    """Return what is off, or nothing, unless it is given, and has no opposite."""
+    """Declare an option that is off, or empty, by default and has no negative form."""
     return Parameter(name=names or None, negative="", help=help, show_default=False, **more)
 
 
 def written_to(help: str) -> Parameter:
-    """Return what names the file that is written."""
+    """Declare the option for the output file."""
     return Parameter(name=["--output", "-o"], help=help)
 
 
@@ -80,7 +80,7 @@ Paired = Annotated[
 Time = Annotated[
     str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
 ]
-#: What takes more times than one.
+#: Hint to the commands that accept several times.
 SEVERAL = (
     'Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap storyboard", and '
     'written by "spacemap export".'
@@ -92,7 +92,7 @@ Size = Annotated[
 
 
 def several_times(default: str, *names: str) -> Parameter:
-    """Return what names times, in one list or given again."""
+    """Declare an option for times, given as one list or repeatedly."""
     return flag(f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.", *names)
 
 
@@ -145,7 +145,7 @@ def opened(
     signs: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
-    # With VTK, which no command's help needs.
+    # Imported here, because they import VTK, which no command's help needs.
     from spacemap_vtk.scenes.origin import elsewhere
     from spacemap_vtk.scenes.scene import Scene
 
@@ -166,7 +166,7 @@ def opened(
             try:
                 scene.assign(section, key, value)
             except InputError as error:
-                error.section, error.key = None, option  # which the user wrote
+                error.section, error.key = None, option  # the user wrote the option, not the key
                 raise
     for key, given in (signs or {}).items():
         if given:
@@ -175,7 +175,7 @@ def opened(
         try:
             scene.assign("view", "size", size.lower().split("x"))
         except InputError as error:
-            # In the words of the command line, where a size is no list.
+            # Use the form of the command line, where a size is not a list.
             side: Any = type(scene.view).parameters["size"]
             raise InputError(
                 "not a size in pixels",
@@ -189,7 +189,7 @@ def opened(
 
 
 def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
-    """Return what followed an option for several times, each time it was given."""
+    """Parse the times of an option that may be given repeatedly."""
     text = ",".join(given)
     refused = InputError(
         "not a list of times",
@@ -208,7 +208,7 @@ def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
 
 @contextmanager
 def naming_options() -> Iterator[None]:
-    """Name the option in the errors of a job, which name its fields."""
+    """Replace the fields of a job by option names in its errors."""
     try:
         yield
     except InputError as error:
@@ -218,7 +218,7 @@ def naming_options() -> Iterator[None]:
 
 
 def run_job(job: Job, scene: Scene, doing: str, quiet: bool) -> None:
-    """Run a job with a progress bar; print what is lost, doubted and written."""
+    """Run a job with a progress bar; print losses, warnings and results."""
 
     def report_loss(text: str) -> None:
         if not quiet:
@@ -232,7 +232,7 @@ def run_job(job: Job, scene: Scene, doing: str, quiet: bool) -> None:
 
 
 def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
-    """Print what the stages say of their trustworthiness; briefly, of a draft one line at most."""
+    """Print the scene's warnings; if `brief`, at most one that comes from the draft."""
     if quiet:
         return
     texts = scene.warnings
@@ -248,7 +248,7 @@ def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
 
 
 def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
-    """Return a table of numbers, whose first columns are words."""
+    """Return a table of numbers; its first columns are words."""
     from rich import box
     from rich.table import Table
 
@@ -260,7 +260,7 @@ def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table
 
 
 def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
-    """Print figures below each other, their labels before them."""
+    """Print figures below each other, each with its label."""
     from rich.table import Table
 
     table = Table.grid(padding=(0, 2))
@@ -270,7 +270,7 @@ def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def print_plain(what: Any) -> None:
-    """Print a table or a title, in which brackets are brackets."""
+    """Print a table or a title without interpreting brackets as markup."""
     from rich.console import Console
 
     Console(markup=False).print(what, highlight=False)
@@ -289,13 +289,13 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-#: Seconds before a bar appears.
+#: Seconds before a progress bar appears.
 _PATIENCE = 1.0
 
 
 @contextmanager
 def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[int, int], object]]:
-    """Show a bar while a scene is worked on, and the running stage beside it."""
+    """Show a progress bar for work on a scene, with the running stage next to it."""
     if quiet or not sys.stderr.isatty():
         yield lambda done, of: None
         return

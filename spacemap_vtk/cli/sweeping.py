@@ -1,4 +1,4 @@
-"""The command that runs a scene over lists of values: sweep."""
+"""The command ``sweep``, which runs a scene over lists of values."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from spacemap_vtk.jobs.sweep import Result
     from spacemap_vtk.scenes.runs import Sweep
 
-#: Figures that are printed first where they differ from run to run, by how their headings begin;
-#: all of them are in the table's file.
+#: Beginnings of the headings of figures that are printed first if they differ between runs. The
+#: table's file contains all figures.
 _FIRST = (
     *("sag", "drape coefficient", "warp crimp [", "weft crimp [", "areal mass", "cover ["),
     *("mode 1 [", "largest displacement", "largest rotation", "thickness"),
     *("least clearance", "deformed clearance", "sheet bending length"),
 )
-#: Sentences that are told of all runs.
+#: Most warnings that are printed for all runs together.
 _MOST_WARNINGS = 5
 
 
@@ -139,14 +139,14 @@ def sweep(
 
 
 def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
-    """Print the values and those figures that differ, as many as there is room for."""
+    """Print the values and the figures that differ, as many as fit the width."""
     from rich.console import Console
 
     from spacemap_vtk.jobs.sweep import table
 
     headings, rows = table(sweep, found)
     rows = [[_short(cell) for cell in row] for row in rows]
-    last = len(headings) - 2  # seconds, and the message
+    last = len(headings) - 2  # the column of seconds; the message follows
     columns = list(range(1, 1 + len(sweep.axes)))
     differ = [
         k
@@ -170,7 +170,7 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
 
 
 def _short(entry: str) -> str:
-    """Return four digits of a number, and words as they are."""
+    """Round a number to four digits; return words unchanged."""
     try:
         return f"{float(entry):.4g}" if "." in entry else entry
     except ValueError:
@@ -178,14 +178,14 @@ def _short(entry: str) -> str:
 
 
 def _wrapped(heading: str) -> list[str]:
-    """Return a heading in short lines, its unit in the last."""
+    """Split a heading into short lines, the unit in the last."""
     name, bracket, unit = heading.partition(" [")
     words = name.replace(".", ". ").replace("_", "_ ").replace(" ", "\n").split("\n")
     return [*words, *([bracket.strip() + unit] if unit else [])]
 
 
 def _tell_warnings(found: Mapping[str, Result]) -> None:
-    """Print what the stages doubt: of sentences that differ in their numbers alone the first."""
+    """Print the stages' warnings; of those that differ only in numbers, the first."""
     alike: dict[str, list[str]] = {}
     for result in found.values():
         for text in dict.fromkeys(result.warnings):

@@ -1,4 +1,4 @@
-"""Commands that tell: info, validate, scenes, keys, materials."""
+"""Commands that print: info, validate, scenes, keys, materials."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from spacemap_vtk.units import format_quantity
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
-#: Pieces of a cage that are listed.
+#: Largest number of a cage's pieces that are listed.
 _MOST_PIECES = 8
 
 
@@ -92,7 +92,7 @@ def info(
 
 
 def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
-    """Print the figures of an object or a textile that is not woven, and its cage's."""
+    """Print the figures of an object, or of a textile that is not woven, and of its cage."""
     from spacemap_vtk.scenes.anatomy import body
     from spacemap_vtk.scenes.figure_list import textile_figures
 
@@ -155,11 +155,11 @@ def _length(value: float) -> str:
 
 
 def _told_origin(file: Path, json_: bool) -> bool:
-    """Print where a file comes from, if it says so; return whether that is all there is to say."""
+    """Print a file's record, if it has one; return whether nothing else can be printed."""
     opens = registry.kind_of(file) is not None
     try:
         record = None if registry.refusal(file) else provenance.record_in(file)
-    except MissingLibraryError:  # which only the record is read by
+    except MissingLibraryError:  # the library that reads the record
         if not opens:
             raise
         record = None
@@ -291,7 +291,7 @@ def _print_paragraph(text: str) -> None:
 
 
 def _short(value: float) -> str:
-    """Return three digits, or all before the point."""
+    """Format a number with three digits, or all before the point."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
@@ -325,13 +325,13 @@ def keys(
 
 
 def as_toml(parameter: Any) -> str:
-    """Return a parameter's default as a scene file has it, with what "auto" stands for."""
+    """Format a parameter's default as in a scene file, with the meaning of "auto"."""
     from spacemap_vtk.parameters import AUTOMATIC
 
     if parameter.default is None:
         return f'"{AUTOMATIC}"  # {parameter.automatic}'
     text = parameter.show(parameter.default)
-    if text.startswith("["):  # a vector, whose unit stands behind it
+    if text.startswith("["):  # a vector, which is followed by its unit
         return text.replace("] ", "]  # ")
     try:
         tomllib.loads(f"x = {text}")

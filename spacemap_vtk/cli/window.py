@@ -1,4 +1,4 @@
-"""The command that opens the window."""
+"""The command ``gui``, which opens the window."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def gui(
     if scene is not None:
         library.find(scene)
     require_window()
-    # Nothing of what is imported is garbage: to look for it, now or in a drag, only takes time.
+    # Imports leave no garbage: collecting it, now or while a slider is dragged, only takes time.
     gc.disable()
-    # Qt and VTK's window take a second to import: only this command pays for it, and what will
-    # come is on the screen meanwhile.
+    # Qt and VTK's window take a second to import, so only this command imports them. Meanwhile a
+    # splash screen shows what is loading.
     from spacemap_vtk.app.splash import Splash
 
     splash = Splash(scene)
     from spacemap_vtk.app.launch import launch
 
-    # A frame of a drag makes some thousand small objects, and hardly any of them in cycles. With
-    # Python's own thresholds a tenth of its time would go into looking at them.
+    # Each frame of a drag makes some thousand small objects, hardly any of them in reference
+    # cycles. With Python's default thresholds the collector would take a tenth of the time.
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
