@@ -48,8 +48,8 @@ from spacemap_vtk.scenes.scene import Scene
 COARSE_QUADS = 8_000
 #: Cells along each side of a sheet while the sheet or the camera moves.
 _MOVING_CELLS = 48
-#: Surfaces with more patches are drawn without fibres, which would be too fine for the window. Yarns
-#: that are built only near the camera, in front of a sheet, have fibres.
+#: Surfaces with more patches are drawn without fibres, which would be too fine for the window.
+#: Yarns that are built only near the camera, in front of a sheet, have fibres.
 _FIBRED = 60_000
 #: Facets are kept while the camera turns if there are at most so many times the needed number.
 _SPARE = 3.0
