@@ -22,7 +22,7 @@ from spacemap_vtk.errors import InputError, SpacemapError
 
 #: Name of the record in every file.
 NAME = "spacemap-record"
-#: Most bytes of a record, and number of bytes at a file's beginning in which it is searched.
+#: Most bytes of a record, and number of bytes at a file's beginning that are searched for it.
 _MOST = 2**23
 #: Characters in a line of comment; some readers refuse longer lines.
 _LINE = 96
@@ -91,7 +91,7 @@ def comments(sign: str) -> list[str]:
 
 
 def tells(*endings: str) -> Callable[[_F], _F]:
-    """Register a function that finds records in files of some endings; it may return None."""
+    """Register a finder of records for some endings; None or an error means no record."""
 
     def register(function: _F) -> _F:
         _tellers.update(dict.fromkeys(endings, function))

@@ -161,7 +161,7 @@ def check_numbers(data: Any, path: Path | str) -> None:
 
 
 def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
-    """Refuse cells of points that do not exist; VTK would read wild memory without a check."""
+    """Refuse cells of points that do not exist; VTK does not check, and would read wild memory."""
     if block.IsA("vtkUnstructuredGrid"):
         parts = [block.GetCells()]
     elif block.IsA("vtkPolyData"):

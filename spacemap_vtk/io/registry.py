@@ -236,7 +236,7 @@ def kind_of(path: Path) -> str | None:
 
 
 def written(holds: str | None = None) -> dict[str, str]:
-    """Describe each ending that can be written; without a key, for all data."""
+    """Return each ending that can be written, with its data in words; without a key, for all."""
     found: dict[str, list[str]] = {}
     for each in writers(holds):
         for ending in each.endings:

@@ -29,7 +29,7 @@ def prepare() -> None:
 
 
 class _WhenImported(MetaPathFinder):
-    """Adapts ParaView's scripting after its import; importing it here would change ParaView."""
+    """Finder that adapts ParaView's scripting on import; an import here would change ParaView."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
         if name != _SCRIPTING:

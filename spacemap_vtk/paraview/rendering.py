@@ -33,7 +33,7 @@ _told: dict[int, bool] = {}
 
 
 def show_colors() -> None:
-    """Set *Map Scalars* of each new representation, now and whenever its array changes."""
+    """Set *Map Scalars* of each new representation, and again whenever its array changes."""
     # It is unticked for three components of unsigned char named ``color``, which `WeaveSource` has,
     # and ticked for all other arrays. A user's choice stays until another array is chosen.
     observers = {"representations": _follow, "scalar_bars": _follow_legend}
@@ -202,7 +202,7 @@ OPAQUE = "SpacemapOpaque"
 
 
 class SpacemapOpaque(VTKPythonAlgorithmBase):
-    """Sets actors to opaque in each process of a server; it makes no data and is in no menu."""
+    """Source that sets actors to opaque in each process; it makes no data and is in no menu."""
 
     _pvsm_proxy_xml: ClassVar[str] = f"""
 <ServerManagerConfiguration>

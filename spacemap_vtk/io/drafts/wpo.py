@@ -1,6 +1,6 @@
 """Read drafts of WeavePoint (.wpo), as far as their layout is known.
 
-A number is one byte, or two bytes with the high byte first where the table says so:
+Numbers are single bytes; where the table says so, they are two bytes with the high byte first:
 
 ======  ===========================================================================================
 byte    content

@@ -45,7 +45,7 @@ def open_collection(file: Path) -> MeshSeries:
     require=check_folder,
 )
 def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
-    """Write a file for each time into a folder next to the list of them, and the list."""
+    """Write the list, and a file for each time into a folder next to it."""
     from xml.sax.saxutils import quoteattr
 
     folder = file.with_suffix("")

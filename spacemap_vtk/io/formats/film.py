@@ -116,7 +116,7 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
                 try:
                     process.stdin.write(np.ascontiguousarray(image).data)
                 except BrokenPipeError:
-                    break  # ffmpeg has ended, and its exit status says how
+                    break  # ffmpeg has ended; its exit status gives the reason
             process.communicate()
         finally:
             process.kill()

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _PAGE = Path(__file__).parent.parent / "page"
 _SCRIPTS = ("data.js", "drawing.js", "viewer.js")
-#: Share of the tolerance that rounding uses: usually, and at least, where the shapes leave less.
+#: Share of the tolerance for rounding: the usual one, and the least one if the shapes leave less.
 _USUAL, _LEAST = 0.2, 0.02
 #: Number of steps in the length of a normal, and in the range of a scale.
 _NORMAL, _SCALE = 1024, 1024

@@ -14,8 +14,8 @@ from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.io.named import in_hdf, in_xml, words
 from spacemap_vtk.io.registry import endings, reads, truncated
 
-#: Patterns of file names in text formats. The last word of an EnSight line is often no file, which
-#: does no harm.
+#: Patterns of file names in text formats. The last word of an EnSight line often names no file,
+#: which does no harm.
 _NAMING = {
     ".case": rb"(?m)^[^#\n]*:.*?(\S+|\"[^\"\n]*\")\s*$",
     ".inp": rb"(?im)^\*INCLUDE\s*,.*?INPUT\s*=\s*([^,\n]*)",

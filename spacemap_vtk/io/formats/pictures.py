@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 #: Level of zlib. For a picture of yarns, level 6 makes a file a tenth smaller in more than twice
 #: the time.
 _COMPRESSION = 3
-#: Formats that are decoded, by Pillow's names. PostScript is excluded: it is a program and is run.
+#: Formats that are decoded, by Pillow's names. PostScript is excluded, because it is a program that
+#: would be run.
 _DECODED = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM", "TGA", "DDS", "JPEG2000", "PCX")
 #: Most bytes of one comment in a JPEG.
 _SEGMENT = 60_000

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 #: Triangles that are processed together; more would need more memory, and no less time.
 _AT_ONCE = 2**16
-#: Bytes per point and per triangle that making the file needs besides the surface. To orient the
-#: triangles alike VTK needs more than their records take, which have 50 bytes each.
+#: Bytes per point and per triangle that making the file needs besides the surface. VTK needs
+#: more to orient the triangles alike than their records take, which have 50 bytes each.
 _POINT, _TRIANGLE = 20, 117
 
 

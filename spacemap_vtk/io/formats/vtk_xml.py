@@ -73,7 +73,7 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
 @writes(".pvtp", label="VTK XML in pieces", holds=("surface",), pieces=True, require=check_folder)
 @writes(".pvtu", label="VTK XML in pieces", holds=("patches",), pieces=True, require=check_folder)
 def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
-    """Write a file for each piece into a folder, and a file that names them."""
+    """Write a file that names the pieces, and a file for each piece into a folder next to it."""
     from xml.sax.saxutils import quoteattr
 
     folder, ending = file.with_suffix(""), f".{file.suffix[2:].lower()}"

@@ -1,11 +1,11 @@
-// What the page holds: arrays of integers, and how much there is of each shape at a time.
+// Read the data of the page: arrays of integers, and the weight of each shape over time.
 
-/** Read a part of the page that is JSON. */
+/** Parse the JSON in an element of the page. */
 function readJson(id) {
   return JSON.parse(document.getElementById(id).textContent);
 }
 
-/** Yield the bytes of the page's parts of data, which are taken out of it. */
+/** Stream the bytes of the page's data elements; each element is removed when it is read. */
 function bytesOfPage() {
   const parts = [...document.querySelectorAll("script.data")];
   return new ReadableStream({
@@ -23,7 +23,7 @@ function bytesOfPage() {
 
 const KINDS = { u1: Uint8Array, i2: Int16Array, i4: Int32Array, u4: Uint32Array };
 
-/** Return the arrays that the page holds, by their names. */
+/** Return the arrays of the page by name. */
 async function unpack(described) {
   const found = {};
   const reader = bytesOfPage().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
@@ -48,8 +48,8 @@ async function unpack(described) {
 }
 
 /**
- * Return rows of numbers: of each column there is the step from row to row, of all of these the
- * first bytes, then the second ones.
+ * Return rows of numbers. The data hold the differences from row to row of each column: first the
+ * first bytes of all differences, then the second bytes.
  */
 function summedUp(bytes, Kind, shape) {
   const width = Kind.BYTES_PER_ELEMENT, total = bytes.length / width;
@@ -60,13 +60,13 @@ function summedUp(bytes, Kind, shape) {
       let step = bytes[at];
       for (let byte = 1; byte < width; byte++) step |= bytes[at + byte * total] << (8 * byte);
       sum = (sum + step) | 0;
-      values[first + row * columns] = sum; // what is too large for it begins anew, as was meant
+      values[first + row * columns] = sum; // values wrap around, as the encoder expects
     }
   }
   return values;
 }
 
-/** Return how much there is of each column at a time between the first and the last: linear. */
+/** Interpolate each column linearly at a time, which is limited to the first and the last. */
 function weightsAt(times, rows, time) {
   if (!rows.length || !rows[0].length) return [];
   let after = times.findIndex((each) => each > time);

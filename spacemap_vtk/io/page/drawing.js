@@ -1,7 +1,7 @@
-// The surface on the screen: shapes are added up in the vertex shader, light in the fragment
-// shader; what lies in a fold is darkened afterwards, by the depth of its surroundings.
+// Draw the surface: the vertex shader adds up the shapes, the fragment shader computes the light.
+// Folds are darkened afterwards, by the depth of their surroundings.
 
-const ACROSS = 2048; // texels in a row of the shapes' textures, which every WebGL 2 has
+const ACROSS = 2048; // texels in a row of the shapes' textures; every WebGL 2 supports this
 
 const VERTEX = `#version 300 es
 precision highp float; precision highp int;
@@ -10,11 +10,11 @@ layout(location = 0) in vec3 place;
 layout(location = 1) in vec3 facing;
 layout(location = 2) in vec3 color;
 layout(location = 3) in float value;
-uniform isampler2DArray shapes, turns, changes; // of each point, for each shape
-uniform sampler2D weights; // of shapes, and below of changes
+uniform isampler2DArray shapes, turns, changes; // of each point, one layer for each shape
+uniform sampler2D weights; // row 0: of the shapes, row 1: of the changes
 uniform ivec2 counts;
 uniform vec3 middle;
-uniform float unit; // of places
+uniform float unit; // of positions, in m
 uniform mat4 eye, lens;
 out vec3 at, normal, seen, albedo;
 out float number;
@@ -38,15 +38,15 @@ void main() {
   gl_Position = lens * there;
 }`;
 
-// A studio: a warm key light from the upper left rakes over the yarns, a cool one from the right
-// opens the shadows, and the room is brighter above than below.
+// Studio lighting: a warm key light from the upper left grazes the yarns, a cool fill light from
+// the right brightens the shadows, and the room is brighter above than below.
 const FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 at, normal, seen, albedo;
 in float number;
 uniform bool smoothly, scaled, flat_;
 uniform sampler2D ramp;
-uniform vec2 span; // of the numbers, in their own steps
+uniform vec2 span; // range of the numbers, in their unit
 out vec4 pixel;
 const vec3 KEY = normalize(vec3(-0.75, 0.95, 0.75)), FILL = normalize(vec3(1.0, 0.05, 0.7));
 void main() {
@@ -59,18 +59,18 @@ void main() {
     float share = clamp((number - span.x) / (span.y - span.x), 0.0, 1.0);
     base = pow(texture(ramp, vec2(0.5 / 256.0 + share * 255.0 / 256.0, 0.5)).rgb, vec3(2.2));
   }
-  // fibres scatter: light goes a little round the edge
+  // fibres scatter light, which therefore reaches a little round the edge
   float key = max(0.0, (dot(n, KEY) + 0.15) / 1.15), fill = max(0.0, (dot(n, FILL) + 0.3) / 1.3);
   vec3 room = mix(vec3(0.17, 0.155, 0.15), vec3(0.33, 0.35, 0.39), 0.5 + 0.5 * n.y);
   vec3 light = room + key * vec3(0.93, 0.87, 0.78) + fill * vec3(0.20, 0.23, 0.29)
     + max(0.0, n.z) * vec3(0.07);
   vec3 shown = base * (scaled ? mix(vec3(1.0), light, 0.6) : light);
-  // a sheen where they are seen along, and a broad gloss
+  // a sheen at grazing angles, and a broad gloss
   float along = 1.0 - max(0.0, dot(n, toward)), glance = max(0.0, dot(n, normalize(KEY + toward)));
   float gloss = (scaled ? 0.4 : 1.0);
   shown += gloss * (0.055 * pow(glance, 22.0) * vec3(1.0, 0.96, 0.9)
     + 0.10 * pow(along, 4.0) * (0.25 + 0.75 * key) * mix(vec3(1.0), base, 0.5));
-  // what is too bright keeps its hue, as on film
+  // colours that are too bright keep their hue, as on film
   float most = max(shown.r, max(shown.g, shown.b));
   if (most > 0.7) shown *= (1.0 - 0.3 * exp((0.7 - most) / 0.3)) / most;
   pixel = vec4(pow(shown, vec3(1.0 / 2.2)), 1.0);
@@ -79,11 +79,11 @@ void main() {
 const WHOLE = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0, 1); }`;
 
-// How far behind the point that is turned about a pixel is, in depths of a fold.
+// Distance of a pixel behind the centre of rotation, in depths of a fold.
 const DEPTH = `
 precision highp float; precision highp sampler2D;
 uniform sampler2D depth;
-uniform vec4 range; // nearest, farthest, of that point, a fold
+uniform vec4 range; // nearest and farthest depth, depth of the centre, depth of a fold
 uniform bool flat_;
 bool behind(ivec2 pixel, out float far) {
   float z = texelFetch(depth, pixel, 0).r;
@@ -130,14 +130,14 @@ void main() {
   mean /= total;
 }`;
 
-// What is drawn darkens by how far it lies behind the mean depth of its surroundings (Luft,
-// Colditz, Deussen 2006), near and wide; a pixel is the mean of some, over the background.
+// Each pixel is darkened by its distance behind the mean depth of its surroundings, near and wide
+// (Luft, Colditz, Deussen 2006). A pixel of the canvas is the mean of several, over the background.
 const COMPOSE = `#version 300 es
 ${DEPTH}
 uniform sampler2D drawn, near, wide;
 uniform vec2 factors, size;
 uniform bool shaded;
-uniform int fine, line; // half the width of lines, in what is drawn
+uniform int fine, line; // half the width of lines, in drawn pixels
 uniform vec3 below, above;
 out vec4 pixel;
 float mean(sampler2D image, ivec2 pixel, float factor) {
@@ -152,10 +152,10 @@ float mean(sampler2D image, ivec2 pixel, float factor) {
   return found.x / max(found.y, 1e-6);
 }
 float kept(float behind, float darkness, float radius) {
-  // of what is far behind, as of a flap, the edge is no fold
+  // a pixel far behind its surroundings is behind the edge of a flap, which is no fold
   return 1.0 - clamp(behind / radius, 0.0, 1.0) * darkness * mix(1.0, 0.4, smoothstep(0.8, 3.0, behind));
 }
-// Without shadows it takes a line to see yarns of one colour cross: behind what is nearer.
+// Without shadows, a line behind the nearer yarn shows where yarns of one colour cross.
 float lined(ivec2 at, float far) {
   float most = 0.0;
   for (int k = 0; k < 4; k++) {
@@ -176,7 +176,7 @@ void main() {
       light = kept(far - mean(near, at, factors.x), 0.55, 0.35)
         * kept(far - mean(wide, at, factors.y), 0.5, 1.0);
     else if (line > 0 && behind(at, far)) light = lined(at, far);
-    // shadows of cloth are warm: light goes through it
+    // shadows of cloth are warm, because light passes through it
     color += vec4(one.rgb * pow(vec3(light), vec3(0.92, 1.0, 1.06)), one.a);
   }
   color /= float(fine * fine);
@@ -185,7 +185,7 @@ void main() {
   pixel = vec4(color.rgb + back * (1.0 - color.a) + (noise - 0.5) / 255.0, 1.0);
 }`;
 
-/** Draws the arrays of a page; made anew where the browser has lost what it had drawn with. */
+/** Draws the arrays of a page; a new one is made after the browser has lost its WebGL context. */
 class Drawing {
   constructor(canvas, content, arrays) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
@@ -222,7 +222,7 @@ class Drawing {
     return { program, places };
   }
 
-  /** Hand the arrays over. */
+  /** Copy the arrays to the GPU. */
   fill() {
     const { gl, arrays, content } = this;
     this.vertices = gl.createVertexArray();
@@ -263,7 +263,7 @@ class Drawing {
     return texture;
   }
 
-  /** Return a texture with a layer for each shape, in which each point has a texel. */
+  /** Return a texture with a layer for each shape and a texel for each point. */
   layers(values, parts) {
     const gl = this.gl, texture = this.texture(gl.TEXTURE_2D_ARRAY);
     const count = values ? values.length / parts / this.count : 0;
@@ -284,7 +284,7 @@ class Drawing {
     return texture;
   }
 
-  /** Choose how much there is of each shape, and of each change of the numbers. */
+  /** Set the weight of each shape, and of each change of the numbers. */
   weigh(shapes, changes) {
     const gl = this.gl, width = Math.max(shapes.length, changes.length, 1);
     const table = new Float32Array(2 * width);
@@ -295,7 +295,7 @@ class Drawing {
     this.counts = [shapes.length, changes.length];
   }
 
-  /** Take the surface's program, with all but the camera. */
+  /** Use the surface's program, and set all of its uniforms except those of the camera. */
   begin() {
     const { gl, content } = this, { program, places } = this.surface;
     gl.useProgram(program);
@@ -320,7 +320,7 @@ class Drawing {
     });
   }
 
-  /** Return where all points are [m], as they are drawn: x, y, z, one after another. */
+  /** Return the positions of all points as they are drawn, in m: x, y, z, one after another. */
   points() {
     const gl = this.gl, found = new Float32Array(3 * this.count), buffer = gl.createBuffer();
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, buffer);
@@ -340,7 +340,7 @@ class Drawing {
     return found;
   }
 
-  /** Make what is drawn into `fine` times as wide and high as the canvas. */
+  /** Make the framebuffers, `fine` times as wide and high as the canvas. */
   resize(fine) {
     const gl = this.gl, width = fine * gl.canvas.width, height = fine * gl.canvas.height;
     if (this.size?.[0] === width && this.size[1] === height && this.fine === fine) return;
@@ -384,7 +384,7 @@ class Drawing {
     this.drop = () => made.forEach((each) => each());
   }
 
-  /** Draw, seen by a camera: `eye`, `lens`, `flat`, `range`, and pixels of a fold. */
+  /** Draw for a camera with `eye`, `lens`, `flat`, `range` and the pixels of a fold. */
   draw(camera, below, above) {
     const gl = this.gl, [width, height] = this.size;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.sampled);
@@ -417,7 +417,7 @@ class Drawing {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** Return the mean depth round each pixel, coarser: a blurred image has no detail to lose. */
+  /** Return the mean depth around each pixel at lower resolution, which is enough when blurred. */
   surroundings(which, spread, camera) {
     const gl = this.gl;
     let factor = 2;
@@ -451,7 +451,7 @@ class Drawing {
   }
 }
 
-/** Return red, green and blue, from 0 to 1, of "#rrggbb". */
+/** Convert "#rrggbb" to red, green and blue from 0 to 1. */
 function rgb(color) {
   return [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16) / 255);
 }

@@ -1,10 +1,10 @@
-// The hand, the clock and the words of the page.
+// Camera, time and controls of the page.
 
-const VIEW_ANGLE = (24 * Math.PI) / 180; // opening of the lens, as in the program
-const MOST = 2.3e6; // pixels of which four can be drawn for one
-const MARGIN = 0.04; // share of what is free that stays free at each edge
+const VIEW_ANGLE = (24 * Math.PI) / 180; // as in the program
+const MOST = 2.3e6; // largest canvas that is drawn with four pixels for each pixel
+const MARGIN = 0.04; // empty share of the free area at each edge
 const KEYS = ["three-quarter", "front", "side", "top", "lying", "face"];
-// What the buttons do where z is up; keys are the program's.
+// Views of the buttons if z is up. The keys are those of the program.
 const LYING = { "three-quarter": "lying", front: [[0, -1, 0], [0, 0, 1]], side: [[1, 0, 0], [0, 0, 1]], top: "front" };
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 
@@ -12,13 +12,13 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const sum = (a, b, share = 1) => a.map((part, i) => part + share * b[i]);
 
-/** Where it is seen from: a turntable about y, or z of what lies level. */
+/** Camera on a turntable about y, or about z if the object lies level. */
 class Camera {
   constructor(sight) {
     Object.assign(this, { sight, focus: [0, 0, 0], distance: 1, flat: false, upright: true });
   }
 
-  /** Directions to the right, up, and toward the eye. */
+  /** Unit vectors to the right, up, and towards the eye. */
   get axes() {
     const { yaw, pitch } = this, c = Math.cos(pitch);
     const world = ([x, y, z]) => (this.upright ? [x, y, z] : [x, -z, y]);
@@ -27,7 +27,7 @@ class Camera {
     return [right, cross(toward, right), toward];
   }
 
-  /** Look at all points from where a view is, in what is free of the page. */
+  /** Show all points from the direction of a view, in the free area of the page. */
   aim(view, points, free) {
     const [direction, up] = this.sight.cameras[view] ?? view, size = Math.hypot(...direction);
     this.upright = up[2] < 0.5;
@@ -44,7 +44,7 @@ class Camera {
     }
     const ends = (of) => seen.reduce(([low, high], each) => [Math.min(low, of(each)), Math.max(high, of(each))], [Infinity, -Infinity]);
     const middle = [0, 1, 2].map((k) => { const [low, high] = ends((each) => each[k]); return (low + high) / 2; });
-    // What is near looks larger, so the middle of the picture is not that of the scene.
+    // Near points look larger, so the centre of the picture is not the centre of the points.
     for (let round = 0; round < 4; round++) {
       const off = (each, k) => each[k] - middle[k], near = (each) => (this.flat ? 0 : off(each, 2));
       this.distance = ends((each) => Math.max(Math.abs(off(each, 0)) / wide, Math.abs(off(each, 1)) / slope) + near(each))[1];
@@ -63,7 +63,7 @@ class Camera {
     this.pitch = Math.min(Math.max(this.pitch + 0.007 * up, -Math.PI / 2), Math.PI / 2);
   }
 
-  /** Metres of a pixel of the page, at the point that is turned about. */
+  /** Return the size of a pixel at the centre of rotation, in m. */
   pixel(height) {
     return (2 * this.distance * Math.tan(VIEW_ANGLE / 2)) / height;
   }
@@ -73,7 +73,7 @@ class Camera {
     this.focus = sum(sum(this.focus, right, -across * metres), above, up * metres);
   }
 
-  /** Come nearer to what lies under a place, counted from the middle. */
+  /** Move towards the point at a position of the page, which is counted from its centre. */
   approach(factor, across, up, height, reach) {
     const distance = Math.min(Math.max(this.distance / factor, 0.002 * reach), 50 * reach);
     const kept = distance / this.distance;
@@ -81,7 +81,7 @@ class Camera {
     this.distance = distance;
   }
 
-  /** Return what the drawing needs, of a page so wide and high, for points in a ball. */
+  /** Return the camera for `Drawing.draw`, for a page of this size and points inside a ball. */
   matrices(width, height, ball, fold) {
     const { flat, distance, free } = this, [right, up, toward] = this.axes;
     const place = sum(this.focus, toward, distance);
@@ -99,7 +99,7 @@ class Camera {
   }
 }
 
-/** Times in words, of one unit as long as a clip lasts. */
+/** Return a function that formats times, with one unit for the whole clip. */
 function timeFormat(end, step) {
   const [unit, size] = [["s", 1], ["ms", 1e-3], ["µs", 1e-6]].find(([, size]) => end >= 0.9999 * size) ?? ["µs", 1e-6];
   const digits = Math.min(Math.max(Math.ceil(-Math.log10(step / size) - 1e-9), 0), 3);
@@ -122,7 +122,7 @@ class Viewer {
     this.element("message").hidden = true;
   }
 
-  /** Find where points are over all times, some of them, and a ball that they stay in. */
+  /** Find positions of some points over all times, and a ball that contains all points. */
   reached() {
     const some = [], count = this.arrays.points.length / 3, apart = Math.max(1, Math.floor(count / 4000));
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -143,7 +143,7 @@ class Viewer {
     return { points: some, middle, radius: 1.02 * Math.hypot(...sum(high, middle, -1)) };
   }
 
-  /** Light or dark as the system is, or as the scene's own background asks for. */
+  /** Choose light or dark, by the system or by the scene's background if it has one. */
   theme() {
     const system = matchMedia("(prefers-color-scheme: dark)"), own = this.content.sight.background;
     const choose = () => {
@@ -184,7 +184,7 @@ class Viewer {
     return this.clips[0].times.length > 1;
   }
 
-  /** Play another clip. */
+  /** Show another clip, from its start. */
   chooseClip(number) {
     this.clip = this.clips[number];
     const { times, start, speed } = this.clip, film = times.at(-1);
@@ -197,7 +197,7 @@ class Viewer {
     Object.assign(slider, { min: this.start, max: this.end });
     if (!select.options.length) this.clips.forEach(({ name }, i) => select.add(new Option(name, i)));
     select.hidden = this.clips.length < 2;
-    this.element("loop").hidden = !select.hidden; // a swing goes on
+    this.element("loop").hidden = !select.hidden; // the oscillation of a mode always repeats
     const speeds = [...new Set([...SPEEDS, Number(speed.toPrecision(3))])].sort((a, b) => a - b);
     this.element("speed").replaceChildren(...speeds.map((each) => new Option(`${each} ×`, each)));
     this.element("speed").value = Number(speed.toPrecision(3));
@@ -226,7 +226,7 @@ class Viewer {
     this.ask();
   }
 
-  /** Let a picture be drawn when the browser has time for one. */
+  /** Request a picture, which is drawn when the browser is ready. */
   ask() {
     this.settled = false;
     if (this.wanted) return;
@@ -247,7 +247,7 @@ class Viewer {
     });
   }
 
-  /** Weigh the shapes as a time has them. */
+  /** Set the weights of the shapes at a time. */
   weigh(time) {
     const { times, weights, start, speed } = this.clip, film = (time - start) / speed;
     const changes = this.content.numbers ? weightsAt(times, this.content.numbers.weights, film) : [];
@@ -259,7 +259,7 @@ class Viewer {
     const { canvas, content } = this, dense = Math.min(devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((size) => Math.max(1, Math.round(size * dense)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    // four pixels for one where there is time for them: always once nothing moves any more
+    // Draw four pixels for each one if there is time, and always when nothing moves any more.
     const now = performance.now(), since = now - (this.last ?? now), hurried = !atRest && (this.playing || since < 250);
     if (hurried && since > 0) this.pace = 0.8 * (this.pace ?? 16) + 0.2 * Math.min(since, 200);
     const fine = width * height > MOST || (hurried && this.pace > 30) ? 1 : 2;
@@ -273,20 +273,20 @@ class Viewer {
     this.drawing.draw(seen, ...this.background);
   }
 
-  /** The picture as it is now, as the address of a PNG. For scripts. */
+  /** Return the present picture as a data URL of a PNG. For scripts. */
   picture() {
     this.draw(true);
     return this.canvas.toDataURL();
   }
 
-  /** Where all points are at a time [m]: x, y, z, one after another. For scripts. */
+  /** Return all positions at a time, in m: x, y, z, one after another. For scripts. */
   points(time) {
     this.weigh(time);
-    this.ask(); // the browser takes the canvas for drawn upon
+    this.ask(); // the browser considers the canvas as drawn upon, so it must be drawn again
     return this.drawing.points();
   }
 
-  /** What words and buttons leave free, in shares of the page. */
+  /** The area that texts and buttons leave free, in shares of the page. */
   get free() {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     const narrow = width <= 640, [scale, views, bar, words] = ["scale", "views", "bar", "figures"].map(this.element);
@@ -298,14 +298,14 @@ class Viewer {
     return { height: share, aspect: (width - right) / (height * share), right: -right / width, up: (bottom - top) / height };
   }
 
-  /** See the whole, from where the scene is usually seen. */
+  /** Show all points, by default from the scene's camera. */
   reset(view = this.content.sight.camera) {
     const { free } = this;
     this.camera.aim(view, this.room.points, free);
     this.ask();
   }
 
-  /** Follow mouse, fingers and keys. */
+  /** Handle mouse, touch and keys. */
   hands() {
     const { canvas, camera } = this, fingers = new Map();
     const fromMiddle = (x, y) => [x - canvas.clientWidth * (0.5 + camera.free.right / 2), canvas.clientHeight * (0.5 - camera.free.up / 2) - y];
