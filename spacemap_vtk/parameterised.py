@@ -203,7 +203,7 @@ class Parameter(Generic[T]):
         return self._default is None
 
     def usual(self, of_object: bool) -> T:
-        """Return the value used if none is given: the default, or None for objects but cloth.
+        """Return the value used if none is given: the default, or None if that is for cloth only.
 
         Parameters
         ----------

@@ -91,8 +91,8 @@ def subtract_point(
     _context: Any, points: Any, i: Any, origins: Any, j: Any, result: Any, k: Any
 ) -> Any:
     """Write ``points[i : i + 3] - origins[j : j + 3]`` to ``result[k : k + 3]``."""
-    # ``result[k + 3]`` is overwritten, too. `origins` has the type of `points`, and ``j + 3`` must
-    # be a valid index. The difference is computed in the precision of the points, then rounded.
+    # ``result[k + 3]`` is overwritten, too. `origins` has the type of `points`, and an element at
+    # ``j + 3``. The difference is computed in the precision of the points, then rounded.
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         on = _Emitter(context, builder, signature, arguments)

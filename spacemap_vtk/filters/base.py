@@ -84,7 +84,7 @@ class Stage(Algorithm):
         super().AddInputConnection(*given)
 
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
-        """Run with one object and one cage; each block of a composite object is moved by it."""
+        """Run with one object and one cage, which moves each block of a composite object."""
         if not any(isinstance(data, vtkCompositeDataSet) for data in inputs):
             self.run(inputs, output, time)
             return

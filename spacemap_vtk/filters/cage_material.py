@@ -65,11 +65,11 @@ class ShearRigidity(Real):
 
     @property
     def units(self) -> list[str]:
-        """The units, except the one that does not say for which angle."""
+        """The units except gf/cm, which does not name the angle: radian or degree."""
         return [unit for unit in super().units if unit != "gf/cm"]
 
     def parse(self, text: str) -> float:
-        """Convert to N/m per radian; refuse a unit that does not say for which angle."""
+        """Convert to N/m per radian; refuse gf/cm, which may be per radian or per degree."""
         found = split_quantity(text)
         if found is not None and found[1] == "gf/cm":
             number, per_radian = found[0], parse_quantity(text, self.unit)

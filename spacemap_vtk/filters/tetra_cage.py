@@ -368,8 +368,8 @@ def _touched_by_yarns(
 
     for number, across in enumerate(cloth.size[::-1]):
         boxes = [box(number, yarn) for yarn in range(cloth.size[number])]
-        # A few yarns far apart touch most hexahedra. Of the others only those are built that may
-        # touch more.
+        # A few yarns far apart touch most hexahedra. Another yarn is built only if it may touch
+        # more.
         apart = np.arange(len(boxes)) % _APART == 0
         for yarns in (np.flatnonzero(apart), np.flatnonzero(~apart)):
             waiting = yarns.tolist()

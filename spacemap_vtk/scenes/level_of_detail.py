@@ -32,7 +32,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 
 class Form(Enum):
-    """What is drawn of a cloth."""
+    """Ways to draw a cloth."""
 
     #: All yarns, in memory together.
     WHOLE = "whole"
