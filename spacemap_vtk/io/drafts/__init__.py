@@ -1,1 +1,1 @@
-"""Files of drafts: WIF, DTX, WPO."""
+"""Read and write files of drafts: WIF, .dtx and .wpo, rows of text, and pictures."""
