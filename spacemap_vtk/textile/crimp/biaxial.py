@@ -30,17 +30,17 @@ class StretchMap(NamedTuple):
     warp: Floats
     weft: Floats
     force: Floats
-    """Along warp and weft, in N/m; 0 of yarns that do not stretch."""
+    """Along warp and weft, in N/m; 0 for yarns that do not stretch."""
     strain: Floats
-    """Of warp and weft."""
+    """Strains of warp and weft."""
     slack: Bools
     """Whether yarns are longer than their room."""
     exchange: Floats
-    """(2, n) Stretches along warp and weft at which they begin to be pulled: there they trade
+    """(2, n) Stretches along warp and weft at which yarns become taut: there they exchange
     crimp."""
     jam: Floats
-    """(2, m) Least stretch of the warp at each one of the weft, and of the weft at each of the
-    warp."""
+    """(2, m) Least stretch of the warp for each weft stretch, and of the weft for each warp
+    stretch."""
 
 
 class Tensile(NamedTuple):
@@ -48,11 +48,11 @@ class Tensile(NamedTuple):
 
     name: str
     extension: Floats
-    """(2, n) Of the cloth along warp and weft, 0 at rest."""
+    """(2, n) Extension of the cloth along warp and weft, 0 at rest."""
     force: Floats
-    """(2, n) Per width of cloth at rest, along warp and weft, in N/m."""
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m."""
     strain: Floats
-    """(2, n) Largest of the yarns' strains."""
+    """(2, n) Largest strain of any yarn."""
 
 
 def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> list[Tensile]:

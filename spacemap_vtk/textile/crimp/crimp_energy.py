@@ -63,9 +63,9 @@ class CrimpEnergy(NamedTuple):
     tension: Floats
     """(2, n) EA over the yarn's length, in N/m."""
     contact: Floats
-    """(n,) In N/m."""
+    """(n,) Stiffness of the contact, in N/m."""
     hinge: Floats
-    """(2, n) Half of D times what an angle resists with at rest, in N m2."""
+    """(2, n) Half of D times the bending stiffness of an angle at rest, in N m2."""
     rest: Floats
     """(2, n) Angles at rest."""
     full: Floats
@@ -97,17 +97,17 @@ class Slopes(NamedTuple):
     half: Floats
     straight: Floats
     over: Floats
-    """(2, n) What axes are longer than their yarns; less than 0 of slack ones."""
+    """(2, n) Length of the axis less that of the yarn; negative for slack yarns."""
     own: Floats
-    """(2, n) An axis' length by its own angle."""
+    """(2, n) Derivative of an axis's length by its own angle."""
     other: Floats
-    """(2, n) An axis' length by the other one's angle."""
+    """(2, n) Derivative of an axis's length by the angle of the other yarn."""
     turn: Floats
-    """(2, n) D by the angles."""
+    """(2, n) Derivatives of D by the angles."""
     slope: Floats
-    """(2, n) The energy, less press times D, by the angles."""
+    """(2, n) Derivatives of the energy less press times D, by the angles."""
     curve: Floats
-    """(3, n) The same by theta1 twice, by both, by theta2 twice."""
+    """(3, n) Second derivatives of the same: by theta1 twice, by both, by theta2 twice."""
 
     def pulled(self, stiff: Floats) -> Slopes:
         """Add the pull of yarns of a given stiffness; slack yarns push."""
@@ -267,20 +267,20 @@ class _Place(NamedTuple):
     heights: Floats
     distance: Floats
     top: Floats
-    """(2, n) The heights of jams at that distance."""
+    """(2, n) Heights at which yarns jam at that distance."""
     value: Floats
     half: Floats
     turn: Floats
     step: Floats
-    """(2, n) Of the angles."""
+    """(2, n) Step of the angles."""
     press: Floats
-    """(n,) With what D is pressed against its bound, in N; less than 0 at the upper one."""
+    """(n,) Force that presses D against its bound, in N; negative at the upper bound."""
     first: Bools
-    """(n,) Whether the warp's angle leads, for D feels it less, and the weft's follows."""
+    """(n,) Whether the warp's angle leads and the weft's follows; D depends less on the leader."""
     part: Floats
-    """(n,) Of the step, to be tried."""
+    """(n,) Share of the step to be tried."""
     moves: Floats
-    """(n,) How far h1 or D went to get there."""
+    """(n,) Larger of the changes of h1 and D that led to this state."""
 
 
 def least(

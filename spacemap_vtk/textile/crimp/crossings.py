@@ -26,30 +26,30 @@ class Crossings(NamedTuple):
     """Crossings of a cloth: arrays (2, n), families first, or (n,)."""
 
     own: Floats
-    """Spacing, where the yarn changes side; 0 for one that never does."""
+    """Spacing of the gap in which the yarn changes side; 0 for a yarn that never does."""
     flat: Floats
-    """What of it is flat."""
+    """Part of the spacing that is flat."""
     floats: Floats
-    """Length of floats for each such gap."""
+    """Length of floats for each gap with a change of side."""
     length: Floats
-    """Of the yarn in the gap at rest, less the flat."""
+    """Length of the yarn in the gap at rest, without the flat."""
     whole: Floats
     """The same with flat and floats."""
     spacing: Floats
     loose: Floats
     """Whether the yarn never changes side."""
     theta: Floats
-    """At rest."""
+    """Angle at rest."""
     tension: Floats
-    """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
+    """EA over the whole length, times this crossing's share; EA is 1 N if yarns do not stretch."""
     hinge: Floats
-    """6 B D (s/l)²/l at rest, where B is known, else that of 1; a crossing's part of it."""
+    """6 B D (s/l)²/l at rest, times this crossing's share; B is 1 if it is not known."""
     gain: Floats
-    """What h1 at rest gains with the stretch along each family, where bending alone decides."""
+    """Derivative of h1 at rest by the stretch along each family, where bending alone decides."""
     jam: Floats
-    """Stretch at which the yarn of its own length has no straight part."""
+    """Stretch at which the yarn, at its length at rest, has no straight part."""
     most: Floats
-    """Its height there: it has no greater one."""
+    """Height of the yarn at that stretch, its largest."""
     full: Floats
     """(n,) D at rest."""
     floor: Floats
@@ -57,7 +57,7 @@ class Crossings(NamedTuple):
     rest: Floats
     """(n,) h1 at rest."""
     contact: Floats
-    """(n,) k_D over D at rest; 0 where contact is hard."""
+    """(n,) k_D over D at rest; 0 for hard contact."""
 
     def asked(self, stretch: Floats) -> tuple[Floats, Floats]:
         """Compute the room for the arcs of each gap, and the yarn length that is left for it."""

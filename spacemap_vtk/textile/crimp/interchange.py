@@ -56,12 +56,12 @@ class YarnMechanics(NamedTuple):
     """Stiffnesses of yarns."""
 
     tension: ArrayLike = (inf, inf)
-    """EA of warp and weft in N, or of each at each crossing, (2, picks, ends); inf for both: they
-    do not stretch."""
+    """EA of warp and weft in N, or (2, picks, ends) at each crossing; inf for both means that the
+    yarns do not stretch."""
     contact: float = 0.0
-    """Stiffness k_D of crossings in N: inf is hard."""
+    """Stiffness k_D of crossings in N; inf means hard contact."""
     bending: tuple[float, float] = (0.0, 0.0)
-    """B of warp and weft, in N m2."""
+    """Bending stiffness B of warp and weft, in N m2."""
     flattest: float = 0.6 / CLOSEST
     """Least D over D at rest: packing over `CLOSEST`; 1 for hard contact."""
 
@@ -76,17 +76,17 @@ class CrimpState(NamedTuple):
     theta: Floats
     """(2, ...) Peirce's angle, in radians."""
     crimp: Floats
-    """(2, ...) Of the axes, over the stretched space, floats included."""
+    """(2, ...) Crimp of the axes over the stretched space, including floats."""
     strain: Floats
-    """(2, ...) Of the yarns, at least 0."""
+    """(2, ...) Strain of the yarns, at least 0."""
     contact: Floats
     """Force that presses the yarns together, in N; 0 where neither EA nor k_D is known."""
     slack: Bools
     """(2, ...) Whether the yarn is longer than its room."""
     jammed: Bools
-    """(2, ...) Whether the crossing holds against the stretch along warp or weft."""
+    """(2, ...) Whether the crossing resists the stretch along warp or weft."""
     stretch: Floats
-    """(2, ...) The stretches at which it stands: those asked for, or those at which it jams."""
+    """(2, ...) Stretches that are reached: those given, or those at which the crossing jams."""
 
 
 class Forces(NamedTuple):
@@ -95,7 +95,7 @@ class Forces(NamedTuple):
     energy: Floats
     """(picks, ends) J"""
     force: Floats
-    """(2, picks, ends) J; over `Interchange.cell` these are forces per width of cloth at rest."""
+    """(2, picks, ends) J; divided by `Interchange.cell`: forces per width of cloth at rest."""
     tangent: Floats
     """(2, 2, picks, ends) J; h1 and D follow the stretch."""
 
@@ -104,16 +104,16 @@ class Resultants(NamedTuple):
     """Response of a cloth to n uniform stretches."""
 
     force: Floats
-    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without what jams push;
-    0 of yarns that do not stretch, for they take any."""
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without the push of
+    jams; 0 for yarns that do not stretch, because they carry any force."""
     strain: Floats
-    """(2, n) Largest of the yarns' strains."""
+    """(2, n) Largest strain of the yarns."""
     slack: Floats
-    """(2, n) Least share of its length by which a yarn is longer than its room."""
+    """(2, n) Least excess of a yarn's length over its room, as a share of the length."""
     distance: Floats
     """(n,) Least D over D at rest."""
     stretch: Floats
-    """(2, n) Those asked for, or those at which the first crossing jams."""
+    """(2, n) Stretches that are reached: those given, or those at which the first crossing jams."""
 
 
 class Interchange:

@@ -31,11 +31,11 @@ class Said(NamedTuple):
     """Results of separate crossings; arrays are (2, picks, ends)."""
 
     grown: Floats
-    """By how much a gap's axis is longer than at rest, in metres."""
+    """Length of a gap's axis less that at rest, in metres."""
     stretch: Floats
-    """At which they stand."""
+    """Stretch that the crossings reach."""
     slack: Floats
-    """What the yarn is longer than its room, and space is past its jam, over lengths."""
+    """Excess length of the yarn over its room, plus the stretch past a jam, over lengths."""
 
 
 class _Drawn(NamedTuple):
@@ -45,7 +45,7 @@ class _Drawn(NamedTuple):
     spacing: Floats
     flat: Floats
     length: Floats
-    """(yarns,) From first to last crossing at rest, less the flats."""
+    """(yarns,) From first to last crossing at rest, without the flats."""
 
 
 class Joined:

@@ -273,11 +273,11 @@ class _Rings(NamedTuple):
     """Rings of a family, each in the plane of its yarn."""
 
     along: Floats
-    """(rings,) Their middles, along the yarn before space was stretched."""
+    """(rings,) Positions of the centres along the yarn, before space was stretched."""
     height: Floats
-    """(rings,)"""
+    """(rings,) Heights of the centres."""
     up: Floats
-    """(2, rings) Where the section's top is from the middle: along the yarn, and in z."""
+    """(2, rings) Vector from the centre to the section's top: along the yarn, and in z."""
 
 
 class _Family(NamedTuple):
@@ -285,20 +285,20 @@ class _Family(NamedTuple):
 
     upper: Bools
     radius: Floats
-    """(rings,)"""
+    """(rings,) Half the height of the section."""
     lateral: Floats
-    """(yarns,)"""
+    """(yarns,) Position of each yarn's plane."""
     plan: Plan
-    """Into which parts its yarns are cut."""
+    """Numbers of parts of its yarns."""
     rest: _Rings
     tubes: Tubes
     shape: Section
     cap: Cap | None
-    """How both ends of its yarns are closed."""
+    """Caps at both ends of its yarns."""
     spread: Floats
-    """(9, 3 points) From a ring's middle, its top and its side to its control points."""
+    """(9, 3 points) Maps a ring's centre, top and side to its control points."""
     first: int
-    """Its first ring among those of both families."""
+    """Its first ring among the rings of both families."""
     gap: Ints
     """(parts,) The gap of each part."""
     crossing: Ints
@@ -306,7 +306,7 @@ class _Family(NamedTuple):
     ends: Ints
     """(2 yarns,) First and last crossing of each yarn."""
     place: Floats
-    """(crossings,) Along the yarns."""
+    """(crossings,) Positions along the yarns."""
 
     @property
     def cap_points(self) -> int:

@@ -132,11 +132,11 @@ class _Rods(NamedTuple):
     """Stiffness of a family's mean yarn for a bending rigidity B of 1."""
 
     bending: float
-    """It resists bending of the cloth with this."""
+    """Contribution to the bending stiffness of the cloth."""
     shear: float
-    """It resists leaning, as beams between the crossings that grip it, with this [1/m²]."""
+    """Shear stiffness as beams between crossings that grip it [1/m²]."""
     pressure: float
-    """It presses a crossing, in the mean over all of them, with this [1/m²]."""
+    """Mean pressure on a crossing [1/m²]."""
 
 
 def _rods(cloth: Cloth, number: int) -> _Rods:

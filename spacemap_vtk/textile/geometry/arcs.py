@@ -46,24 +46,24 @@ class Gaps(NamedTuple):
     # Arrays have one row if all yarns agree; where space is stretched, each yarn has a row.
 
     bounds: Floats
-    """(yarns or 1, gaps + 1) Places along the yarn where gaps meet, before space was stretched."""
+    """(yarns or 1, gaps + 1) Positions along the yarn where gaps meet, in unstretched space."""
     spacing: Floats
-    """(yarns or 1, gaps) Their lengths along the yarn, as stretched."""
+    """(yarns or 1, gaps) Lengths of the gaps along the yarn, in stretched space."""
     height: Floats
-    """(yarns, gaps + 1) The axes' at the bounds."""
+    """(yarns, gaps + 1) Heights of the axes at the bounds."""
     arc: Floats
-    """(yarns, gaps + 1) Radii of the arcs there."""
+    """(yarns, gaps + 1) Radii of the arcs at the bounds."""
     stretch: Floats
-    """(yarns or 1, gaps) Of space along the yarn."""
+    """(yarns or 1, gaps) Stretch of space along the yarn."""
 
 
 class Plan(NamedTuple):
     """Numbers of parts of the gaps; they stay the same when heights change."""
 
     pieces: Ints
-    """(yarns, gaps) Parts of each of the two arcs."""
+    """(yarns, gaps) Number of parts of each of the two arcs."""
     straight: Bools
-    """(yarns, gaps) Whether there is one between the arcs."""
+    """(yarns, gaps) Whether there is a straight part between the arcs."""
 
 
 def gaps_of(

@@ -21,7 +21,7 @@ class Axes(NamedTuple):
     radius: Floats
     """(yarns,) Half the height of each yarn's section."""
     lateral: Floats
-    """(yarns,) Position of the plane in which each yarn runs."""
+    """(yarns,) Position of the plane that contains each yarn's axis."""
     parts: Ints
     """(yarns,) Number of parts."""
     along: Floats
@@ -31,15 +31,15 @@ class Axes(NamedTuple):
     angle: Floats
     """(stations,) Slope of the axis, in radians."""
     length: Floats
-    """(parts,)"""
+    """(parts,) Length of each part."""
     curvature: Floats
-    """(2, parts) At start and end of each part, above 0 where the axis turns upwards."""
+    """(2, parts) Curvature at start and end of each part, positive where the axis turns upwards."""
     reach: Floats
-    """(2, parts) Handles of the cubic that stands for each part, at its start and end."""
+    """(2, parts) Handle lengths of the cubic that approximates each part, at start and end."""
     weight: Floats
     """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
     cubic: bool
-    """Whether parts are these cubics, and not arcs and straights."""
+    """Whether the parts are these cubics rather than arcs and straight parts."""
 
     @property
     def owner(self) -> Ints:

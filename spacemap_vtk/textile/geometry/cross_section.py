@@ -32,17 +32,17 @@ class Bend(NamedTuple):
     """A part of a yarn that changes side between two neighbouring yarns that it touches."""
 
     begin: int
-    """The crossing before, counted from the first in sight."""
+    """Crossing at the start, counted from the first in view."""
     end: int
-    """The one after: in a double weave, yarns of the other cloth may lie between."""
+    """Crossing at the end; in a double weave yarns of the other cloth may lie between."""
     spacing: float
-    """p between the two yarns that are crossed, in metres."""
+    """Distance p between the two crossed yarns, in metres."""
     height: float
-    """h by which the axis rises or falls."""
+    """Rise or fall h of the axis, in metres."""
     length: float
-    """l of the axis between them."""
+    """Length l of the axis, in metres."""
     angle: float
-    """θ, its steepest slope, in radians."""
+    """Steepest slope θ of the axis, in radians."""
 
     @property
     def crimp(self) -> float:

@@ -24,9 +24,9 @@ class Section(NamedTuple):
     normal: Floats
     """(m,) Along the normal of the yarn's axis, upwards."""
     weight: Floats
-    """(m,) Rational weights; 1 where segments meet, and everywhere for polynomial sections."""
+    """(m,) Rational weights; 1 where cubics meet, and everywhere in polynomial sections."""
     error: float
-    """Largest distance from the true section."""
+    """Largest distance from the exact section."""
     aspect: float
     """Width over height."""
 
@@ -81,12 +81,12 @@ class Cap(NamedTuple):
     # exact for rational sections.
 
     lower: Ints
-    """(c,) Ring points below, from pole to pole, without the poles."""
+    """(c,) Lower points of the ring, from pole to pole, without the poles."""
     upper: Ints
-    """(c,) Ring points above."""
+    """(c,) Upper points of the ring."""
     table: Ints
-    """(size / 6, 16) Patches in VTK's order, the normal along the yarn: below `size` a point of
-    the ring, from there on a new one."""
+    """(size / 6, 16) Patches in VTK's order, with the normal along the yarn. Numbers below `size`
+    are points of the ring, the others are new points."""
 
     @property
     def new_points(self) -> int:

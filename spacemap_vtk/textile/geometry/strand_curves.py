@@ -48,11 +48,11 @@ class StrandCurves(NamedTuple):
     points: AnyFloats
     """(N, 3) Control points in m."""
     counts: Ints
-    """(curves,) Control points of each."""
+    """(curves,) Number of control points of each curve."""
     radii: AnyFloats
     """(curves,) In m."""
     yarn: Ints
-    """(curves,) Number of the yarn each is of: the ends first, then the picks."""
+    """(curves,) Yarn of each curve; ends are numbered first, then picks."""
 
 
 class _Yarn(NamedTuple):

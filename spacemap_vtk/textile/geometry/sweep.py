@@ -38,26 +38,26 @@ class CentreLines(NamedTuple):
     # Part q of the bundle, on its line y, runs from station q + y to station q + y + 1.
 
     numbers: Ints
-    """(lines,) What each line is called."""
+    """(lines,) Number by which each line is known."""
     radius: Floats
     """(lines,) Half the height of each section."""
     parts: Ints
     """(lines,) Number of parts."""
     place: Vectors
-    """Of the stations, in metres."""
+    """Positions of the stations, in metres."""
     tangent: Vectors
     """Unit vectors of frames that do not twist about the line."""
     normal: Vectors
-    """Where the section's top is: tangent x lateral."""
+    """Direction of the section's top: tangent x lateral."""
     lateral: Vectors
     curvature: Floats
-    """(2, parts) At start and end of each part, above 0 where the line turns to the normal."""
+    """(2, parts) Curvature at start and end of each part, positive towards the normal."""
     reach: Floats
-    """(2, parts) Handles of the cubic that stands for each part, at its start and end."""
+    """(2, parts) Handle lengths of the cubic that approximates each part, at start and end."""
     weight: Floats
     """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
     sideways: Floats | None = None
-    """(2, parts) Curvature to the lateral; None where there is none."""
+    """(2, parts) Curvature towards the lateral; None if there is none."""
 
     @property
     def owner(self) -> Ints:
@@ -76,9 +76,9 @@ class Tubes(NamedTuple):
     first: int
     """First control point."""
     ring: int
-    """Control points in a ring."""
+    """Number of control points in a ring."""
     parts: Ints
-    """(lines,) Parts of each line; line y has 3 parts + 1 rings."""
+    """(lines,) Number of parts of each line; line y has 3 parts + 1 rings."""
     aspect: float
     """Width of the section over its height."""
 
@@ -102,19 +102,19 @@ class Swept(NamedTuple):
     """(N, 3) Control points in metres; shared inside a line, not between lines."""
     patches: AnyInts
     """(P, 16) Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3
-    x 3. On tubes u runs along the line and v round it, du x dv points outwards, everywhere. Tubes
-    line by line, part by part, round the line; then caps, line by line. int32 where that will do:
-    they are read at every step, and VTK takes either over without a copy."""
+    x 3. On tubes u runs along the line and v around it; du x dv points outwards everywhere. Tubes
+    come line by line, part by part, around the line; then caps, line by line. int32 if the numbers
+    fit: they are read at every step, and VTK uses either type without a copy."""
     weights: Floats | None
     """(N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1."""
     line: NDArray[np.int32]
-    """(P,) What the line of each patch is called."""
+    """(P,) Number of each patch's line."""
     bundle: NDArray[np.uint8]
-    """(P,) Number of its bundle."""
+    """(P,) Number of each patch's bundle."""
     tube_patches: int
-    """Number of patches that are no caps."""
+    """Number of patches that are not caps."""
     tubes: tuple[Tubes, ...]
-    """Where the rings of each bundle stand in `points`."""
+    """Positions of each bundle's rings in `points`."""
 
 
 def sweep(

@@ -157,7 +157,7 @@ class Counts(NamedTuple):
     """Control points."""
     patches: int
     parts: int
-    """Of the axes of all yarns."""
+    """Parts of the axes of all yarns."""
 
     def bytes(self, exact: bool = False, single: bool = False) -> int:
         """Estimate the memory of built patches, as `filters.WeaveSource` stores them.

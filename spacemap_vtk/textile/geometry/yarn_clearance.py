@@ -53,11 +53,11 @@ class Clearance(NamedTuple):
     """The place where two yarns are closest to each other."""
 
     distance: float
-    """Between their surfaces, in m; below 0 by how far they overlap."""
+    """Distance between their surfaces, in m; negative by the depth of an overlap."""
     yarns: tuple[int, int]
-    """Which: the ends are numbered first, then the picks."""
+    """Numbers of the yarns; ends are numbered first, then picks."""
     place: Floats
-    """(3,) Between their surfaces, in m."""
+    """(3,) Point between their surfaces, in m."""
 
 
 class _Tubes(NamedTuple):
@@ -66,13 +66,13 @@ class _Tubes(NamedTuple):
     parts: Ints
     """(yarns,) Number of parts."""
     radius: Floats
-    """(yarns,) About the radius."""
+    """(yarns,) Approximate radius."""
     flat: Bools
     """(yarns,) Whether the section is flattened."""
     perpendicular: bool
-    """Whether sections are round, but for their flat, and perpendicular to the axis."""
+    """Whether sections are round, except for their flat, and perpendicular to the axis."""
     at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
-    """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
+    """Axis, normal and lateral radius, and half the flat, (n, 3) each, at fractions of parts."""
 
 
 def touching(cloth: Cloth) -> Clearance:

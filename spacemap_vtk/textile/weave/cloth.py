@@ -58,11 +58,11 @@ class Passing(NamedTuple):
     """Radii and heights of yarns at the yarns that they cross: arrays (yarns, crossings)."""
 
     arc: Floats
-    """Radii of the arcs on which they do: where yarns touch, how far apart the axes are, R."""
+    """Radii of the arcs; where yarns touch, the radius is the distance R of the axes."""
     height: Floats
-    """Of the axes, in z."""
+    """Heights of the axes, in z."""
     kept: Bools | None
-    """Where they take notice of what they cross; None: everywhere."""
+    """Whether the yarn bends at the crossing; None: it bends at every crossing."""
 
 
 class Family(NamedTuple):
@@ -71,15 +71,15 @@ class Family(NamedTuple):
     diameter: float
     """Height of the section, along z."""
     spacing: float
-    """Distance between the yarns of the family itself."""
+    """Distance between the yarns of this family."""
     crossed: float
-    """Distance between the yarns that it crosses."""
+    """Distance between the yarns that this family crosses."""
     height: float
     """Crimp height."""
     overhang: float
     """Length of each yarn past its last crossing."""
     crimp: Crimp
-    """Peirce's figures where a yarn changes side; with flats, their length is counted in."""
+    """Peirce's figures where a yarn changes side, with the length of flats included."""
     width: float
     """Width of the section, along the cloth."""
 

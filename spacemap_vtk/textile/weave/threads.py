@@ -36,7 +36,7 @@ class Yarns(NamedTuple):
     section: str
     """One of `SECTIONS`; "circular" wherever the aspect is 1."""
     position: Floats
-    """(n,) Places across the whole family."""
+    """(n,) Positions across the whole family."""
 
     def chosen(self, which: Some) -> Yarns:
         """Select some of the yarns; their positions stay unchanged."""
