@@ -215,7 +215,7 @@ def wait_written(window: Any, file: Path) -> None:
 def keep_picture(window: Any, name: str) -> None:
     """Save what the screen shows of a window, in the folder that SPACEMAP_WALKS names.
 
-    The pictures in docs/tutorials are made in this way; docs/contributing/set_up.md has the command.
+    The pictures in docs/tutorials are made like this; docs/contributing/set_up.md has the command.
     """
     if (folder := os.environ.get("SPACEMAP_WALKS")) is None:
         return

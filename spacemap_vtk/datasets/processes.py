@@ -32,7 +32,7 @@ class Piece(NamedTuple):
     number: int = 0
     of: int = 1
     ghosts: int = 0
-    """Layers of cells round it that other pieces own."""
+    """Number of layers of cells around the piece that other pieces own."""
 
 
 #: The whole data set as a single piece.

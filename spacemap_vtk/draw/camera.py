@@ -49,9 +49,9 @@ class Viewpoint(NamedTuple):
     focus: tuple[float, float, float]
     up: tuple[float, float, float]
     parallel_scale: float = 0.0
-    """Half the height of what a parallel projection shows; 0 for perspective."""
+    """Half the height of the visible area in parallel projection, in m; 0 for perspective."""
     angle: float = VIEW_ANGLE
-    """Full opening of the lens over the height of the picture, in degrees."""
+    """Vertical view angle of the camera, in degrees."""
 
     @classmethod
     def of(cls, camera: vtkCamera) -> Viewpoint:

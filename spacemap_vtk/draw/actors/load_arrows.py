@@ -42,15 +42,15 @@ class Arrows(NamedTuple):
     """Arrows of loads, in m."""
 
     starts: Floats
-    """(n, 3)"""
+    """(n, 3) Starts of the arrows."""
     vectors: Floats
-    """(n, 3), from start to tip."""
+    """(n, 3) Vectors from start to tip."""
     kinds: tuple[str, ...]
-    """(n,), keys of `KINDS`."""
+    """(n,) Kinds of load, keys of `KINDS`."""
     places: Floats
-    """(n, 3), which of its ends is where it acts; of a load on the whole cage not a number."""
+    """(n, 3) Points where the loads act; NaN for loads on the whole cage."""
     reach: Floats
-    """(m, 3), both ends of all arrows while their loads are strongest, one way and the other."""
+    """(m, 3) Ends of all arrows at the least and at the largest factor of their loads."""
 
 
 def load_arrows(

@@ -28,11 +28,11 @@ class Measures(NamedTuple):
     """Scale and orientation of a view."""
 
     length: float
-    """That a unit of the picture is in the plane of the focus, in m."""
+    """Length of a unit of the picture, in the plane of the focus, in m."""
     axes: Floats
-    """(3, 3) Where x, y and z point: right, up, towards the eye."""
+    """(3, 3) The axes x, y and z in the camera's frame: right, up, towards the eye."""
     flat: bool
-    """Whether there is no perspective."""
+    """Whether the projection is parallel."""
 
 
 def measures_of(camera: vtkCamera, height: float) -> Measures:

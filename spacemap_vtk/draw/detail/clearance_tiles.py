@@ -43,17 +43,17 @@ class ClothTile(NamedTuple):
     """The surface of some crossings of a cloth, and of the crossings around them."""
 
     surface: vtkPolyData
-    """Of all of them."""
+    """Surface of the tile and of the yarns around it."""
     found: Singles
-    """Of each point, how far it is from the next yarn, infinite beside the tile."""
+    """Distance of each point to the next yarn, in m; infinite outside the tile."""
     quads: NDArray[Any]
-    """(patches, facets, 4) Points of each patch's facets."""
+    """(patches, facets, 4) Point indices of each patch's facets."""
     inside: Bools
-    """(patches,) Which belong to the tile."""
+    """(patches,) Whether each patch belongs to the tile."""
     corners: Floats
-    """(patches, 4, 3) At rest, in m."""
+    """(patches, 4, 3) Corners of the patches at rest, in m."""
     yarn: NDArray[Any]
-    """(patches,) Of each, its yarn."""
+    """(patches,) Yarn of each patch."""
 
     @property
     def cut(self) -> vtkPolyData:
@@ -131,9 +131,9 @@ class Clearances(NamedTuple):
     """Clearances between the yarns of a cloth."""
 
     crossings: Singles
-    """(2, picks, ends) The mean of what is seen of end and pick at each crossing, in m."""
+    """(2, picks, ends) Mean clearance of the visible half of end and pick, in m."""
     ends: Singles
-    """(2,) The least and the largest, of all points."""
+    """(2,) Smallest and largest clearance of all points, in m."""
 
 
 class SampledClearances:

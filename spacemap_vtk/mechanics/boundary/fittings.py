@@ -28,17 +28,17 @@ class Fittings(NamedTuple):
     """Arrays of fittings; None for those that the cage does not have."""
 
     normals: Floats | None = None
-    """(V, 3, 3), Σ n nᵀ over the directions n that a vertex is held along."""
+    """(V, 3, 3), Σ n nᵀ over the directions n along which a vertex is held."""
     bodies: Ints | None = None
-    """(V,), the number of the rigid body that a vertex belongs to, from 1 on; 0 of none."""
+    """(V,), number of the rigid body of each vertex, from 1; 0 for none."""
     springs: Floats | None = None
-    """(V, 3, 3), stiffness against the base [N/m]."""
+    """(V, 3, 3), stiffness of springs to the base [N/m]."""
     masses: Floats | None = None
-    """(V,), in kg."""
+    """(V,), point masses [kg]."""
     stiffness_factors: Floats | None = None
-    """(T,), by which the elasticity of each tetrahedron is multiplied."""
+    """(T,), factor of the elasticity of each tetrahedron."""
     mass_factors: Floats | None = None
-    """(T,), by which its density is."""
+    """(T,), factor of the density of each tetrahedron."""
 
     @property
     def given(self) -> dict[str, NDArray[Any]]:

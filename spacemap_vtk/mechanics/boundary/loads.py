@@ -22,16 +22,16 @@ class Wall(NamedTuple):
     """Faces of a mesh that lie in one side of its bounding box."""
 
     nodes: Ints
-    """(f, k), the vertices that carry the load of each face alike: its corners in a mesh of linear
-    tetrahedra, the middles of its edges in one of quadratic ones; of a sheet the corners of a
-    hexahedron's face."""
+    """(f, k), vertices that share the load of each face equally: the corners for linear tetrahedra,
+    the midpoints of the edges for quadratic ones, and the corners of a hexahedron's face for a
+    sheet."""
     areas: Floats
-    """(f,) in m²."""
+    """(f,), areas of the faces [m²]."""
     normal: Floats
-    """(3,), outward, of length one."""
+    """(3,), outward unit normal."""
     faces: Ints
-    """(f, k), corners counter-clockwise seen from outside: of triangles, with the middles of their
-    edges in a mesh of quadratic tetrahedra, or of quadrilaterals."""
+    """(f, k), corners of the faces, counter-clockwise seen from outside: triangles, for quadratic
+    tetrahedra followed by the midpoints of their edges, or quadrilaterals."""
 
 
 def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:

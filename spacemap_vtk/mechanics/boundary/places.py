@@ -50,19 +50,19 @@ class Region(NamedTuple):
     """Place, the components or direction that count there, and its quantity."""
 
     shape: str
-    """A side, ``"box"``, ``"sphere"`` or ``"mask"``."""
+    """Side, ``"box"``, ``"sphere"`` or ``"mask"``."""
     numbers: tuple[float, ...] = ()
-    """Of a box (6) or sphere (4), in m."""
+    """Numbers of a box (6) or sphere (4) [m]."""
     name: str = ""
-    """Of a mask."""
+    """Name of a mask."""
     components: str = "xyz"
-    """In the order "xyz"; empty where there is a direction."""
+    """Components in the order "xyz"; empty if there is a direction."""
     direction: tuple[float, ...] = ()
-    """Of any length."""
+    """Direction of any length."""
     value: float = 0.0
-    """In `unit`."""
+    """Quantity in `unit`."""
     unit: str = ""
-    """SI; empty where there is no quantity."""
+    """SI unit; empty if there is no quantity."""
 
     def __str__(self) -> str:
         text = self.shape

@@ -24,15 +24,15 @@ class Pieces(NamedTuple):
     # periodic function repeats from its first time, which is 0.
 
     times: Floats
-    """(k,), ascending, the start of each piece [s]; the first is 0."""
+    """(k,), start of each piece [s], ascending; the first is 0."""
     values: Floats
-    """(k,), at the start of each piece."""
+    """(k,), value at the start of each piece."""
     slopes: Floats
-    """(k,), along each piece [1/s]."""
+    """(k,), slope of each piece [1/s]."""
     period: float | None = None
-    """After which it repeats [s]."""
+    """Period after which the function repeats [s]."""
     steady: bool = False
-    """Of a periodic function: it has been going on for ever."""
+    """Whether a periodic function has been repeating for ever."""
 
     def phase(self, time: float) -> tuple[int, float]:
         """Count the periods before a time, and compute the time since the last one."""
@@ -77,11 +77,11 @@ class Sine(NamedTuple):
     """Factor sin(Ωt + φ), from t = 0 on."""
 
     omega: float
-    """Ω [rad/s], above 0."""
+    """Angular frequency Ω [rad/s], above 0."""
     phase: float = 0.0
-    """φ [rad]."""
+    """Phase φ [rad]."""
     steady: bool = False
-    """It has been going on for ever, so that its response is steady from the first."""
+    """Whether it has been oscillating for ever, so that the response is steady from t = 0."""
 
     def value(self, time: float) -> float:
         """Compute the factor at a time."""

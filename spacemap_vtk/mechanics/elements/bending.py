@@ -38,18 +38,18 @@ class Locking(NamedTuple):
     """Factors by which a cage is too stiff; its frequencies are too high by their square roots."""
 
     bending: float
-    """Of its five lowest modes, that which suffers least: it bends about one axis."""
+    """Smallest factor among the five lowest modes: that of a mode that bends about one axis."""
     twist: float
-    """That which suffers most: it twists, as all does that bends about both axes at once."""
+    """Largest factor among them: that of a mode that twists, or bends about both axes."""
 
 
 class Proportions(NamedTuple):
     """Proportions of a thin mesh and of its tetrahedra."""
 
     normal: int
-    """The axis of its thickness."""
+    """Axis of the thickness."""
     long: list[int]
-    """The axes along which it is not thin: two of a sheet, one of a bar, none of a block."""
+    """Axes along which the mesh is not thin: two for a sheet, one for a bar, none for a block."""
     thickness: float
     """Extent of the bounding box along the normal [m]."""
     width: float

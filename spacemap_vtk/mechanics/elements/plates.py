@@ -57,19 +57,19 @@ class DataSheet(NamedTuple):
     """Measured data of a sheet, named as the parameters of `spacemap_vtk.ModalSolver`."""
 
     tensile_rigidity: tuple[float, float]
-    """Of the warp and of the weft [N/m]."""
+    """Tensile rigidity along the warp and along the weft [N/m]."""
     shear_rigidity: float
-    """In N/m."""
+    """Shear rigidity [N/m]."""
     poissons_ratio_in_plane: float
     """Contraction along the weft for a stretch along the warp."""
     bending_rigidity: tuple[float, float]
-    """Of the warp and of the weft [N m]."""
+    """Bending rigidity along the warp and along the weft [N m]."""
     bending_length: tuple[float, float]
-    """Peirce's, of the warp and of the weft [m]."""
+    """Peirce's bending length along the warp and along the weft [m]."""
     twisting_rigidity: float
-    """D66 [N m]."""
+    """Twisting rigidity D66 [N m]."""
     areal_mass: float
-    """In kg/m²."""
+    """Mass per area [kg/m²]."""
 
 
 def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:

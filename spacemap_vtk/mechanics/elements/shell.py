@@ -47,11 +47,11 @@ class MidSurface(NamedTuple):
     """Pairs of vertices of a one-layer lattice, and its quadrilaterals of pairs."""
 
     pairs: Ints
-    """(P, 2) vertices at the upper and the lower end of each."""
+    """(P, 2), vertices at the upper and the lower end of each pair."""
     quads: Ints
-    """(E, 4) pairs of each hexahedron, counter-clockwise seen from above."""
+    """(E, 4), pairs of each hexahedron, counter-clockwise seen from above."""
     normal: int
-    """The axis nearest to the direction across the layer."""
+    """Axis nearest to the direction across the layer."""
 
     def nodal(self, vertices: Floats) -> Floats:
         """Convert values of the vertices to those of all p, followed by all δ, both (V, …)."""
@@ -101,9 +101,9 @@ class Layer(NamedTuple):
     thickness: float
     """Mean length of the pairs [m]."""
     normal: int
-    """The axis nearest to the direction across it: 0, 1 or 2."""
+    """Axis nearest to the direction across the layer: 0, 1 or 2."""
     aspect: float
-    """How many times wider than thick the cells are."""
+    """Ratio of the width of the cells to their thickness."""
     cell: float
     """Mean of the cells' shorter sides [m]."""
 

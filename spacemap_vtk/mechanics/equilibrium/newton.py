@@ -83,11 +83,11 @@ class Equilibrium(NamedTuple):
     positions: Floats
     """Nodal vectors (V, 3)."""
     steps: int
-    """Linear systems that were solved."""
+    """Number of linear systems that were solved."""
     residual: float
     """Norm of the unbalanced forces, as a share of that of the load."""
     critical: float | None
-    """Share of the load at which the body buckled, on its way straight to an unstable state."""
+    """Share of the load at which the body buckled, if its direct path became unstable."""
 
 
 def equilibrium(

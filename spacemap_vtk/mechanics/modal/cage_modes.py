@@ -23,13 +23,13 @@ class LoadVector(NamedTuple):
     """Forces on the vertices, with their time function."""
 
     parts: tuple[tuple[str, float], ...]
-    """Name and size of each elementary vector that it is a sum of."""
+    """Name and size of each elementary vector in the sum."""
     function: TimeFunction
-    """The factor."""
+    """Factor over time."""
     moves_base: Floats | None = None
-    """The displacement of the base [m], for which the vector is the mass times it."""
+    """Displacement of the base [m]; the vector is the mass times this displacement."""
     pressure: float = 0.0
-    """The pressure that stays normal to `faces` [Pa]; `parts` are those where nothing has moved."""
+    """Pressure that stays normal to `faces` [Pa]; `parts` are its forces before anything moves."""
     faces: Ints | None = None
     """(f, k) of a `spacemap_vtk.mechanics.boundary.loads.Wall`; None for all other loads."""
 
@@ -38,9 +38,9 @@ class Basis(NamedTuple):
     """Shapes in which a cage moves."""
 
     eigenvalues: Floats
-    """(n + k,): of the modes and of the residual vectors."""
+    """(n + k,), eigenvalues of the modes and of the residual vectors."""
     shapes: Floats
-    """(n + k, 3V)."""
+    """(n + k, 3V), their shapes."""
 
 
 #: Largest distance of a load from the cage's bounding box, as a share of its diagonal.

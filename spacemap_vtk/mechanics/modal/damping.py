@@ -17,11 +17,11 @@ class Damping(NamedTuple):
     """Damping of the modes, 2hₖ = α + βλₖ + 2ζₖ√λₖ."""
 
     alpha: float = 0.0
-    """Proportional to mass [1/s]."""
+    """Damping α proportional to mass [1/s]."""
     beta: float = 0.0
-    """Proportional to stiffness [s]."""
+    """Damping β proportional to stiffness [s]."""
     ratio: float | tuple[float, ...] = 0.0
-    """ζ of every mode that has a frequency; or of each mode, the last one's for all that follow."""
+    """ζ of every mode with a frequency; or ζ of each mode, the last also for all higher modes."""
 
     def alphas(self, eigenvalues: Floats) -> Floats:
         """Compute each mode's mass-proportional damping, α + 2ζ√λ.

@@ -65,7 +65,7 @@ class Modes(NamedTuple):
     shapes: Floats
     """Mode shapes [1/√kg], (n, V, 3)."""
     rounding: Floats
-    """An estimate, from above, of the share of each λ that is rounding, (n,): 0 to 1."""
+    """Upper estimate of the share of each λ that is rounding, (n,): 0 to 1."""
 
 
 def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:

@@ -54,13 +54,13 @@ class Nodes(NamedTuple):
     """Positions of a mesh's nodes, their kinds, and what acts on them."""
 
     positions: Floats
-    """Those that the stiffness is of [m], (V, 3)."""
+    """Positions at which the stiffness is the tangent [m], (V, 3)."""
     translate: Bools
-    """Which are places; of a sheet there are half thicknesses, which only turn, (V,)."""
+    """Whether a node is a position; half thicknesses of a sheet are not, and only turn, (V,)."""
     forces: Floats | None = None
-    """What strains it there, where anything does, (V, 3)."""
+    """Forces that hold the equilibrium, if it is strained, (V, 3)."""
     springs: sp.csr_matrix | None = None
-    """What springs to the base do to displacements, (3V, 3V), whatever their stiffness."""
+    """Matrix of the springs to the base, scaled to ignore their stiffness, (3V, 3V)."""
 
     @property
     def groups(self) -> Ints:

@@ -41,9 +41,9 @@ class Motion(Protocol):
     """Motion of a cage: the displacements of its vertices or of a point, and energies."""
 
     points: Floats
-    """The vertices at rest [m], (V, 3)."""
+    """Vertices at rest [m], (V, 3)."""
     cells: Ints
-    """The tetrahedra, (T, 4) or (T, 10)."""
+    """Tetrahedra, (T, 4) or (T, 10)."""
 
     def at(self, time: float) -> Floats:
         """Compute displacement, velocity and acceleration of vertices [m, m/s, m/s²], (3, V, 3)."""

@@ -36,13 +36,13 @@ class Energy(NamedTuple):
     """Energies at one time [J]; kinetic + strain + dissipated = work."""
 
     kinetic: float
-    """Of the motion relative to the base."""
+    """Kinetic energy of the motion relative to the base."""
     strain: float
-    """Stored in the springs."""
+    """Energy stored as strain."""
     dissipated: float
-    """Lost in the dampers since t = 0."""
+    """Energy dissipated by damping since t = 0."""
     work: float
-    """Put in from outside: by the loads, by a base that jumps, and by whoever made the start."""
+    """Energy supplied from outside: by loads, by jumps of the base, and by the initial state."""
 
 
 class Balance(NamedTuple):
@@ -51,11 +51,11 @@ class Balance(NamedTuple):
     kinetic: Floats
     strain: Floats
     potential: Floats
-    """Of the loads that never change (weight, for example); 0 at t = 0."""
+    """Potential energy of loads that never change, such as weight; 0 at t = 0."""
     dissipated: Floats
-    """Lost in the dampers since t = 0."""
+    """Energy dissipated by damping since t = 0."""
     work: Floats
-    """Done since t = 0 by the loads that change with time or with the motion."""
+    """Work since t = 0 of the loads that change with time or with the motion."""
     total: Floats
     """kinetic + strain + potential + dissipated - work, which is conserved."""
 
@@ -205,13 +205,13 @@ class _Spells(NamedTuple):
 
     motion: ModalMotion
     spans: Floats
-    """(p, 1)."""
+    """(p, 1), lengths in time."""
     firsts: Floats
     lasts: Floats
-    """(p, 2, n)."""
+    """(p, 2, n), also for `firsts`."""
     load: Floats
     slope: Floats
-    """(p, n)."""
+    """(p, n), also for `load`."""
     sines: list[tuple[ComplexArray, float]]
     """Phasors (p, n), and Ω."""
 

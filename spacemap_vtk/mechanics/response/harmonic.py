@@ -30,7 +30,7 @@ class Forced(NamedTuple):
     value: ComplexArray
     """X [s²]."""
     rate: ComplexArray
-    """Its derivative [s]."""
+    """Derivative of X [s]."""
 
 
 def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | float) -> Forced:

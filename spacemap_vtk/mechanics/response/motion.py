@@ -32,12 +32,12 @@ class Drive(NamedTuple):
     """Load on the modes, with its time function."""
 
     gain: Floats
-    """(n,), load on each mode for a factor of one: Sᵀf; for a moving base Γ = Sᵀ M r times the
+    """(n,), load on each mode for a factor of one: Sᵀf; for a moving base, Γ = Sᵀ M r times the
     displacement."""
     function: TimeFunction
-    """The factor."""
+    """Factor over time."""
     moves_base: bool = False
-    """Whether it is the displacement of the base."""
+    """Whether the factor is the displacement of the base."""
 
 
 class State(NamedTuple):

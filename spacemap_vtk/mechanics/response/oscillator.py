@@ -38,11 +38,11 @@ class Kernels(NamedTuple):
     free: Floats
     """q after q(0) = 1, q̇(0) = 0 [1]."""
     free_rate: Floats
-    """Its derivative [1/s]."""
+    """Derivative of `free` [1/s]."""
     impulse: Floats
     """q after q(0) = 0, q̇(0) = 1 [s]."""
     impulse_rate: Floats
-    """Its derivative [1]."""
+    """Derivative of `impulse` [1]."""
     step: Floats
     """q from rest under w = 1 [s²]; its derivative is `impulse`."""
     ramp: Floats

@@ -23,11 +23,11 @@ class Realm(NamedTuple):
     """Largest rotation, stretch and change of volume of any cell over several times."""
 
     rotation: float
-    """Half the curl of the displacement from rest, of a tetrahedron [rad]."""
+    """Largest rotation of a tetrahedron: half the curl of the displacement from rest [rad]."""
     stretch: float
-    """Change of an edge's length, of a sheet on its mid-surface, as a share of it."""
+    """Largest relative change of an edge's length; for a sheet, on its mid-surface."""
     volume: float
-    """Change of a tetrahedron's volume, as a share of it."""
+    """Largest relative change of a tetrahedron's volume."""
 
     @property
     def period(self) -> float:

@@ -91,7 +91,7 @@ class Acting(NamedTuple):
     push: Floats
     """Forces, (N,)."""
     factors: Floats
-    """By which each term that does external work is multiplied, (n,)."""
+    """Factors of the terms that do external work, (n,)."""
 
 
 class Step(NamedTuple):
@@ -102,7 +102,7 @@ class Step(NamedTuple):
     rate: Floats
     """q̇ [1/s], (N,)."""
     parts: list[TermState]
-    """All terms in this state."""
+    """All terms, evaluated in this state."""
     damped: float
     """Energy dissipated in the step."""
     work: float
@@ -117,13 +117,13 @@ class _Stages(NamedTuple):
     """Elements of one kind; each list has an entry for each of the two stages."""
 
     slopes: list[Floats]
-    """G."""
+    """Gradients G."""
     spins: list[Floats]
-    """The rate of G."""
+    """Rate of G."""
     rates: list[Floats]
-    """ε̇."""
+    """Strain rates ε̇."""
     stress: list[Floats]
-    """C (ε + β ε̇)."""
+    """Stress C (ε + β ε̇)."""
 
 
 class _Kept(NamedTuple):
