@@ -68,7 +68,7 @@ def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
 
 
 _LATE = """
-from spacemap_vtk.mechanics import blas_threads
+from spacemap_vtk.mechanics.linalg import blas_threads
 with blas_threads.one():
     pass
 import scipy.linalg

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import vtk
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, TetraCage, TransientResponse
 from spacemap_vtk.cage.lattice import lattice
@@ -139,7 +139,7 @@ def solver(
     **values: Any,
 ) -> ModalSolver:
     """Return the solver of a block that stands at z = 0, and slides up and down its walls."""
-    box = vtk.vtkCubeSource()
+    box = vtkCubeSource()
     box.SetBounds(0, SIDE, 0, SIDE, 0, thickness)
     cage = TetraCage(divisions=divisions, padding=0.0)
     cage.SetInputConnection(box.GetOutputPort())

@@ -152,7 +152,7 @@ def test_the_files_that_a_citation_names_are_there_and_name_its_author() -> None
     named = 0
     for reference in references:
         author = re.search(r"family-names: \"?([\w']+)", reference)
-        files = re.findall(r"\w+/\w+\.py", reference)
+        files = re.findall(r"[\w/]+/\w+\.py", reference)
         assert author is not None
         sources = [(ROOT / "spacemap_vtk" / file).read_text("utf-8") for file in files]
         assert not files or any(author[1] in source for source in sources), author[1]

@@ -168,7 +168,9 @@ def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("kept", [True, False])
 def test_nothing_is_kept_beside_the_program(kept: bool, tmp_path: Path) -> None:
     """What pip did not install would outlive it, and hide an editable install of the same."""
-    code = "from spacemap_vtk.draw import raster_loops as r; print(r.fill.stats.cache_path)"
+    code = (
+        "from spacemap_vtk.draw.software import raster_loops as r; print(r.fill.stats.cache_path)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "SPACEMAP_CACHE": str(tmp_path) if kept else "off"},
