@@ -40,6 +40,7 @@ from spacemap_vtk.scenes.footprint import (
     PictureRequest,
     grain_of,
     panels_of,
+    require_piece,
     widths_of,
 )
 from spacemap_vtk.scenes.level_of_detail import (
@@ -166,6 +167,9 @@ class Picture:
             for each in self.panels:
                 each.shown.sheet.resolve(True)
         if self.level.form in (Form.PIECES, Form.TILES):
+            patches = cloth.patches // self.level.pieces
+            sides = cloth.subdivisions or self.level.sides
+            require_piece(scene, (cloth.ends, cloth.picks), patches, sides)
             self.pieces = DrawnPieces(scene, self.level)
 
     def _tell_of_facets(self) -> None:

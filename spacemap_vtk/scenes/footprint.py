@@ -158,6 +158,19 @@ def require_sheet(scene: Scene, counts: tuple[int, int], size: int) -> None:
         )
 
 
+def require_piece(scene: Scene, counts: tuple[int, int], patches: int, sides: int) -> None:
+    """Refuse yarns of which a piece does not fit into memory; windows and the sheet exist."""
+    # Twice, because the previous piece is still in memory while a piece is made.
+    size = 2 * (patch_bytes(scene, patches) + _SURFACE_POINT * patches * (sides + 1) ** 2)
+    with scene.naming_file(), naming_section("view"):
+        require(
+            size,
+            "a picture of {} x {} yarns, in pieces,".format(*counts),
+            key="size",
+            cure="Take a smaller one, lower surface.subdivisions, or fewer ends and picks.",
+        )
+
+
 def require_yarns(
     scene: Scene,
     request: PictureRequest,
