@@ -11,20 +11,24 @@ import numpy as np
 import pytest
 import pyvista as pv
 from scipy.interpolate import CubicHermiteSpline
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 import spacemap_vtk
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
-from spacemap_vtk.datasets.cloth_data import set_patches
+from spacemap_vtk.datasets.cloth_data import add_cloth, set_patches
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.textile import Measure, Textile, Woven
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs.sweep import carry_out_run
+from spacemap_vtk.mechanics.elements.plates import data_sheet
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
 from spacemap_vtk.scenes.runs import sweep_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry.section import section
 from spacemap_vtk.textile.geometry.sweep import CentreLines, sweep
@@ -189,11 +193,16 @@ class Tabby(Stage, Woven):
     def fibre_share(self) -> float:
         return 0.6
 
+    @property
+    def mechanics(self) -> YarnMechanics:
+        return YarnMechanics(tension=(50.0, 50.0), contact=5.0, bending=(2e-9, 2e-9))
+
     def make_draft(self) -> Draft:
         return Draft(self.cloth.drawdown, self.source.loom_for(self.cloth.drawdown))
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
         made = build(self.cloth)
+        add_cloth(output, self.cloth)
         set_patches(output, made)
         add_array(output.GetCellData(), "yarn", made.yarn)
         add_array(output.GetCellData(), "color", np.full((len(made.yarn), 3), 180, np.uint8))
@@ -344,3 +353,19 @@ def test_yarns_without_a_diameter_are_refused() -> None:
 
     with pytest.raises(NotImplementedError, match="Bare does not state its yarns' diameters"):
         _ = Bare().yarn_diameters
+
+
+def test_a_source_states_the_mechanics_of_its_yarns() -> None:
+    modal = {"elements": "sheet", "material": "yarns"}
+    scene = Scene({"tabby": {}, "modal": modal})
+    scene.update()
+    known = scene.part(Tabby)
+    expected = data_sheet(cloth_stiffness(known.cloth, known.mechanics), 1.0)
+    tension = vtk_to_numpy(scene.modal.output.GetFieldData().GetArray("tensile_rigidity"))
+    np.testing.assert_allclose(tension, expected.tensile_rigidity, rtol=1e-12)
+    # A section [yarns] takes precedence.
+    yarns = {"inextensible": False, "tension": 50.0, "contact": 5.0, "bending": 4e-9}
+    scene = Scene({"tabby": {}, "yarns": yarns, "modal": modal})
+    scene.update()
+    other = vtk_to_numpy(scene.modal.output.GetFieldData().GetArray("bending_rigidity"))
+    assert other == pytest.approx(2 * np.array(expected.bending_rigidity))

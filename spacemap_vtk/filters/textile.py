@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from spacemap_vtk.textile.geometry.partition import whole_bounds
 from spacemap_vtk.textile.geometry.weave import Counts
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.yarn import section_factor
+
+if TYPE_CHECKING:
+    from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 
 
 class Measure(NamedTuple):
@@ -56,6 +59,11 @@ class Textile:
     @property
     def linear_densities(self) -> Floats | None:
         """Mass per length of each yarn [kg/m], (yarns,)."""
+        return None
+
+    @property
+    def mechanics(self) -> YarnMechanics | None:
+        """Stiffness of the yarns, unless a section [yarns] gives another one."""
         return None
 
     @property

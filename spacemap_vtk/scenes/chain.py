@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import spacemap_vtk
 from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ROLES, Stage, connect
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.settings import Animation, View
+
+if TYPE_CHECKING:
+    from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 
 
 def sections() -> dict[str, type[Parameterised]]:
@@ -118,8 +123,12 @@ def fits(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]
 def connect_chain(stages: Iterable[Stage]) -> None:
     """Connect each input port to the last stage before that makes the data it accepts."""
     stages = list(stages)
-    # The stage for crimp interchange declares the stiffness of yarns; the solver uses it, too.
+    # The solver uses the stiffness of yarns that the stage for crimp interchange declares, or else
+    # that of the textile itself.
+    yarns: YarnParameters | YarnMechanics | None
     yarns = next((stage for stage in stages if isinstance(stage, YarnParameters)), None)
+    if yarns is None and isinstance(stages[0], Textile):
+        yarns = stages[0].mechanics
     made: dict[str, Stage] = {}
     for stage in stages:
         if isinstance(stage, ModalSolver):
