@@ -196,9 +196,10 @@ def test_a_surface_that_could_not_be_drawn_is_refused_and_the_last_stays(
     told: list[str] = []
     window.director.failed.connect(lambda *words: told.append(" ".join(map(str, words))))
     shown = window.view.frame.surface.GetNumberOfCells()
-    # Enough for the surface itself, and not for what draws it.
+    # Enough for the surface itself, and not for OpenGL's copy.
+    monkeypatch.setattr("spacemap_vtk.app.work.pipeline.DRAWN_POINT", 300)
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 68 * 4 * shown)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 150 * 4 * shown)
     window.document.set("surface", "subdivisions", 2 * window.document.scene.surface.subdivisions)
     wait_until(lambda: told and not window.engine.busy)
     assert f"to draw {4 * shown} polygons would need" in told[-1]
