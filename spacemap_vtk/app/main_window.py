@@ -259,8 +259,8 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self._drawn)
         self.director.progress.connect(self._show_progress)
         # After an error, stop a shown mode or pull: it would fail again at every frame.
-        self.director.failed.connect(self.modes.stop)
-        self.director.failed.connect(self.pull.stop)
+        self.director.swing_ended.connect(self.modes.stop)
+        self.director.swing_ended.connect(self.pull.stop)
         self.director.given_up.connect(self._given_up)
         for ended in (self.director.failed, self.director.given_up):
             ended.connect(self.view.preview.end)

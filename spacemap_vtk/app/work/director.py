@@ -33,6 +33,8 @@ class Director(QObject):
     progress = Signal(str, float, str)
     #: The user has cancelled a run; a clause that says how the picture differs from the scene.
     given_up = Signal(str)
+    #: A shown mode or pull has failed and is shown no longer.
+    swing_ended = Signal()
 
     def __init__(
         self,
@@ -242,6 +244,9 @@ class Director(QObject):
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
         self._end_notice()
         self.failed.emit(error)
+        if self.swing is None or job.swing is not None:
+            # A run from before a swing may fail when the swing has begun, and must not end it.
+            self.swing_ended.emit()
 
     def _cancelled(self) -> None:
         self._times.waiting = False
