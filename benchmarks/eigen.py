@@ -23,11 +23,11 @@ import numpy as np
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass_matrix, stiffness_matrix
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import factors, lanczos
-from spacemap_vtk.mechanics.modal.eigen import lowest
-from spacemap_vtk.mechanics.modal.pencil import Pencil, selection
+from spacemap_vtk.mechanics.modal.eigen import solve_modes
+from spacemap_vtk.mechanics.modal.pencil import Pencil, free_columns
 
 #: Name of each method, and the package it needs.
 METHODS = {"spacemap": "", "cholmod": "sksparse", "pardiso": "pypardiso", "eigsh": ""}
@@ -48,18 +48,18 @@ def solve(method: str, divisions: tuple[int, ...], count: int) -> dict[str, obje
     bounds = (0.0, 1.0, 0.0, divisions[1] / divisions[0], 0.0, divisions[2] / divisions[0])
     points, tetrahedra = lattice(bounds, divisions)  # type: ignore[arg-type]
     assembly = assemble(points, tetrahedra)
-    springs, inertia = stiffness(assembly, isotropic(1e6, 0.3)), mass(assembly, 300.0)
+    springs, inertia = stiffness_matrix(assembly, isotropic(1e6, 0.3)), mass_matrix(assembly, 300.0)
     free = np.repeat(points[:, 1] < points[:, 1].max(), 3)
     for name in {"cholmod", "pardiso"} - {method}:
         setattr(factors, name, absent)
     before, start, cpu = peak(), time.perf_counter(), time.process_time()
     if method == "eigsh":
         k, m = springs[free][:, free].tocsc(), inertia[free][:, free].tocsc()
-        values, modes = sla.eigsh(k, count, m, sigma=-lanczos.shift(k.tocsr(), m.tocsr()))
+        values, modes = sla.eigsh(k, count, m, sigma=-lanczos.choose_shift(k.tocsr(), m.tocsr()))
         order = np.argsort(values)
         values, modes = values[order], modes[:, order]
     else:
-        values, shapes = lowest(Pencil(springs, inertia, selection(free)), count)[:2]
+        values, shapes = solve_modes(Pencil(springs, inertia, free_columns(free)), count)[:2]
         modes = shapes.reshape(count, -1).T[free]
     seconds, megabytes = time.perf_counter() - start, peak() - before
     cpu = time.process_time() - cpu

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
+from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.units import GRAVITY
 
@@ -32,8 +32,10 @@ def square(cells: int, held: str, displacement: FloatArray | None = None) -> Mod
     points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, THICKNESS), (cells, cells, 1))
     within = np.linalg.norm(points[:, :2] - SIDE / 2, axis=1) < DISC / 2
     fixed = np.repeat((within if held == "disc" else points[:, 1] == SIDE)[:, None], 3, axis=1)
-    plate = measured(
-        homogeneous(isotropic(1.5e6, 0.3), THICKNESS), tensile=(1500.0,) * 2, bending=(1e-5,) * 2
+    plate = apply_measurements(
+        homogeneous_plate(isotropic(1.5e6, 0.3), THICKNESS),
+        tensile=(1500.0,) * 2,
+        bending=(1e-5,) * 2,
     )
     return Model(points, tetrahedra, plate, DENSITY, fixed, displacement=displacement)
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements.tetrahedra import shape_functions, volumes, with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints, shape_functions, volumes
 
 CCX = shutil.which("ccx")
 ABSENT = 'CalculiX is not installed ("apt-get install calculix-ccx")'
@@ -24,7 +24,7 @@ def mesh(divisions, order, bounds):
     corners = points[cells]
     turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
     cells[turned] = cells[turned][:, [1, 0, 2, 3]]
-    return with_midpoints(points, cells) if order == 2 else (points, cells)
+    return add_midpoints(points, cells) if order == 2 else (points, cells)
 
 
 def cards(points, cells, held, elastic, density):

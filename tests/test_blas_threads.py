@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from pencils import solve_modes, stiffness_and_mass
+from pencils import solve_matrices, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
@@ -21,10 +21,10 @@ threadpoolctl = pytest.importorskip("threadpoolctl")
 def two():
     """Let every library have two threads, whatever the machine and its environment say."""
     with threadpoolctl.threadpool_limits(2):
-        blas_threads.known_pools.cache_clear()
+        blas_threads.find_thread_pools.cache_clear()
         blas_threads._at_first.clear()
         yield
-    blas_threads.known_pools.cache_clear()
+    blas_threads.find_thread_pools.cache_clear()
     blas_threads._at_first.clear()
 
 
@@ -40,11 +40,11 @@ def taken() -> dict[str, set[int]]:
 
 
 def test_large_blocks_alone_are_shared():
-    with blas_threads.one():
+    with blas_threads.use_one_thread():
         assert taken() == {"numpy": {1}, "scipy": {1}}
-        with blas_threads.several(1e6):
+        with blas_threads.use_threads_for(1e6):
             assert taken() == {"numpy": {1}, "scipy": {1}}
-        with blas_threads.several(1e10):
+        with blas_threads.use_threads_for(1e10):
             assert taken() == {"numpy": {1}, "scipy": {2}}
         assert taken() == {"numpy": {1}, "scipy": {1}}
     assert taken() == {"numpy": {2}, "scipy": {2}}
@@ -62,7 +62,7 @@ def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
             raise InterruptedError(taken())
 
     with pytest.raises(InterruptedError) as interrupted:
-        solve_modes(*matrices, free, 4, stop)
+        solve_matrices(*matrices, free, 4, stop)
     assert interrupted.value.args == ({"numpy": {1}, "scipy": {1}},)
     assert taken() == {"numpy": {2}, "scipy": {2}}
 

@@ -32,7 +32,7 @@ def place(monkeypatch, tmp_path):
 def calls(monkeypatch):
     """Count solutions and assemblies."""
     counted = {"solved": 0, "assembled": 0}
-    lowest, assemble = eigen.lowest, mesh_pencil.assemble
+    lowest, assemble = eigen.solve_modes, mesh_pencil.assemble
 
     def count(name, function):
         def counting(*arguments):
@@ -41,7 +41,7 @@ def calls(monkeypatch):
 
         return counting
 
-    monkeypatch.setattr(eigen, "lowest", count("solved", lowest))
+    monkeypatch.setattr(eigen, "solve_modes", count("solved", lowest))
     monkeypatch.setattr(mesh_pencil, "assemble", count("assembled", assemble))
     return counted
 

@@ -20,7 +20,11 @@ from spacemap_vtk import (
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.elements.plates import data_sheet, homogeneous, upright
+from spacemap_vtk.mechanics.elements.plates import (
+    data_sheet,
+    homogeneous_plate,
+    keep_normals_upright,
+)
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.weave.figures import fabric_figures
@@ -32,7 +36,7 @@ LEVER = Path(__file__).parents[1] / "scenes" / "objects" / "lever.stl"
 
 
 def parts(plate):
-    plate = upright(plate, 1.0)  # of both alike where normals stay upright
+    plate = keep_normals_upright(plate, 1.0)  # of both alike where normals stay upright
     return plate.membrane, plate.bending, plate.shear, np.array(plate.thickness)
 
 
@@ -45,7 +49,7 @@ def test_without_measures_a_sheet_is_the_homogeneous_plate():
     made = ModalSolver(youngs_modulus="2 MPa", poissons_ratio=0.2, density=500.0)
     for normal in range(3):
         plate, mass = made.plate(H, normal)
-        assert_alike(plate, homogeneous(isotropic(2e6, 0.2), H, normal))
+        assert_alike(plate, homogeneous_plate(isotropic(2e6, 0.2), H, normal))
         assert mass == pytest.approx(500 * H)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from calculix import ABSENT, CCX, mesh, their_mass
-from pencils import solve_modes
+from pencils import solve_matrices
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import InputDeck
@@ -24,7 +24,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
-from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass_matrix, stiffness_matrix
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.scenes.scene import Scene
@@ -61,7 +61,7 @@ def test_eigenvalues_with_its_mass(tmp_path, divisions, order, material):
     held = points[:, 1] == 1
     theirs = eigenvalues(tmp_path, points, cells, material, held)
     free = np.repeat(~held, 3)
-    K = stiffness(assemble(points, cells), material)[free][:, free].toarray()
+    K = stiffness_matrix(assemble(points, cells), material)[free][:, free].toarray()
     M = their_mass(points, cells, DENSITY)[free][:, free].toarray()
     # Of the inverse, because that mass is singular.
     ours = 1 / la.eigh(M, K, eigvals_only=True)[::-1][:10]
@@ -78,8 +78,8 @@ def test_refinement_brings_agreement(tmp_path, order, most):
         held = points[:, 1] == 1
         theirs = eigenvalues(tmp_path, points, cells, ISOTROPIC, held)
         made = assemble(points, cells)
-        K, M = stiffness(made, ISOTROPIC), mass(made, DENSITY)
-        ours = solve_modes(K, M, np.repeat(~held, 3), 10)[0]
+        K, M = stiffness_matrix(made, ISOTROPIC), mass_matrix(made, DENSITY)
+        ours = solve_matrices(K, M, np.repeat(~held, 3), 10)[0]
         differences.append(abs(ours / theirs - 1).max())
     assert differences[0] < most
     assert differences[1] < 0.5 * differences[0]

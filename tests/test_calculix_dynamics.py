@@ -15,11 +15,11 @@ import pytest
 import scipy.linalg as la
 from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.mechanics.boundary import timefunctions
-from spacemap_vtk.mechanics.elements.elasticity import assemble, stiffness
+from spacemap_vtk.mechanics.boundary import time_functions
+from spacemap_vtk.mechanics.elements.elasticity import assemble, stiffness_matrix
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.modal.damping import Damping
-from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.response.modal_motion import ModalLoad, ModalMotion
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 
@@ -28,17 +28,22 @@ MODES, STEP, END = 10, 0.02, 1.0
 
 CASES = {
     # name: *AMPLITUDE, *MODAL DAMPING, our function, our damping
-    "step": ("0., 1., 10., 1.", "RAYLEIGH\n,, 0.8, 2e-4", timefunctions.step(), Damping(0.8, 2e-4)),
+    "step": (
+        "0., 1., 10., 1.",
+        "RAYLEIGH\n,, 0.8, 2e-4",
+        time_functions.step(),
+        Damping(0.8, 2e-4),
+    ),
     "table": (
         "0., 0., 0.2, 1., 0.5, -0.4, 0.6, 0.\n10., 0.",
         "RAYLEIGH\n,, 0.8, 2e-4",
-        timefunctions.table([0.0, 0.2, 0.5, 0.6], [0.0, 1.0, -0.4, 0.0]),
+        time_functions.table([0.0, 0.2, 0.5, 0.6], [0.0, 1.0, -0.4, 0.0]),
         Damping(0.8, 2e-4),
     ),
     "direct damping": (
         "0., 1., 10., 1.",
         "\n1, 10, 0.04",
-        timefunctions.step(),
+        time_functions.step(),
         Damping(ratio=0.04),
     ),
 }
@@ -55,7 +60,7 @@ def test_a_force_on_a_vertex(name: str, order: int, tmp_path: Path) -> None:
     assert len(times) == round(END / STEP)
 
     free = np.repeat(~held, 3)
-    whole = stiffness(assemble(points, cells), isotropic(MODULUS, RATIO))
+    whole = stiffness_matrix(assemble(points, cells), isotropic(MODULUS, RATIO))
     k = whole[free][:, free].toarray()
     m = their_mass(points, cells, DENSITY)[free][:, free].toarray()
     # So few points of integration leave the mass singular: the inverse has the lowest modes.
@@ -64,7 +69,7 @@ def test_a_force_on_a_vertex(name: str, order: int, tmp_path: Path) -> None:
     shapes = shapes[:, ::-1][:, :MODES] * np.sqrt(eigenvalues)
     force = np.zeros(3 * len(points))
     force[3 * loaded + 2] = FORCE
-    drive = Drive(shapes.T @ force[free], function)
+    drive = ModalLoad(shapes.T @ force[free], function)
     motion = ModalMotion(eigenvalues, damping.halves(eigenvalues), [drive])
     everywhere = np.zeros((3 * len(points), MODES))
     everywhere[free] = shapes

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.mechanics.transient.stepper import Stepped
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 
@@ -55,10 +55,10 @@ def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
     load = cage.vector(
         "force",
         (0, 0, FORCE),
-        timefunctions.table([0, RISE], [0, 1]),
+        time_functions.table([0, RISE], [0, 1]),
         tuple(points[loaded].tolist()),
     )
-    motion = Stepped(cage, [load], tolerance=np.inf, max_step=OURS)
+    motion = SteppedMotion(cage, [load], tolerance=np.inf, max_step=OURS)
     weights = np.zeros(len(points))
     weights[loaded] = 1.0
     ours = motion.history(weights, times[:, 0])[0]

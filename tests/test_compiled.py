@@ -17,7 +17,7 @@ from spacemap_vtk.embedding import affine, interpolation
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.textile.patches import tessellation
 from spacemap_vtk.textile.patches.tessellation import Tessellation
 
@@ -171,7 +171,7 @@ def test_rational_and_other_patches_need_no_loops(small):
 @pytest.mark.parametrize("cells", [2, 12])  # many points a tetrahedron, and few
 def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
     vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (cells, cells, 1))
-    nodes, elements = (vertices, tetrahedra) if order == 1 else with_midpoints(vertices, tetrahedra)
+    nodes, elements = (vertices, tetrahedra) if order == 1 else add_midpoints(vertices, tetrahedra)
     rng = np.random.default_rng(order)
     points = rng.uniform(-0.2, 1.2, (20_000, 3))
     where = locate(points, vertices, tetrahedra, outside)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
+from spacemap_vtk.filters.load import ACTIONS, TIME_KEYS, Load
 from spacemap_vtk.scenes.scene import Scene
 
 GUIDES = Path(__file__).parents[1] / "docs" / "how-to"
@@ -68,7 +68,7 @@ def test_scenes(text: str, tmp_path: Path) -> None:
 def test_every_load_and_time_function_is_there() -> None:
     for name in ACTIONS:
         assert f"`{name} = " in TEXT
-    for name, (needed, possible) in TIMES.items():
+    for name, (needed, possible) in TIME_KEYS.items():
         (row,) = re.findall(rf'^\| `"{name}"` \|.*\| (.*) \|$', TEXT, re.M)
         keys = {key for key in re.findall(r"\w+", row) if key in Load.parameters}
         assert keys == {*needed, *possible}

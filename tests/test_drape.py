@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow
+from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
 
 
 def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -24,13 +24,13 @@ def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_flat_cloth_has_its_own_shadow() -> None:
     points, triangles = grid(7)
-    assert shadow(points, triangles, [0.0, 0.0, -9.81]) == pytest.approx(1.0, rel=1e-12)
+    assert shadow_area(points, triangles, [0.0, 0.0, -9.81]) == pytest.approx(1.0, rel=1e-12)
     # Tilted light, light along the cloth, and the shadow of an affine image.
-    assert shadow(points, triangles, [0.0, 1.0, 1.0]) == pytest.approx(0.5**0.5, rel=1e-4)
-    assert shadow(points, triangles, [1.0, 0.0, 0.0]) == pytest.approx(0.0, abs=1e-12)
+    assert shadow_area(points, triangles, [0.0, 1.0, 1.0]) == pytest.approx(0.5**0.5, rel=1e-4)
+    assert shadow_area(points, triangles, [1.0, 0.0, 0.0]) == pytest.approx(0.0, abs=1e-12)
     turned = points @ np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     normal = np.cross(turned[1] - turned[0], turned[-1] - turned[0])
-    assert shadow(turned, triangles, normal) == pytest.approx(1.0, rel=1e-4)
+    assert shadow_area(turned, triangles, normal) == pytest.approx(1.0, rel=1e-4)
     assert drape_coefficient(1.0, 1.0, 0.3) == 1.0
 
 
@@ -40,9 +40,9 @@ def test_what_lies_one_above_the_other_counts_once() -> None:
     # In three layers, back and forth, then upright.
     points[:, 0] = abs((u + 1 / 3) % (2 / 3) - 1 / 3)
     points[:, 2] = 0.01 * u
-    assert shadow(points, triangles, [0.0, 0.0, 1.0]) == pytest.approx(1 / 3, rel=1e-9)
+    assert shadow_area(points, triangles, [0.0, 0.0, 1.0]) == pytest.approx(1 / 3, rel=1e-9)
     points[:, 0], points[:, 2] = 0.0, u
-    assert shadow(points, triangles, [0.0, 0.0, 1.0]) == pytest.approx(0.0, abs=1e-12)
+    assert shadow_area(points, triangles, [0.0, 0.0, 1.0]) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_limp_cloth_over_a_disc_drapes_to_nothing() -> None:
@@ -67,7 +67,7 @@ def test_a_limp_cloth_over_a_disc_drapes_to_nothing() -> None:
     # Of the polygon with these corners, by Gauss's formula.
     x, y = points[around + 1 : 2 * around + 2, :2].T
     star = float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum()) / 2
-    found = shadow(points, triangles, [0.0, 0.0, -1.0])
+    found = shadow_area(points, triangles, [0.0, 0.0, -1.0])
     assert found == pytest.approx(star, rel=1e-4)
     assert drape_coefficient(found, math.pi, star) == pytest.approx(0.0, abs=1e-4)
 
@@ -79,7 +79,7 @@ def test_more_lines_show_more_digits() -> None:
     fan = np.arange(1, 599)
     triangles = np.stack([0 * fan, fan, fan + 1], axis=1)
     area = 600 / 2 * math.sin(2 * math.pi / 600)
-    off = [abs(shadow(points, triangles, [0, 0, 1], n) / area - 1) for n in (50, 1000)]
+    off = [abs(shadow_area(points, triangles, [0, 0, 1], n) / area - 1) for n in (50, 1000)]
     assert off[0] < 1e-3
     assert off[1] < 2e-5
 
@@ -87,6 +87,6 @@ def test_more_lines_show_more_digits() -> None:
 def test_refusals() -> None:
     points, triangles = grid(2)
     with pytest.raises(InputError, match="no direction"):
-        shadow(points, triangles, [0.0, 0.0, 0.0])
+        shadow_area(points, triangles, [0.0, 0.0, 0.0])
     with pytest.raises(InputError, match="hangs over"):
         drape_coefficient(1.0, 1.0, 2.0)

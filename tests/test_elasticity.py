@@ -12,7 +12,12 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.mechanics.elements.elasticity import (
+    assemble,
+    mass_matrix,
+    nodal_mass,
+    stiffness_matrix,
+)
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.tetrahedra import volumes
 from spacemap_vtk.mechanics.modal.model import Model
@@ -108,7 +113,7 @@ def test_any_symmetric_material_equals_the_sum_of_btdb(mesh):
         rows = (3 * cell[:, None] + np.arange(3)).ravel()
         volume = abs(np.linalg.det(system)) / 6
         K[np.ix_(rows, rows)] += volume * B.T @ elasticity @ B
-    close(stiffness(assemble(points, tetrahedra), elasticity).toarray(), K, 1e-13)
+    close(stiffness_matrix(assemble(points, tetrahedra), elasticity).toarray(), K, 1e-13)
 
 
 def test_orientation_does_not_matter(mesh, matrices):
@@ -132,8 +137,8 @@ def test_scale(mesh, matrices, scale):
 
 def test_a_new_material_needs_no_new_assembly(mesh, matrices):
     assembly = assemble(*mesh)
-    close(stiffness(assembly, isotropic(10 * YOUNG, POISSON)), 10 * matrices[0], 1e-14)
-    close(mass(assembly, 10 * DENSITY), 10 * matrices[1], 1e-14)
+    close(stiffness_matrix(assembly, isotropic(10 * YOUNG, POISSON)), 10 * matrices[0], 1e-14)
+    close(mass_matrix(assembly, 10 * DENSITY), 10 * matrices[1], 1e-14)
 
 
 def test_matrices_are_symmetric_csr(matrices):

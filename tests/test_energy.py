@@ -8,18 +8,18 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
+from test_modal_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.boundary import timefunctions as tf
+from spacemap_vtk.mechanics.boundary import time_functions as tf
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.cage_response import Response
-from spacemap_vtk.mechanics.response.energy import Account, balance
-from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
-from spacemap_vtk.mechanics.transient.stepper import Stepped
+from spacemap_vtk.mechanics.response.energy import EnergyAccount, balance_energies
+from spacemap_vtk.mechanics.response.modal_motion import ModalLoad, ModalMotion
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 
 def lost_by_quadrature(motion, start, end):
@@ -38,7 +38,7 @@ def lost_by_quadrature(motion, start, end):
 
 
 def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
-    account, lost, before = Account(motion), 0.0, 0.0
+    account, lost, before = EnergyAccount(motion), 0.0, 0.0
     for time in times:
         energy = account.at(time)
         state = motion.at(time)
@@ -51,7 +51,7 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
         balance = energy.kinetic + energy.strain + lost - energy.work
         assert abs(balance) <= 1e-10 * size
         assert energy.dissipated == pytest.approx(lost, abs=1e-10 * size)
-    again = Account(motion).at(times[-1])
+    again = EnergyAccount(motion).at(times[-1])
     assert again.work == pytest.approx(energy.work, rel=1e-12)
 
 
@@ -66,18 +66,20 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
 )
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_balance(function, damping, base):
-    check(ModalMotion(STIFFNESS, DAMPING[damping], [Drive(GAIN, FUNCTIONS[function], base)]))
+    check(ModalMotion(STIFFNESS, DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], base)]))
 
 
 @pytest.mark.parametrize("damping", ["none", "alpha"])
 def test_balance_of_everything_at_once(damping):
     drives = [
-        Drive(np.roll(GAIN, k), function, k % 3 == 0)
+        ModalLoad(np.roll(GAIN, k), function, k % 3 == 0)
         for k, function in enumerate(FUNCTIONS.values())
     ]
-    drives.append(Drive(GAIN, tf.harmonic(0.37, 0.2, steady=True)))
+    drives.append(ModalLoad(GAIN, tf.harmonic(0.37, 0.2, steady=True)))
     gain = GAIN * (STIFFNESS > 0)
-    drives.append(Drive(gain, tf.periodic([0, 0.11, 0.31], [0, 1, 0], steady=damping == "alpha")))
+    drives.append(
+        ModalLoad(gain, tf.periodic([0, 0.11, 0.31], [0, 1, 0], steady=damping == "alpha"))
+    )
     check(
         ModalMotion(STIFFNESS, DAMPING[damping], drives, position=0.1 * GAIN, rate=-GAIN),
         (0.35, 1.1),
@@ -85,8 +87,8 @@ def test_balance_of_everything_at_once(damping):
 
 
 def test_no_damping_loses_nothing_over_ten_thousand_periods():
-    motion = ModalMotion(STIFFNESS, np.zeros(5), [Drive(GAIN, tf.step())], rate=GAIN)
-    account = Account(motion)
+    motion = ModalMotion(STIFFNESS, np.zeros(5), [ModalLoad(GAIN, tf.step())], rate=GAIN)
+    account = EnergyAccount(motion)
     for time in (1.0, 1e2, 1e4 * 2 * math.pi / math.sqrt(40.0)):
         energy = account.at(time)
         stored = energy.kinetic + energy.strain
@@ -96,8 +98,10 @@ def test_no_damping_loses_nothing_over_ten_thousand_periods():
 
 def test_work_behind_too_many_periods_is_not_added_up():
     """Kinetic and strain energy are known at any time, and at once."""
-    motion = ModalMotion(STIFFNESS, DAMPING["mixed"], [Drive(GAIN, tf.periodic([0, 0.01], [0, 1]))])
-    account = Account(motion)
+    motion = ModalMotion(
+        STIFFNESS, DAMPING["mixed"], [ModalLoad(GAIN, tf.periodic([0, 0.01], [0, 1]))]
+    )
+    account = EnergyAccount(motion)
     late = account.at(1e8)
     assert late.kinetic > 0
     assert math.isnan(late.work)
@@ -111,15 +115,15 @@ def test_equilibrium_holds_the_work_that_led_there():
     motion = ModalMotion(
         STIFFNESS,
         DAMPING["ratio"],
-        [Drive(gain, tf.table([0, 0.2, 0.2], [1, 1, 0]))],
+        [ModalLoad(gain, tf.table([0, 0.2, 0.2], [1, 1, 0]))],
         equilibrium=True,
     )
-    energy = Account(motion).at(0.1)
+    energy = EnergyAccount(motion).at(0.1)
     static = 0.5 * (gain[1:] ** 2 / STIFFNESS[1:]).sum()
     assert energy.strain == pytest.approx(static)
     assert energy.work == pytest.approx(static)
     check(motion)
-    late = Account(motion).at(5000.0)
+    late = EnergyAccount(motion).at(5000.0)
     assert late.dissipated == pytest.approx(late.work, rel=1e-10)
 
 
@@ -135,7 +139,7 @@ def held_block():
 
 def balance_of(motion, times):
     start = motion.energies(np.array([0.0]))[0, 3]
-    return balance(motion.energies(times), motion.potential(times), start)
+    return balance_energies(motion.energies(times), motion.potential(times), start)
 
 
 @pytest.mark.parametrize("alpha", [0.0, 3.0])
@@ -192,7 +196,7 @@ def test_a_motion_by_steps_keeps_its_total_while_a_load_works(alpha):
     cage = held_block()
     weight = cage.vector("gravity", (0.0, 0.0, -9.8), tf.step())
     gust = cage.vector("pressure", 20.0, tf.table([0, 0.05, 0.05], [1, 1, 0]), "+z")
-    motion = Stepped(cage, [weight, gust], Damping(alpha=alpha), tolerance=1.0, max_step=2e-3)
+    motion = SteppedMotion(cage, [weight, gust], Damping(alpha=alpha), tolerance=1.0, max_step=2e-3)
     found = balance_of(motion, np.linspace(0.0, 0.3, 100))
     size = abs(found.potential).max()
     assert np.ptp(found.work) > 0.01 * size  # the gust's, which ends

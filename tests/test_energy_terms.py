@@ -20,16 +20,16 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.loads import traction, wall
-from spacemap_vtk.mechanics.elements.shell import mid_surface
+from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium import energy_terms
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
+    assemble_tangent,
     digest_of,
     energy_term,
-    tangent,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +114,9 @@ def _of_underside(
     height: float,
     stiffness: float,
 ) -> HalfSpace:
-    areas = traction(len(points), wall(points, cells, "-z"), [0.0, 0.0, 1.0])[:, 2]
+    areas = traction_forces(len(points), find_side_faces(points, cells, "-z"), [0.0, 0.0, 1.0])[
+        :, 2
+    ]
     nodes = np.flatnonzero(areas)
     return made(nodes, areas[nodes], height, stiffness)
 
@@ -184,16 +186,16 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(maker: Any, sheet: boo
     if maker is half_space:
         term = maker(points, cells, height=0.02, stiffness=3.0)
     if sheet:
-        surface = mid_surface(points, cells)
+        surface = find_mid_surface(points, cells)
         assert surface is not None
-        term, points = OnVertices(term, surface, 0.5), surface.nodal(points)
+        term, points = VertexTerm(term, surface, 0.5), surface.nodal(points)
     random = np.random.default_rng(0)
     place, way = points + 0.01 * random.normal(size=points.shape), random.normal(size=points.shape)
     step = 1e-6
     slope = (term.energy(place + step * way) - term.energy(place - step * way)) / (2 * step)
     assert slope == pytest.approx(float(np.vdot(term.forces(place), way)), rel=1e-6)
     change = (term.forces(place + step * way) - term.forces(place - step * way)) / (2 * step)
-    expected = (tangent([term], place) @ way.ravel()).reshape(change.shape)
+    expected = (assemble_tangent([term], place) @ way.ravel()).reshape(change.shape)
     np.testing.assert_allclose(change, expected, atol=1e-6 * abs(expected).max())
 
 

@@ -15,11 +15,11 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.elements.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.elements.strains import Strains, of_tetrahedra
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
-from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, tangent
-from spacemap_vtk.mechanics.equilibrium.newton import Equilibrium, equilibrium
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface, sheet_strains
+from spacemap_vtk.mechanics.elements.strains import Strains, tetrahedron_strains
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, assemble_tangent
+from spacemap_vtk.mechanics.equilibrium.newton import Equilibrium, find_equilibrium
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def hang(
     **options: Any,
 ) -> Equilibrium:
     """Return the equilibrium under forces that keep their directions."""
-    return equilibrium(terms, basis, start, [DeadLoad(load, start)], **options)
+    return find_equilibrium(terms, basis, start, [DeadLoad(load, start)], **options)
 
 
 class Sheet(NamedTuple):
@@ -67,7 +67,7 @@ def sheet(
     points, tetrahedra = lattice(
         (0, size[0], 0, size[1], -thickness / 2, thickness / 2), (*cells, 1)
     )
-    surface = mid_surface(points, tetrahedra)
+    surface = find_mid_surface(points, tetrahedra)
     assert surface is not None
     plane = np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
     plate = Plate(stretch * plane, bending * plane, 5 / 12 * stretch * np.eye(2), stretch)
@@ -75,7 +75,7 @@ def sheet(
     count = len(surface.pairs)
     area = size[0] * size[1] / (cells[0] * cells[1])
     weights = np.bincount(surface.quads.ravel(), minlength=count) * area / 4
-    return Sheet(of_sheet(points, surface, plate), start, start[:count], weights)
+    return Sheet(sheet_strains(points, surface, plate), start, start[:count], weights)
 
 
 def free(rows: NDArray[np.bool_]) -> sp.csr_matrix:
@@ -208,12 +208,12 @@ def test_a_strip_that_stands_on_its_edge_falls_over() -> None:
 def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> None:
     """P L²/(E I): Bisshopp and Drucker, Quart. Appl. Math. 3 (1945) 272."""
     table = {1: (0.3017, 0.0564), 2: (0.4935, 0.1606), 5: (0.7138, 0.3876), 10: (0.8106, 0.5550)}
-    points, cells = with_midpoints(*lattice((0, 1, 0, 0.05, -0.01, 0.01), (24, 1, 1)))
+    points, cells = add_midpoints(*lattice((0, 1, 0, 0.05, -0.01, 0.01), (24, 1, 1)))
     x = points[:, 0]
     end = x > 1 - 1e-12
     force = np.zeros_like(points)
     force[end, 2] = -load * 1e6 * 0.05 * 0.02**3 / 12 / end.sum()
-    strains = [of_tetrahedra(points, cells, isotropic(1e6, 0.0))]
+    strains = [tetrahedron_strains(points, cells, isotropic(1e6, 0.0))]
     found = hang(strains, free(x > 1e-12), points, force)
     moved = (found.positions - points)[end].mean(axis=0)
     assert (-moved[2], -moved[0]) == pytest.approx(table[int(load)], abs=1.5e-3)
@@ -221,12 +221,12 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
 
 def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> None:
     """Rounding leaves 6 % of the load unbalanced, and yet the stretch is that of ρ g L²/2 E."""
-    points, cells = with_midpoints(*lattice((0, 0.1, 0, 1, 0, 3e-4), (2, 20, 1)))
+    points, cells = add_midpoints(*lattice((0, 0.1, 0, 1, 0, 3e-4), (2, 20, 1)))
     edges = points[cells[:, 1:4]] - points[cells[:, :1]]
     weights = np.repeat(300 * 9.81 * abs(np.linalg.det(edges)) / 36, 6)
     load = np.zeros_like(points)
     load[:, 1] = -np.bincount(cells[:, 4:].ravel(), weights, len(points))
-    strains = [of_tetrahedra(points, cells, isotropic(40e6, 0.0))]
+    strains = [tetrahedron_strains(points, cells, isotropic(40e6, 0.0))]
     found = hang(strains, free(points[:, 1] < 1 - 1e-12), points, load)
     assert found.residual > 1e-3
     low = (found.positions - points)[points[:, 1] < 1e-12, 1]
@@ -237,7 +237,7 @@ def test_what_would_be_turned_inside_out_is_refused() -> None:
     """A column of tetrahedra bears E A/√27 at most, as its stress is E λ (λ² - 1)/2."""
     points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 2))
     top, height = points[:, 2] > 1 - 1e-12, points[:, 2]
-    strains = [of_tetrahedra(points, cells, isotropic(1e6, 0.0))]
+    strains = [tetrahedron_strains(points, cells, isotropic(1e6, 0.0))]
     rows = np.flatnonzero(height > 1e-12)
     basis = sp.identity(points.size, format="csc")[:, 3 * rows + 2].tocsr()
     load = np.zeros_like(points)
@@ -267,7 +267,7 @@ def test_a_level_cloth_drapes_in_folds_that_are_stable() -> None:
     assert told == sorted(told)
     assert told[-1] == 1.0
     basis = free(~np.tile(held, 2))
-    stiffness = (basis.T @ tangent(made.strains, found.positions) @ basis).tocsc()
+    stiffness = (basis.T @ assemble_tangent(made.strains, found.positions) @ basis).tocsc()
     # No negative pivot without exchanges: positive definite, by Sylvester.
     factors = sp.linalg.splu(stiffness, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     assert (factors.U.diagonal() > 0).all()

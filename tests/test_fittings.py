@@ -9,16 +9,16 @@ from scipy.optimize import brentq
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spring_stiffness
-from spacemap_vtk.mechanics.boundary.loads import traction, wall
+from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
 from spacemap_vtk.mechanics.boundary.supports import held_directions, rigid_bodies
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import Plate, homogeneous, measured
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements, homogeneous_plate
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.residual_vectors import participation
 
 LINEAR = lattice((0, 2, 0, 3, 0, 1), (3, 4, 2))
-QUADRATIC = with_midpoints(*LINEAR)
+QUADRATIC = add_midpoints(*LINEAR)
 
 
 @pytest.mark.parametrize("mesh", [LINEAR, QUADRATIC], ids=["linear", "quadratic"])
@@ -102,8 +102,8 @@ def test_a_mass_is_spread_evenly_by_length_area_or_volume(mesh):
 def test_a_limp_strip_does_not_buckle_under_its_hem(cells):
     """Spread evenly the hem pulls the strip alike everywhere, and no part of it is pressed."""
     points, tetrahedra = lattice((0, 0.1, 0, 0.1, -1.5e-4, 1.5e-4), (cells, 5, 1))
-    own = homogeneous(isotropic(1e6, 0.3), 3e-4)
-    limp = measured(own, tensile=(1e3, 1e3), shear=300.0, bending=(1e-7, 1e-7), ratio=0.0)
+    own = homogeneous_plate(isotropic(1e6, 0.3), 3e-4)
+    limp = apply_measurements(own, tensile=(1e3, 1e3), shear=300.0, bending=(1e-7, 1e-7), ratio=0.0)
     held = np.repeat(points[:, 1:2] > 0.1 - 1e-9, 3, axis=1)
     fitted = Fittings(masses=point_masses(points, tetrahedra, ["-y 100 g"]))
     made = Model(points, tetrahedra, limp, RHO, held, fittings=fitted)
@@ -123,7 +123,7 @@ def bar(divisions=(16, 1, 1), size=(1.0, 0.1, 0.1), order=2):
     """A bar along x whose points move along x only: no Poisson's ratio, and plane sections."""
     points, cells = lattice((0, size[0], 0, size[1], 0, size[2]), divisions)
     if order == 2:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     held = np.repeat([[False, True, True]], len(points), axis=0)
     return points, cells, held
 
@@ -185,9 +185,9 @@ def test_a_strip_on_an_elastic_foundation_bends(thin):
     points, cells = lattice((0, length, 0, 0.02, 0, height), (24, 4, 1))
     material = isotropic(E, 0.0)
     if thin:
-        material = homogeneous(material, height, 2)
+        material = homogeneous_plate(material, height, 2)
     else:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 0] == 0)[:, None], 3, axis=1) | [False, True, False]
     bending = 1.8751041**4 * E * height**3 / 12 / (RHO * height * length**4)
     foundation = 3 * bending * RHO * height
@@ -206,9 +206,9 @@ def test_a_spring_alone_carries_a_free_body(kind):
     points, cells = lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
-        material = homogeneous(material, 2e-3, 2)
+        material = homogeneous_plate(material, 2e-3, 2)
     elif kind == "quadratic":
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     held = np.zeros(points.shape, bool)
     springs = spring_stiffness(
         points, cells, ["box(-inf,inf,-inf,inf,-inf,inf):(1, 2, 2) 0.01 N/m"]
@@ -230,9 +230,9 @@ def test_a_factor_is_as_another_material(kind):
     points, cells = lattice((0, 0.1, 0, 0.06, 0, 2e-3), (6, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
-        material = homogeneous(material, 2e-3, 2)
+        material = homogeneous_plate(material, 2e-3, 2)
     elif kind == "quadratic":
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 0] == 0)[:, None], 3, axis=1)
 
     def made(stiff=None, heavy=None, factor=1.0, density=RHO):
@@ -267,7 +267,7 @@ def test_a_bar_of_two_materials():
     fitted = Fittings(stiffness_factors=np.where(left, 4.0, 1.0))
     made = Model(points, cells, isotropic(E, 0.0), RHO, held, False, None, fitted)
     force = np.zeros_like(points)
-    pulled = traction(len(points), wall(points, cells, "+x"), [30.0, 0.0, 0.0])
+    pulled = traction_forces(len(points), find_side_faces(points, cells, "+x"), [30.0, 0.0, 0.0])
     force += pulled
     moved = made.solve(force.ravel()).reshape(-1, 3)
     tip = moved[points[:, 0] == 1.0, 0]
@@ -283,7 +283,7 @@ def test_what_hangs_by_springs_sinks_by_its_weight(kind):
     points, cells = lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
-        material = homogeneous(material, 2e-3, 2)
+        material = homogeneous_plate(material, 2e-3, 2)
     springs = spring_stiffness(points, cells, ["-z 0.5 N/m"])
     masses = point_masses(points, cells, ["-z 1 g"])
     fitted = Fittings(springs=springs, masses=masses)

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp, trapezoid
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
-from spacemap_vtk.mechanics.boundary.loads import traction, wall
+from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
 from spacemap_vtk.mechanics.boundary.places import SIDES
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.elements.strains import sampled_slopes
-from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
+from spacemap_vtk.mechanics.elements.strains import shape_gradients
+from spacemap_vtk.mechanics.equilibrium.energy_terms import assemble_tangent
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.mechanics.transient.stepper import Stepped
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -40,8 +40,8 @@ def box(kind: str) -> tuple[FloatArray, NDArray[np.int64]]:
 def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kind: str) -> None:
     points, cells = box(kind)
     for side in SIDES:
-        where = wall(points, cells, side, kind == "sheet")
-        dead = traction(len(points), where, -where.normal)
+        where = find_side_faces(points, cells, side, kind == "sheet")
+        dead = traction_forces(len(points), where, -where.normal)
         held = FollowerPressure(where.faces).forces(points)
         np.testing.assert_allclose(-held, dead, atol=1e-15)
 
@@ -49,19 +49,19 @@ def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kin
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
 def test_its_tangent_is_its_derivative(kind: str) -> None:
     points, cells = box(kind)
-    faces = wall(points, cells, "+z", kind == "sheet").faces
+    faces = find_side_faces(points, cells, "+z", kind == "sheet").faces
     pressure = FollowerPressure(faces)
     place, way = np.random.default_rng(0).normal(size=(2, *points.shape)) / 100
     place, step = points + place, 1e-4 * way
     change = (pressure.forces(place + step) - pressure.forces(place - step)) / 2e-4
-    found = tangent([pressure], place) @ way.ravel()
+    found = assemble_tangent([pressure], place) @ way.ravel()
     np.testing.assert_allclose(found, change.ravel(), atol=1e-8 * abs(change).max())
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
 def test_on_all_sides_its_energy_is_the_volume_and_its_forces_the_gradient(kind: str) -> None:
     points, cells = box(kind)
-    faces = np.concatenate([wall(points, cells, side).faces for side in SIDES])
+    faces = np.concatenate([find_side_faces(points, cells, side).faces for side in SIDES])
     pressure, way = FollowerPressure(faces), np.random.default_rng(0).normal(size=points.shape)
     assert pressure.energy(points) == pytest.approx(0.02 * 0.06 * 0.01)
     change = (pressure.energy(points + 1e-5 * way) - pressure.energy(points - 1e-5 * way)) / 2e-5
@@ -74,15 +74,15 @@ def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(ki
     points, cells = box(kind)
     model = Model(points, cells, isotropic(2e4, 0.3), 300.0, np.zeros(points.shape, dtype=bool))
     cage, pressure = cage_of(model), 2000.0
-    loads = [cage.vector("pressure", pressure, timefunctions.step(), s, True) for s in SIDES]
+    loads = [cage.vector("pressure", pressure, time_functions.step(), s, True) for s in SIDES]
     thrown = np.random.default_rng(0).normal(size=points.shape) / 10 + points @ np.eye(3)[[1, 2, 0]]
-    motion = Stepped(cage, loads, velocity=thrown, tolerance=np.inf, max_step=2e-3)
+    motion = SteppedMotion(cage, loads, velocity=thrown, tolerance=np.inf, max_step=2e-3)
     # Exact for the determinant of a quadratic map: Keast, Comp. Meth. Appl. Mech. Eng. 55 (1986).
     inner = np.full((4, 4), 1 / 6) + np.eye(4) / 3
     corners = np.vstack([np.full(4, 0.25), inner])
     weights = np.array([-0.8, 0.45, 0.45, 0.45, 0.45])
-    gradients = sampled_slopes(points, cells[:, :4])[0][:, 0]
-    sizes = sampled_slopes(points, cells[:, :4])[1][:, 0]
+    gradients = shape_gradients(points, cells[:, :4])[0][:, 0]
+    sizes = shape_gradients(points, cells[:, :4])[1][:, 0]
 
     def volume(place: FloatArray) -> float:
         slopes = np.broadcast_to(gradients[:, None], (len(cells), 5, 4, 3))
@@ -126,8 +126,8 @@ def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
     plate = Plate(1e3 * plane, rigidity * plane, 500 * np.eye(2), 1e3)
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
     cage = cage_of(Model(points, cells, plate, 1000.0, held))
-    load = cage.vector("pressure", pressure, timefunctions.table([0, 0.1], [0, 1]), "-z", True)
-    motion = Stepped(cage, [load], Damping(8.0, 2e-3), tolerance=1e-2)
+    load = cage.vector("pressure", pressure, time_functions.table([0, 0.1], [0, 1]), "-z", True)
+    motion = SteppedMotion(cage, [load], Damping(8.0, 2e-3), tolerance=1e-2)
     moved, rate, _ = motion.at(3.0)
     assert abs(rate).max() < 1e-2 * length
     end = (points + moved)[points[:, 0] > length - 1e-9].mean(axis=0)

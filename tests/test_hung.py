@@ -21,7 +21,7 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.response.energy import balance
+from spacemap_vtk.mechanics.response.energy import balance_energies
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.80665
@@ -110,7 +110,7 @@ def test_a_hung_cloth_is_tilted_as_a_pendulum() -> None:
     motion, times = curtain.response.motion, np.linspace(0, 2, 41)
     assert motion is not None
     work = motion.energies(np.zeros(1))[0, 3]
-    found = balance(motion.energies(times), motion.potential(times), work)
+    found = balance_energies(motion.energies(times), motion.potential(times), work)
     np.testing.assert_allclose(found.work, 0.0, atol=1e-9 * found.kinetic.max())
     np.testing.assert_allclose(found.total, found.total[0], atol=1e-9 * found.kinetic.max())
     assert -found.potential.min() > 0.5 * found.kinetic.max()

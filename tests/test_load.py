@@ -11,7 +11,7 @@ from test_response import EVERY_LOAD, Chain
 
 from spacemap_vtk import ModalResponse
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -63,7 +63,7 @@ def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
         "file = 'gust.csv'  # beside the scene\n"
     )
     (load,) = Scene.read(scene).response.loads
-    expected = timefunctions.table([0, 0.2, 0.5], [0, 1, -0.4])
+    expected = time_functions.table([0, 0.2, 0.5], [0, 1, -0.4])
     for found, wanted in zip(load.function, expected, strict=True):
         np.testing.assert_array_equal(found, wanted)
     # what is written again reads the same file

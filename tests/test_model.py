@@ -15,9 +15,9 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal import eigen
-from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.modal.eigen import solve_modes
 from spacemap_vtk.mechanics.modal.mesh_pencil import WeakValues
 from spacemap_vtk.mechanics.modal.model import Model
 
@@ -138,7 +138,7 @@ def test_arguments_are_checked():
 def thin(length, divisions=(5, 5, 1), held=None):
     """Return a sheet of quadratic tetrahedra, half a millimetre thick, that hangs by +y."""
     points, cells = lattice((0, length, 0, length, 0, 5e-4), divisions)
-    points, cells = with_midpoints(points, cells)
+    points, cells = add_midpoints(points, cells)
     if held is None:
         held = np.repeat((points[:, 1] > length * (1 - 1e-9))[:, None], 3, axis=1)
     return Model(points, cells, isotropic(1e6, 0.3), 300.0, held)
@@ -204,7 +204,7 @@ def test_thin_sheets_are_held_by_their_edges():
 
 def test_what_is_nothing_but_rounding_is_refused():
     points, cells = lattice((0, 1, 0, 1, 0, 1e-6), (5, 5, 1))
-    points, cells = with_midpoints(points, cells)
+    points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
     made = Model(points, cells, isotropic(1e6, 0.3), 300.0, held)
     force = np.zeros(len(made.free))
@@ -222,7 +222,7 @@ def test_a_free_very_thin_sheet_has_all_its_modes():
     made = thin(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
     piece = made.pencil.components[0]
     before = piece.shift
-    values, shapes, _ = lowest(made.pencil, 20)
+    values, shapes, _ = solve_modes(made.pencil, 20)
     assert piece.shift < before  # they did not converge there
     assert not values[:6].any()
     assert values[6] > 0
@@ -254,7 +254,7 @@ def test_what_dies_with_a_stage_runs_no_python() -> None:
 
 
 def thinner(length, divisions=(5, 5, 1), held=True, thickness=3e-4):
-    points, cells = with_midpoints(*lattice((0, length, 0, length, 0, thickness), divisions))
+    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, thickness), divisions))
     edge = np.repeat(points[:, 1:2] > length * (1 - 1e-9), 3, axis=1) & held
     return Model(points, cells, isotropic(1e6, 0.3), 300.0, edge)
 
@@ -282,7 +282,7 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
     """K alone holds none of the first from 0.5 m on: its own eigenvalue is rounding."""
     monkeypatch.setattr(eigen, "DENSE", limit)
     made = thinner(length)
-    found = lowest(made.pencil, count)
+    found = solve_modes(made.pencil, count)
     first = known(made, found, length)
     # Leissa: 3.4917, 21.429; five cells along a side bend 3 % and 10 % too high, however thin.
     assert first[0] == pytest.approx(3.4917 * 1.028, rel=1e-3)
@@ -298,12 +298,12 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
 @pytest.mark.parametrize("limit", [10_000, 0], ids=["dense", "sparse"])
 def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
-    found = lowest(thinner(500.0).pencil, 8)
+    found = solve_modes(thinner(500.0).pencil, 8)
     assert (found.eigenvalues > 0).all()
     assert found.rounding[0] == 1.0
     # The estimate is from above: where it says that one digit holds, one does.
     made = thinner(20.0)
-    found = lowest(made.pencil, 8)
+    found = solve_modes(made.pencil, 8)
     error = abs(known(made, found, 20.0)[:2] / (3.4917 * 1.028, 21.429 * 1.1025) - 1)
     assert (error <= found.rounding[:2] + 1e-3).all()
     assert 0.1 < found.rounding[0] < 0.5
@@ -323,9 +323,9 @@ def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
 )
 def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, count, length, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
-    points, cells = with_midpoints(*lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
+    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
     made = Model(points, cells, STEEL, 300.0, places(points))
-    found = lowest(made.pencil, 9)
+    found = solve_modes(made.pencil, 9)
     assert made.rigid.shape[1] == count
     assert (found.eigenvalues == 0).sum() == count
 
@@ -339,7 +339,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
     for limit in (10_000, 0):
         monkeypatch.setattr(eigen, "DENSE", limit)
         made = Model(points, cells, STEEL, 300.0, held)
-        found = lowest(made.pencil, 8)
+        found = solve_modes(made.pencil, 8)
         assert made.rigid.shape[1] == 0  # as one body it is held
         assert (found.eigenvalues == 0).sum() == 3
         assert not found.rounding[:3].any()
@@ -349,7 +349,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
 def test_strains_give_what_the_stiffness_gives(order):
     points, cells = lattice((0, 1, 0, 0.7, 0, 0.5), (3, 2, 2))
     if order == 2:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     stuff = orthotropic([2e6, 1e6, 1e5], [1e5, 5e4, 7e4], [0.2, 0.1, 0.1])
     made = Model(points, cells, stuff, 300.0, np.zeros(points.shape, bool))
     fields = np.random.default_rng(0).standard_normal((4, *points.shape))

@@ -16,9 +16,9 @@ from spacemap_vtk.mechanics.linalg import multifrontal
 from spacemap_vtk.mechanics.linalg.multifrontal import (
     Analysis,
     Cholesky,
-    by_levels,
-    dissection,
-    negative_eigenvalues,
+    count_negative_eigenvalues,
+    dissect_by_levels,
+    nested_dissection,
 )
 
 
@@ -62,7 +62,7 @@ def test_random_patterns(density):
         for shift in np.quantile(np.linalg.eigvalsh(A.toarray()), [0.0, 0.3, 0.9]) - 0.0123:
             B = (A - shift * sp.identity(size)).tocsr()
             exact = (np.linalg.eigvalsh(B.toarray()) < 0).sum()
-            assert negative_eigenvalues(B, analysis) == exact
+            assert count_negative_eigenvalues(B, analysis) == exact
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -76,7 +76,7 @@ def test_inertia_counts_the_modes_below_a_shift(held):
             continue
         bounds = eigenvalues[max(below - 1, 0)], eigenvalues[below]
         shift = sum(bounds) / 2 if below else bounds[0] / 2
-        assert negative_eigenvalues((K - shift * M).tocsr(), analysis) == below
+        assert count_negative_eigenvalues((K - shift * M).tocsr(), analysis) == below
 
 
 @pytest.mark.parametrize("panel", [1, 5, 40])
@@ -88,7 +88,7 @@ def test_inertia_by_panels(panel, monkeypatch):
     assert expected > 2
     analysis, told = Analysis(K, vertices), []
     monkeypatch.setattr(multifrontal, "PANEL", panel)
-    assert negative_eigenvalues(A, analysis, told.append) == expected
+    assert count_negative_eigenvalues(A, analysis, told.append) == expected
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1.0)
     fronts = len(analysis.runs)
@@ -101,7 +101,7 @@ def test_an_order_holds_each_vertex_once():
     graph = sp.csr_matrix(abs(K[::3][:, ::3]) > 0, dtype=float)
     graph.setdiag(0)
     graph.eliminate_zeros()
-    for find in (dissection, by_levels):
+    for find in (nested_dissection, dissect_by_levels):
         np.testing.assert_array_equal(np.sort(find(graph)), np.arange(graph.shape[0]))
 
 
@@ -140,4 +140,4 @@ def test_progress_may_cancel():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        negative_eigenvalues(K, analysis, stop)
+        count_negative_eigenvalues(K, analysis, stop)

@@ -21,7 +21,12 @@ from pencils import solve_modes, stiffness_and_mass
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.response.oscillator import Kernels, damping_ratio, kernels, regime
+from spacemap_vtk.mechanics.response.oscillator import (
+    Kernels,
+    classify_regimes,
+    compute_kernels,
+    damping_ratio,
+)
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)
 EIGENVALUES = (
@@ -60,7 +65,7 @@ def exact(eigenvalue, alpha, beta, time):
 def oscillate(eigenvalues, alpha, beta, time) -> Kernels:
     """Return the responses of q̈ + (α + βλ) q̇ + λ q = w."""
     eigenvalues = np.array(eigenvalues)
-    return kernels(eigenvalues, (alpha + beta * eigenvalues) / 2, time)
+    return compute_kernels(eigenvalues, (alpha + beta * eigenvalues) / 2, time)
 
 
 def worst(eigenvalue, alpha, beta, time):
@@ -73,7 +78,7 @@ def worst(eigenvalue, alpha, beta, time):
     ramp, parabola = min(step * time, time * soft), min(step * time**2, time**2 * soft / 2)
     scales = (1.0, eigenvalue * short, short, 1.0, step, ramp, parabola)
     half = (alpha + beta * eigenvalue) / 2
-    got = [float(x[0]) for x in kernels(*np.array([[eigenvalue], [half], [time]]))]
+    got = [float(x[0]) for x in compute_kernels(*np.array([[eigenvalue], [half], [time]]))]
     assert np.isfinite(got).all()
     with mp.workdps(80):
         errors = [
@@ -172,8 +177,8 @@ def test_damping_ratio_and_regime():
         damping_ratio(eigenvalues, 2.0, 0.5), [np.nan, 1.25, 1.0, 6.5 / 6, 2.6], rtol=1e-15
     )
     kinds = ["rigid", "overdamped", "critical", "overdamped", "overdamped"]
-    assert regime(eigenvalues, 2.0, 0.5) == kinds
-    assert regime([0.0, 1.0], 0.0, 0.0) == ["rigid", "underdamped"]
+    assert classify_regimes(eigenvalues, 2.0, 0.5) == kinds
+    assert classify_regimes([0.0, 1.0], 0.0, 0.0) == ["rigid", "underdamped"]
 
 
 @pytest.mark.parametrize("fixed", [True, False])
@@ -210,7 +215,7 @@ def test_whole_response_against_expm(fixed, alpha, beta):
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_what_is_no_oscillator_is_refused(name, value):
     values = {"eigenvalues": [1.0], "alpha": 0.0, "beta": 0.0}
-    for asked in (damping_ratio, regime):
+    for asked in (damping_ratio, classify_regimes):
         with pytest.raises(InputError, match=name):
             asked(**{**values, name: value})
 

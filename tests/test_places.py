@@ -7,8 +7,8 @@ import pytest
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.fittings import MASSES, SPRINGS
-from spacemap_vtk.mechanics.boundary.places import caught, directions, parse
+from spacemap_vtk.mechanics.boundary.fittings import MASS_UNITS, SPRING_UNITS
+from spacemap_vtk.mechanics.boundary.places import directions, find_vertices, parse_places
 
 POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 
@@ -24,9 +24,9 @@ POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
     ],
 )
 def test_directions_stand_beside_components(text, canonical):
-    found = parse(text)
+    found = parse_places(text)
     assert " ".join(map(str, found)) == canonical
-    assert parse(canonical) == found
+    assert parse_places(canonical) == found
 
 
 @pytest.mark.parametrize(
@@ -39,9 +39,9 @@ def test_directions_stand_beside_components(text, canonical):
     ],
 )
 def test_springs_have_a_stiffness(text, canonical):
-    found = parse(text, SPRINGS, what="spring")
+    found = parse_places(text, SPRING_UNITS, what="spring")
     assert " ".join(map(str, found)) == canonical
-    assert parse(canonical, SPRINGS) == found
+    assert parse_places(canonical, SPRING_UNITS) == found
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_springs_have_a_stiffness(text, canonical):
 )
 def test_what_is_no_direction_is_refused(text, message):
     with pytest.raises(InputError, match=message):
-        parse(text)
+        parse_places(text)
 
 
 @pytest.mark.parametrize(
@@ -76,21 +76,21 @@ def test_what_is_no_direction_is_refused(text, message):
 )
 def test_what_is_no_stiffness_is_refused(text, message):
     with pytest.raises(InputError, match=message):
-        parse(text, SPRINGS, what="spring")
+        parse_places(text, SPRING_UNITS, what="spring")
 
 
 def test_a_mass_has_no_components():
     for text in ("5 g", "1.5 kg", "0.3 mg", "120 mg"):
-        (found,) = parse(f"-x {text}", MASSES, what="mass", whole=True)
+        (found,) = parse_places(f"-x {text}", MASS_UNITS, what="mass", whole=True)
         assert str(found) == f"-x {text}"
-        assert parse(str(found), MASSES, what="mass", whole=True) == [found]
+        assert parse_places(str(found), MASS_UNITS, what="mass", whole=True) == [found]
     with pytest.raises(InputError, match='"-x:y" names components, and a mass has all'):
-        parse("-x:y 5 g", MASSES, what="mass", whole=True)
+        parse_places("-x:y 5 g", MASS_UNITS, what="mass", whole=True)
 
 
 def test_directions_at_the_vertices():
-    (inclined, plain) = parse("-x:(0, 3, 4) +y:xz")
-    left = caught(POINTS, inclined)
+    (inclined, plain) = parse_places("-x:(0, 3, 4) +y:xz")
+    left = find_vertices(POINTS, inclined)
     np.testing.assert_array_equal(left, POINTS[:, 0] == 0)
     found = directions(POINTS, inclined)
     assert not found[~left].any()
@@ -100,7 +100,7 @@ def test_directions_at_the_vertices():
     np.testing.assert_array_equal(top[POINTS[:, 1] == 2], [np.diag([1, 0, 1])] * 9)
     parted = np.zeros((27, 3))
     parted[4, 1:] = 1
-    mask = parse("mask(glue):xy")[0]
+    mask = parse_places("mask(glue):xy")[0]
     assert directions(POINTS, mask, {"glue": parted}.get)[4].tolist() == np.diag([0, 1, 0]).tolist()
     with pytest.raises(InputError, match=r'"glue" tells components apart.*names a direction'):
-        directions(POINTS, parse("mask(glue):(1, 1, 0)")[0], {"glue": parted}.get)
+        directions(POINTS, parse_places("mask(glue):(1, 1, 0)")[0], {"glue": parted}.get)

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.elements.plates import data_sheet, homogeneous, measured, upright
+from spacemap_vtk.mechanics.elements.plates import (
+    apply_measurements,
+    data_sheet,
+    homogeneous_plate,
+    keep_normals_upright,
+)
 
 E, NU, H = 2e6, 0.3, 3e-4
 
@@ -16,7 +21,7 @@ E, NU, H = 2e6, 0.3, 3e-4
 @pytest.mark.parametrize("normal", [0, 1, 2])
 def test_an_isotropic_plate_is_that_of_the_books(normal):
     """Kirchhoff's E h/(1-ν²) and E h³/12/(1-ν²), Reissner's 5/6 G h."""
-    plate, shear = homogeneous(isotropic(E, NU), H, normal), E / 2 / (1 + NU)
+    plate, shear = homogeneous_plate(isotropic(E, NU), H, normal), E / 2 / (1 + NU)
     form = np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]]) / (1 - NU**2)
     np.testing.assert_allclose(plate.membrane, E * H * form, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(plate.bending, E * H**3 / 12 * form, rtol=1e-12, atol=1e-15)
@@ -33,7 +38,7 @@ def test_the_plane_of_a_plate_follows_its_normal_in_a_circle():
         (1, (2, 0), "xz", ("yz", "xy")),
         (2, (0, 1), "xy", ("xz", "yz")),
     ):
-        plate = homogeneous(solid, 1.0, normal)
+        plate = homogeneous_plate(solid, 1.0, normal)
         expected = [moduli[axes[0]], moduli[axes[1]], shears[plane]]
         np.testing.assert_allclose(np.diag(plate.membrane), expected, rtol=1e-12)
         sheared = [5 / 6 * shears[name] for name in across]
@@ -43,7 +48,7 @@ def test_the_plane_of_a_plate_follows_its_normal_in_a_circle():
 
 def test_a_plate_has_a_thickness():
     with pytest.raises(InputError, match="thickness"):
-        homogeneous(isotropic(E, NU), 0.0)
+        homogeneous_plate(isotropic(E, NU), 0.0)
 
 
 def pulled(stiffness, angle):
@@ -55,8 +60,8 @@ def pulled(stiffness, angle):
 
 def test_measures_are_what_strips_and_frames_would_show():
     tensile, bending, ratio = (4000.0, 1000.0), (2e-5, 5e-6), 0.8
-    plate = measured(
-        homogeneous(isotropic(E, NU), H),
+    plate = apply_measurements(
+        homogeneous_plate(isotropic(E, NU), H),
         tensile=tensile,
         shear=30.0,
         ratio=ratio,
@@ -76,45 +81,45 @@ def test_measures_are_what_strips_and_frames_would_show():
     # normals of cloth stay upright, whatever it resists stretching with
     assert plate.shear is None
     assert plate.thickness is None
-    cells = upright(plate, 0.01)
+    cells = keep_normals_upright(plate, 0.01)
     assert cells.thickness == cells.shear[0, 0] == pytest.approx(1e4 * plate.bending[1, 1] / 1e-4)
 
 
 def test_measures_of_an_isotropic_plate_make_that_plate():
     """Strips resist E h and E h³/12; the rest follows from Poisson's ratio."""
-    soft, plate = homogeneous(isotropic(1.0, NU), H), homogeneous(isotropic(E, NU), H)
-    made = measured(soft, tensile=(E * H, E * H), bending=(E * H**3 / 12, E * H**3 / 12))
+    soft, plate = homogeneous_plate(isotropic(1.0, NU), H), homogeneous_plate(isotropic(E, NU), H)
+    made = apply_measurements(soft, tensile=(E * H, E * H), bending=(E * H**3 / 12, E * H**3 / 12))
     np.testing.assert_allclose(made.membrane, plate.membrane, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(made.bending, plate.bending, rtol=1e-12, atol=1e-18)
-    other = homogeneous(isotropic(E, 0.1), H)
+    other = homogeneous_plate(isotropic(E, 0.1), H)
     stretch, bend = (E * H, E * H), (E * H**3 / 12, E * H**3 / 12)
-    made = measured(plate, tensile=stretch, bending=bend, ratio=0.1)
+    made = apply_measurements(plate, tensile=stretch, bending=bend, ratio=0.1)
     np.testing.assert_allclose(made.membrane, other.membrane, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(made.bending, other.bending, rtol=1e-12, atol=1e-18)
 
 
 def test_what_nobody_measured_stays():
-    plate = homogeneous(isotropic(E, NU), H)
-    bent = measured(plate, bending=(2e-6, 1e-6))
+    plate = homogeneous_plate(isotropic(E, NU), H)
+    bent = apply_measurements(plate, bending=(2e-6, 1e-6))
     assert bent.membrane is plate.membrane
     assert bent.shear is None
-    sheared = measured(plate, shear=3.0)
+    sheared = apply_measurements(plate, shear=3.0)
     assert sheared.shear is plate.shear
     assert sheared.bending is plate.bending
     np.testing.assert_allclose(sheared.membrane[:2, :2], plate.membrane[:2, :2], rtol=1e-12)
     assert sheared.membrane[2, 2] == 3.0
-    twisted = measured(plate, twisting=1e-9)
+    twisted = apply_measurements(plate, twisting=1e-9)
     np.testing.assert_allclose(twisted.bending[:2, :2], plate.bending[:2, :2], rtol=1e-12)
     assert twisted.bending[2, 2] == 1e-9
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_sheet_that_is_not_positive_definite_is_refused(sign):
-    plate = homogeneous(isotropic(E, NU), H)
+    plate = homogeneous_plate(isotropic(E, NU), H)
     why = r"poissons_ratio_in_plane.*between -2 and 2, the root of warp over weft.*was that"
     with pytest.raises(InputError, match=why):
-        measured(plate, tensile=(4e3, 1e3), ratio=2.0 * sign)
-    near = measured(plate, tensile=(4e3, 1e3), ratio=1.999 * sign, bending=(1e-6, 1e-6))
+        apply_measurements(plate, tensile=(4e3, 1e3), ratio=2.0 * sign)
+    near = apply_measurements(plate, tensile=(4e3, 1e3), ratio=1.999 * sign, bending=(1e-6, 1e-6))
     assert np.linalg.eigvalsh(near.membrane)[0] > 0
     assert np.linalg.eigvalsh(near.bending)[0] > 0
 
@@ -130,7 +135,7 @@ def test_a_sheet_that_is_not_positive_definite_is_refused(sign):
 )
 def test_a_sheet_resists_everything(key, measures):
     with pytest.raises(InputError, match=f"{key}.*allowed: 1e-50 to 1e.50 N"):
-        measured(homogeneous(isotropic(E, NU), H), **measures)
+        apply_measurements(homogeneous_plate(isotropic(E, NU), H), **measures)
 
 
 @pytest.mark.parametrize("name", FABRICS)
@@ -141,17 +146,17 @@ def test_a_fabrics_sheet_resists_what_was_measured(name):
     assert found == pytest.approx([along, askew, across], rel=1e-12)
     np.linalg.cholesky(sheet.bending)
     # it stretches as the solid that it is made into for tetrahedra does
-    solid = homogeneous(along_fabric(orthotropic(*fabric.solid(1e-3)[:3])), 1e-3)
+    solid = homogeneous_plate(fabric_to_xyz(orthotropic(*fabric.solid(1e-3)[:3])), 1e-3)
     np.testing.assert_allclose(sheet.membrane, solid.membrane, rtol=1e-12, atol=1e-9)
     # and leans by less than 0.1 % of the slope in waves of eight cells
-    shear = upright(sheet, 1e-3).shear[0, 0]
+    shear = keep_normals_upright(sheet, 1e-3).shear[0, 0]
     assert max(fabric.bending) * (2 * np.pi / 8e-3) ** 2 / shear < 1e-3
 
 
 def test_a_data_sheet_has_what_was_measured():
     """It is read off the plate, and not what was given."""
     given = {"tensile": (4000.0, 1000.0), "shear": 50.0, "ratio": 0.8, "bending": (2e-5, 5e-6)}
-    plate = measured(homogeneous(isotropic(E, NU), H), **given, twisting=3e-6)
+    plate = apply_measurements(homogeneous_plate(isotropic(E, NU), H), **given, twisting=3e-6)
     found = data_sheet(plate, 0.15)
     assert found.tensile_rigidity == pytest.approx(given["tensile"])
     assert found.bending_rigidity == pytest.approx(given["bending"])
@@ -160,5 +165,7 @@ def test_a_data_sheet_has_what_was_measured():
     # Peirce's cantilever: the flexural rigidity in mg.cm is c³ [cm] times the mass in mg/cm².
     length = [(rigidity / (9.80665e-6 * 1e-2) / 15.0) ** (1 / 3) for rigidity in (2e-5, 5e-6)]
     assert found.bending_length == pytest.approx([1e-2 * c for c in length])
-    again = measured(plate, tensile=found.tensile_rigidity, bending=found.bending_rigidity)
+    again = apply_measurements(
+        plate, tensile=found.tensile_rigidity, bending=found.bending_rigidity
+    )
     np.testing.assert_allclose(again.membrane[:2, :2], plate.membrane[:2, :2], rtol=1e-12)

@@ -20,9 +20,9 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.mechanics.elements.elasticity import assemble, mass, nodal_mass
+from spacemap_vtk.mechanics.elements.elasticity import assemble, mass_matrix, nodal_mass
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.tetrahedra import volumes, with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints, volumes
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 
@@ -41,7 +41,7 @@ def close(a, b, tolerance):
 
 @pytest.fixture(scope="module")
 def mesh():
-    return with_midpoints(*perturbed())
+    return add_midpoints(*perturbed())
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_rigid_motions_cost_nothing_and_mass_is_right(mesh, matrices):
             assert np.linalg.norm(K @ motion) <= 1e-14 * norm * np.linalg.norm(motion)
     assert M.sum() == pytest.approx(3 * DENSITY * 1.4, rel=1e-13)
     close(M @ np.ones(M.shape[0]), np.repeat(nodal_mass(*mesh, DENSITY), 3), 1e-13)
-    lumped = mass(assemble(*mesh), DENSITY, lumped=True)
+    lumped = mass_matrix(assemble(*mesh), DENSITY, lumped=True)
     assert (lumped.diagonal() > 0).all()
     assert lumped.sum() == pytest.approx(3 * DENSITY * 1.4, rel=1e-13)
     np.testing.assert_allclose(
@@ -100,7 +100,7 @@ def test_curved_ones_are_refused(mesh):
 
 
 def test_one_layer_bends():
-    points, tetrahedra = with_midpoints(*lattice((0, 10, 0, 1, 0, 1), (10, 1, 1)))
+    points, tetrahedra = add_midpoints(*lattice((0, 10, 0, 1, 0, 1), (10, 1, 1)))
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(200e9, 0.3), 8000.0)
     eigenvalues, shapes = solve_modes(K, M, np.repeat(points[:, 0] > 0, 3), 8)
     frequencies = np.sqrt(eigenvalues) / (2 * np.pi)

@@ -22,11 +22,11 @@ from spacemap_vtk.mechanics.elements.kinematics import (
     von_mises,
 )
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
-from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.modal.eigen import solve_modes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.residual_vectors import participation, residual_modes
-from spacemap_vtk.mechanics.response.harmonic import steady
+from spacemap_vtk.mechanics.response.harmonic import receptance
 
 
 def sheet(fixed=True, divisions=(8, 8, 2)):
@@ -36,7 +36,7 @@ def sheet(fixed=True, divisions=(8, 8, 2)):
 
 
 def solved(model, count):
-    eigenvalues, shapes, _ = lowest(model.pencil, count)
+    eigenvalues, shapes, _ = solve_modes(model.pencil, count)
     eigenvalues = eigenvalues * model.modulus / model.density
     return eigenvalues, shapes.reshape(len(shapes), -1) / math.sqrt(model.density)
 
@@ -62,7 +62,7 @@ def test_abaqus_benchmark_1_4_14():
     exact = la.solve(stiffness - omega**2 * mass, load)
     kept, values = np.c_[modes[:, :1], shape.T], np.r_[every[:1], value]
     half = np.zeros(2)
-    factors = steady(values, half, omega).real * (kept.T @ load)
+    factors = receptance(values, half, omega).real * (kept.T @ load)
     assert abs(kept @ factors / exact - 1).max() <= 3e-3
     assert abs(kept[:, 0] * factors[0] / exact - 1).max() > 0.05
 
@@ -72,7 +72,7 @@ def test_static_response_is_exact(count):
     model = sheet()
     eigenvalues, shapes = solved(model, count)
     rng = np.random.default_rng(0)
-    patterns = [loads.on_mass(model.nodal_mass, a) for a in np.eye(3)]
+    patterns = [loads.acceleration_forces(model.nodal_mass, a) for a in np.eye(3)]
     patterns += [rng.standard_normal(model.points.shape)]
     force = np.stack([p.ravel() for p in patterns], axis=1) * model.free[:, None]
     force = np.c_[force, force @ [1.0, 2.0, 0.0, 0.0]]  # one that depends on others
@@ -91,7 +91,7 @@ def test_static_response_is_exact(count):
 
 def test_without_residual_vectors_few_modes_miss_the_sag_under_in_plane_gravity():
     model = sheet(divisions=(20, 20, 4))
-    force = loads.on_mass(model.nodal_mass, [0, -9.81, 0]).ravel() * model.free
+    force = loads.acceleration_forces(model.nodal_mass, [0, -9.81, 0]).ravel() * model.free
     static = model.solve(force)
     eigenvalues, shapes = solved(model, 30)
     missed = []
@@ -107,7 +107,8 @@ def test_all_modes_leave_nothing():
     model = sheet(divisions=(3, 3, 1))
     eigenvalues, shapes = solved(model, int(model.free.sum()))
     force = np.stack(
-        [loads.on_mass(model.nodal_mass, a).ravel() * model.free for a in np.eye(3)], axis=1
+        [loads.acceleration_forces(model.nodal_mass, a).ravel() * model.free for a in np.eye(3)],
+        axis=1,
     )
     data = model.stiffness, model.mass, force, model.solve(force)
     assert len(residual_modes(shapes, eigenvalues, *data)[0]) == 0
@@ -120,7 +121,7 @@ def test_all_modes_leave_nothing():
 def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
     points, cells = lattice((0, 1, 0, 1, 0, 0.05), (3, 4, 1))
     if quadratic:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     # Held along x and y at one side, along y at another, along z everywhere.
     sides = [points[:, 1] == 1, (points[:, 1] == 1) | (points[:, 0] == 0), points[:, 0] >= 0]
     model = Model(points, cells, isotropic(1e4, 0.3), 300.0, np.stack(sides, axis=1), lumped=lumped)
@@ -135,17 +136,19 @@ def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
 def test_a_pressure_sums_to_its_area(quadratic):
     points, cells = lattice((0, 1, 0, 2, 0, 0.5), (3, 2, 2))
     if quadratic:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     for side, area in (("+z", 2.0), ("-x", 1.0), ("+y", 0.5)):
-        where = loads.wall(points, cells, side)
+        where = loads.find_side_faces(points, cells, side)
         assert where.areas.sum() == pytest.approx(area)
-        force = loads.traction(len(points), where, -30.0 * where.normal)
+        force = loads.traction_forces(len(points), where, -30.0 * where.normal)
         np.testing.assert_allclose(force.sum(axis=0), -30.0 * area * where.normal, atol=1e-12)
         # About any point, a constant pressure acts at the middle of the side.
         moment = np.cross(points, force).sum(axis=0)
         middle = points.min(axis=0) + np.ptp(points, axis=0) * (where.normal + 1) / 2
         np.testing.assert_allclose(moment, np.cross(middle, force.sum(axis=0)), atol=1e-12)
-    shear = loads.traction(len(points), loads.wall(points, cells, "-z"), [1.0, 2.0, 3.0])
+    shear = loads.traction_forces(
+        len(points), loads.find_side_faces(points, cells, "-z"), [1.0, 2.0, 3.0]
+    )
     np.testing.assert_allclose(shear.sum(axis=0), [2.0, 4.0, 6.0])
 
 
@@ -160,14 +163,14 @@ def with_middles(points, cells):
 def test_a_side_without_faces_is_refused():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1.0]])
     with pytest.raises(InputError, match=r"no face in its side \+z"):
-        loads.wall(points, np.array([[0, 1, 2, 3]]), "+z")
+        loads.find_side_faces(points, np.array([[0, 1, 2, 3]]), "+z")
 
 
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
     if quadratic:
-        points, cells = with_midpoints(points, cells)
+        points, cells = add_midpoints(points, cells)
     slope = np.random.default_rng(1).standard_normal((3, 3))
     gradients = MeanGradient(points, cells).of(points @ slope.T)
     np.testing.assert_allclose(gradients, np.tile(slope[..., None], len(cells)), atol=1e-12)
@@ -205,7 +208,7 @@ def test_a_free_body_keeps_its_residual_apart_from_rigid_motion():
     assert (eigenvalues[:6] == 0).all()
     np.testing.assert_allclose(model.movable_mass, 300 * 0.05, rtol=1e-12)
     force = np.zeros_like(model.points)
-    force[loads.nearest(model.points, (0, 0, 0)), 2] = 1.0
+    force[loads.nearest_vertex(model.points, (0, 0, 0)), 2] = 1.0
     force = force.reshape(-1, 1)
     static = model.solve(force)
     values, more = residual_modes(shapes, eigenvalues, model.stiffness, model.mass, force, static)

@@ -9,9 +9,9 @@ import pytest
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.mechanics.modal.resolution import mode_errors, unresolved_modes
+from spacemap_vtk.mechanics.modal.resolution import describe_unresolved_modes, mode_errors
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
 
@@ -34,7 +34,7 @@ def test_the_error_of_a_simply_supported_plates_modes_is_estimated(cells):
     for axis in range(2):
         edge = np.isin(points[:, axis], [points[:, axis].min(), points[:, axis].max()])
         held[np.ix_(edge, [1 - axis, 2])] = True
-    model = Model(points, tetrahedra, homogeneous(isotropic(E, 0.3), THICK), RHO, held)
+    model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.3), THICK), RHO, held)
     found, estimated = solved(model, 8)
     m, n = np.mgrid[1:9, 1:9]
     rate = math.pi**2 * math.sqrt(E * THICK**2 / 12 / (1 - 0.3**2) / RHO) / SIDE**2
@@ -50,7 +50,7 @@ def test_the_error_of_a_cantilevers_modes_is_estimated():
     for cells in (10, 32):
         points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, THICK), (cells, cells, 1))
         held = np.repeat(points[:, 1:2] == 0, 3, axis=1)
-        model = Model(points, tetrahedra, homogeneous(isotropic(E, 0.3), THICK), RHO, held)
+        model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.3), THICK), RHO, held)
         found, errors = solved(model, 24)
         frequencies.append(found)
         estimated.append(errors)
@@ -66,7 +66,7 @@ def test_a_stretched_bars_modes_are_resolved_better_than_those_that_bend():
     """ω = (2 n - 1) π c/(2 L) of a strip that moves in its plane alone."""
     points, tetrahedra = lattice((0, 1.0, 0, 0.05, 0, 1e-3), (20, 1, 1))
     held = np.tile([False, True, True], (len(points), 1)) | (points[:, :1] == 0)
-    model = Model(points, tetrahedra, homogeneous(isotropic(E, 0.0), 1e-3), RHO, held)
+    model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.0), 1e-3), RHO, held)
     found, estimated = solved(model, 8)
     exact = (2 * np.arange(1, 9) - 1) * math.pi / 2 * math.sqrt(E / RHO)
     true = found / exact - 1
@@ -75,12 +75,12 @@ def test_a_stretched_bars_modes_are_resolved_better_than_those_that_bend():
 
 
 def test_resolved_modes_between_unresolved_ones_are_not_counted():
-    assert unresolved_modes([0.01, 0.3, 0.05, 0.2, 0.02]) == (
+    assert describe_unresolved_modes([0.01, 0.3, 0.05, 0.2, 0.02]) == (
         "2 of the modes 2 to 4 are shorter than the cage's cells resolve: frequencies are about "
         "20% too high and more"
     )
-    assert unresolved_modes([0.01, 0.2]).startswith("mode 2 is shorter")
-    assert unresolved_modes([0.0, 0.1]) == ""
+    assert describe_unresolved_modes([0.01, 0.2]).startswith("mode 2 is shorter")
+    assert describe_unresolved_modes([0.0, 0.1]) == ""
 
 
 @pytest.mark.parametrize(("modes", "warned"), [(20, True), (5, False)])

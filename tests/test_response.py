@@ -19,7 +19,7 @@ from spacemap_vtk.datasets.arrays import to_cells, to_points
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 
 RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [
@@ -408,7 +408,7 @@ def test_a_time_that_is_no_number_is_refused(time):
 
 def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:
     """Return a producer of a square of quadratic tetrahedra, half a millimetre thick."""
-    points, cells = with_midpoints(*lattice((0, length, 0, length, 0, 5e-4), divisions))
+    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, 5e-4), divisions))
     grid = vtkUnstructuredGrid()
     grid.SetPoints(to_points(points))
     grid.SetCells(VTK_QUADRATIC_TETRA, to_cells(cells))

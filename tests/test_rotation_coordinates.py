@@ -27,9 +27,9 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous
-from spacemap_vtk.mechanics.elements.shell import mid_surface
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
 
@@ -40,7 +40,7 @@ def strip(cells: int, thickness: float, sheet: bool) -> tuple[FloatArray, Rotati
     """Return the vertices of a strip of one metre by 0.1 m held at x = 0, and its rebuilder."""
     points, tetrahedra = lattice((0, 1, 0, 0.1, -thickness / 2, thickness / 2), (cells, 1, 1))
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
-    surface = mid_surface(points, tetrahedra) if sheet else None
+    surface = find_mid_surface(points, tetrahedra) if sheet else None
     return points, RotationCoordinates(points, tetrahedra, held, surface)
 
 
@@ -98,8 +98,8 @@ def test_a_quarter_twist_is_a_helix_within_three_thousandths(sheet: bool) -> Non
 def test_rigid_motions_are_exact_and_rates_are_rates(kind: str) -> None:
     points, cells = lattice((0, 1, 0, 0.5, -0.02, 0.03), (6, 3, 1))
     if kind == "quadratic":
-        points, cells = with_midpoints(points, cells)
-    surface = mid_surface(points, cells) if kind == "sheet" else None
+        points, cells = add_midpoints(points, cells)
+    surface = find_mid_surface(points, cells) if kind == "sheet" else None
     middle = points.mean(axis=0)
     free = RotationCoordinates(points, cells, np.zeros(points.shape, dtype=bool), surface)
     axis, push = np.array([0.4, -1.3, 2.1]), np.array([1.0, 2.0, 3.0])
@@ -135,7 +135,7 @@ def test_supports_along_a_slope_hold_there() -> None:
     normals = np.zeros((len(points), 3, 3))
     slope = np.array([0.0, 0.6, 0.8])
     normals[points[:, 0] == 1] = np.outer(slope, slope)
-    plate = homogeneous(isotropic(1e6, 0.3), 0.02)
+    plate = homogeneous_plate(isotropic(1e6, 0.3), 0.02)
     model = Model(points, cells, plate, 300.0, held, fittings=Fittings(normals=normals))
     rebuilt = RotationCoordinates(points, cells, model.pencil.basis, model.pencil.surface)
     linear = model.modes(4).shapes[0]

@@ -18,7 +18,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.mechanics.boundary.places import parse
+from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 
@@ -102,7 +102,7 @@ class Law:
         parameter, value = part.parameter(key), getattr(part, key)
         if parameter.kind in ("places", "supports"):
             units = getattr(parameter, "units", ())
-            return [self._place(place) for text in value for place in parse(text, units)]
+            return [self._place(place) for text in value for place in parse_places(text, units)]
         if parameter.kind == "loads":
             unit = {name: each.unit for name, each in Load.parameters.items()}
             return [

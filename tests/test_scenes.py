@@ -137,9 +137,9 @@ def the_gust(scene: Scene) -> None:
     # It hangs exactly as the whole stiffness matrix says, though few of its modes are kept.
     scene.update(0.0)
     model = scene.response.motion.modes.model
-    weight = loads.on_mass(model.nodal_mass, [0.0, -9.80665, 0.0])
-    back = loads.wall(model.points, model.cells, "-z", sheet=True)
-    flutter = -loads.traction(len(model.points), back, [0.5, 0.0, 0.0])
+    weight = loads.acceleration_forces(model.nodal_mass, [0.0, -9.80665, 0.0])
+    back = loads.find_side_faces(model.points, model.cells, "-z", sheet=True)
+    flutter = -loads.traction_forces(len(model.points), back, [0.5, 0.0, 0.0])
     hung = model.solve((weight + flutter).ravel()).reshape(-1, 3)
     assert len(scene.response.motion.modes.eigenvalues) < model.free.sum() / 5
     np.testing.assert_allclose(displacement(scene), hung, atol=1e-10 * np.abs(hung).max())

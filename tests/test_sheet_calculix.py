@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous
+from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
@@ -77,7 +77,7 @@ def ours(
     """Return the same of a sheet."""
     points, cells = lattice(np.stack([np.zeros(3), size], 1).ravel(), (*divisions, 1))
     young, ratio, density = material
-    plate = homogeneous(isotropic(young, ratio), size[2])
+    plate = homogeneous_plate(isotropic(young, ratio), size[2])
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
     rest = Model(points, cells, plate, density, held)
     moved, _ = rest.hung(np.outer(rest.nodal_mass, gravity).ravel())

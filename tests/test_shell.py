@@ -15,10 +15,15 @@ from spacemap_vtk import TetraCage
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
-from spacemap_vtk.mechanics.elements.shell import MidSurface, layer, mid_surface, of_sheet
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
-from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
+from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
+from spacemap_vtk.mechanics.elements.shell import (
+    MidSurface,
+    find_layer,
+    find_mid_surface,
+    sheet_strains,
+)
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import assemble_tangent
 from spacemap_vtk.mechanics.modal.model import Model
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +34,7 @@ STUFF, BEAM = isotropic(E, NU), isotropic(E, 0.0)
 
 
 def found(points: FloatArray, cells: IntArray) -> MidSurface:
-    surface = mid_surface(points, cells)
+    surface = find_mid_surface(points, cells)
     assert surface is not None
     return surface
 
@@ -66,7 +71,7 @@ def test_a_lattice_of_one_layer_is_a_sheet_across_any_axis(normal):
     np.testing.assert_allclose(surface.vertices(surface.nodal(points)), points, atol=1e-15)
     flat = (surface.matrix() @ points.ravel()).reshape(-1, 3)
     np.testing.assert_allclose(flat, surface.nodal(points), atol=1e-15)
-    assert layer(points, cells)[:2] == (pytest.approx(0.1), normal)
+    assert find_layer(points, cells)[:2] == (pytest.approx(0.1), normal)
 
 
 def test_a_carved_lattice_is_a_sheet_with_holes():
@@ -84,19 +89,19 @@ def test_of_two_thin_axes_the_thinner_one_counts():
 
 def test_what_is_no_sheet():
     points, cells = lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 1))
-    assert mid_surface(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))) is None
-    assert mid_surface(*with_midpoints(points, cells)) is None
-    assert mid_surface(points, np.random.default_rng(0).permutation(cells)) is None
-    assert mid_surface(points, cells[:-1]) is None
-    assert mid_surface(points, cells[:, [1, 0, 3, 2]]) is None  # another program's order
+    assert find_mid_surface(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))) is None
+    assert find_mid_surface(*add_midpoints(points, cells)) is None
+    assert find_mid_surface(points, np.random.default_rng(0).permutation(cells)) is None
+    assert find_mid_surface(points, cells[:-1]) is None
+    assert find_mid_surface(points, cells[:, [1, 0, 3, 2]]) is None  # another program's order
     stray = np.concatenate([points, [[2.0, 0, 0]]])
-    assert mid_surface(stray, cells) is None
+    assert find_mid_surface(stray, cells) is None
     # a hexahedron upon another one
     tall, blocks = lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))
     used, cells = np.unique(blocks[: 5 * 17], return_inverse=True)
-    assert mid_surface(tall[used], cells.reshape(-1, 4)) is None
+    assert find_mid_surface(tall[used], cells.reshape(-1, 4)) is None
     with pytest.raises(GeometryError, match=r"one-layer lattice.*divisions"):
-        Model(tall, blocks, homogeneous(STUFF, 0.1), RHO, np.zeros(tall.shape, bool))
+        Model(tall, blocks, homogeneous_plate(STUFF, 0.1), RHO, np.zeros(tall.shape, bool))
 
 
 def clamped(points: FloatArray) -> NDArray[np.bool_]:
@@ -108,7 +113,7 @@ def square(side: float, thickness: float, cells: int, free: bool = False) -> Mod
     """Return a square sheet across z, a cantilever unless it is free."""
     points, tetrahedra = lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
     held = clamped(points) & (not free)
-    return Model(points, tetrahedra, homogeneous(STUFF, thickness), RHO, held)
+    return Model(points, tetrahedra, homogeneous_plate(STUFF, thickness), RHO, held)
 
 
 def rates(model: Model, count: int) -> FloatArray:
@@ -188,7 +193,7 @@ def test_a_sheet_across_any_direction(way):
     points = points @ turn + [1.0, -2.0, 3.0]
     normal = found(points, cells).normal
     assert normal == {"x": 0, "y": 1}.get(way, normal)
-    model = Model(points, cells, homogeneous(STUFF, 3e-4, normal), RHO, held)
+    model = Model(points, cells, homogeneous_plate(STUFF, 3e-4, normal), RHO, held)
     np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 8), expected, rtol=1e-7)
 
 
@@ -204,7 +209,7 @@ def test_distorted_quadrilaterals_vibrate_as_the_others():
     points, cells = lattice((0, 0.1, 0, 0.1, 0, 3e-4), (10, 10, 1))
     inner = ((points[:, :2] > 1e-9) & (points[:, :2] < 0.1 - 1e-9)).all(axis=1)
     distorted = jittered(points, inner, 0.003)
-    model = Model(distorted, cells, homogeneous(STUFF, 3e-4), RHO, clamped(points))
+    model = Model(distorted, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points))
     even = leissa(square(0.1, 3e-4, 10), 0.1, 3e-4, 6)
     np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 6), even, rtol=0.015)
 
@@ -243,8 +248,8 @@ def test_a_constant_strain_or_curvature_is_found_from_the_rim(mesh, name):
     thickness = 0.01
     points, cells = meshes(thickness)[mesh]
     surface = found(points, cells)
-    count, plate = len(surface.pairs), homogeneous(STUFF, thickness)
-    strains, rest = of_sheet(points, surface, plate), surface.nodal(points)
+    count, plate = len(surface.pairs), homogeneous_plate(STUFF, thickness)
+    strains, rest = sheet_strains(points, surface, plate), surface.nodal(points)
     x, y = rest[:count, 0], rest[:count, 1]
     field, bends = FIELDS[name]
     exact = np.zeros_like(rest)
@@ -252,7 +257,7 @@ def test_a_constant_strain_or_curvature_is_found_from_the_rim(mesh, name):
     slope = {"bending": np.stack([x, -0.4 * y], 1), "twist": np.stack([y, x], 1)}
     if bends:  # δ turns as the normal does
         exact[count:, :2] = -thickness / 2 * slope[name]
-    matrix = tangent(strains, rest)
+    matrix = assemble_tangent(strains, rest)
     # the rim: pairs of which fewer than four quadrilaterals are around
     rim = np.bincount(surface.quads.ravel(), minlength=count) < 4
     assert (~rim).sum() > 5
@@ -294,7 +299,7 @@ WOVEN = orthotropic([2e6, 5e5, 1e6], [1.5e5, 1e6, 1e6], [0.3, 0.0, 0.0])
 def test_simply_supported_plates(elasticity):
     """ω² ρh = π⁴ (D11 m⁴/a⁴ + 2 (D12 + 2 D66) m²n²/a²b² + D22 n⁴/b⁴); order 2."""
     a, b, thickness = 0.15, 0.1, 2e-4
-    plate = homogeneous(elasticity, thickness)
+    plate = homogeneous_plate(elasticity, thickness)
     d = plate.bending
     m, n = np.mgrid[1:6, 1:6] * np.pi / np.array([a, b])[:, None, None]
     square_rate = d[0, 0] * m**4 + 2 * (d[0, 1] + 2 * d[2, 2]) * m**2 * n**2 + d[1, 1] * n**4
@@ -317,7 +322,9 @@ def test_a_sheet_of_any_ratio_of_stretch_to_bending_bends_as_a_thin_plate(stretc
     side, cells, mass = 0.1, 12, 0.15
     points, tetrahedra = lattice((0, side, 0, side, -1.5e-4, 1.5e-4), (cells, cells, 1))
     held = hard_supports(points) if supported else clamped(points)
-    made = measured(homogeneous(STUFF, 3e-4), tensile=(stretch,) * 2, bending=(bend,) * 2, ratio=NU)
+    made = apply_measurements(
+        homogeneous_plate(STUFF, 3e-4), tensile=(stretch,) * 2, bending=(bend,) * 2, ratio=NU
+    )
     model = Model(points, tetrahedra, made, mass / 3e-4, held)
     modes = model.modes(model.pencil.size)
     # those across the sheet: where it hardly resists a stretch, all of its plane are lower
@@ -334,7 +341,7 @@ def test_a_sheet_of_any_ratio_of_stretch_to_bending_bends_as_a_thin_plate(stretc
 def test_a_thick_plate_shears_and_turns():
     """Mindlin's plate, simply supported, ten thicknesses wide; its mass turns as a box."""
     side, thickness, wave = 0.1, 0.01, math.pi * math.sqrt(2) / 0.1
-    plate, squares = homogeneous(STUFF, thickness), []
+    plate, squares = homogeneous_plate(STUFF, thickness), []
     for cells in (10, 20):
         points, tetrahedra = lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
         model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
@@ -371,7 +378,7 @@ def test_an_edge_held_by_its_lower_vertices_is_a_hinge():
     # it bends across z alone
     held = hinge[:, None] | (np.arange(3) == 1)
     model = Model(
-        points, cells, homogeneous(BEAM, thickness), RHO, np.broadcast_to(held, points.shape)
+        points, cells, homogeneous_plate(BEAM, thickness), RHO, np.broadcast_to(held, points.shape)
     )
     assert model.rigid.shape[1] == 1
     turned = model.rigid[:, 0].reshape(-1, 3)
@@ -394,7 +401,9 @@ def simply_supported(length: float, thickness: float, strain: float, cells: int)
     held[ends, 2] = True
     moved = np.zeros(points.shape)
     moved[:, 0] = strain * points[:, 0]
-    return Model(points, tetrahedra, homogeneous(BEAM, thickness), RHO, held, displacement=moved)
+    return Model(
+        points, tetrahedra, homogeneous_plate(BEAM, thickness), RHO, held, displacement=moved
+    )
 
 
 def test_a_strip_under_tension_and_pressure():
@@ -425,7 +434,7 @@ def test_what_the_modes_move_and_what_can_be_moved():
     """The effective masses of all modes sum to what shape functions of a held edge leave."""
     for lumped in (False, True):
         points, cells = lattice((0, 1, 0, 1.2, 0, 0.01), (3, 4, 1))
-        model = Model(points, cells, homogeneous(STUFF, 0.01), RHO, clamped(points), lumped)
+        model = Model(points, cells, homogeneous_plate(STUFF, 0.01), RHO, clamped(points), lumped)
         modes = model.modes(10**6).shapes.reshape(-1, points.size)
         assert len(modes) == model.free.sum()
         np.testing.assert_allclose(
@@ -453,7 +462,7 @@ def test_a_square_plate_under_pressure(hard, expected):
     points, cells = lattice((0, side, 0, side, 0, thickness), (20, 20, 1))
     rim = ((points[:, :2] == 0) | (points[:, :2] == side)).any(axis=1)
     held = hard_supports(points) if hard else np.repeat(rim[:, None], 3, axis=1)
-    model = Model(points, cells, homogeneous(STUFF, thickness), RHO, held)
+    model = Model(points, cells, homogeneous_plate(STUFF, thickness), RHO, held)
     forces = np.zeros(points.shape)
     forces[:, 2] = load * model.nodal_mass / RHO / thickness
     moved = model.solve(forces.ravel()).reshape(-1, 3)
@@ -472,9 +481,9 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     points, cells = lattice((0, length, 0, width, -0.5, 0.5), (40, 2, 1))
     local = thick * (1 - (1 - thin_end) * points[:, 0] / length)
     points[:, 2] *= local
-    mean = layer(points, cells).thickness
+    mean = find_layer(points, cells).thickness
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
-    model = Model(points, cells, homogeneous(BEAM, mean), RHO, held)
+    model = Model(points, cells, homogeneous_plate(BEAM, mean), RHO, held)
     end = points[:, 0] == length
     share = np.bincount(np.flatnonzero(end), [0.5, 1, 0.5] * 2, len(points))
     pushed = np.zeros(points.shape)
@@ -508,7 +517,7 @@ def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
     held[points[:, 0] == 0, 0] = True
     held[0], held[points[:, 1] == 0, 1] = True, True
     held[:, 2] = points[:, 2] == 0
-    model = Model(points, cells, homogeneous(STUFF, thickness), RHO, held)
+    model = Model(points, cells, homogeneous_plate(STUFF, thickness), RHO, held)
     forces = np.zeros(points.shape)
     end = points[:, 0] == length
     across = np.array([0.25, 0.5, 0.25]) * force / 2
@@ -525,6 +534,6 @@ def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
 
 def test_lumped_mass_brings_the_same_frequencies():
     points, cells = lattice((0, 0.1, 0, 0.1, 0, 3e-4), (20, 20, 1))
-    model = Model(points, cells, homogeneous(STUFF, 3e-4), RHO, clamped(points), True)
+    model = Model(points, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points), True)
     exact = np.array([3.4917, 8.5246, 21.429, 27.331, 31.111])
     np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 5), exact, rtol=0.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements.plates import data_sheet, strips
+from spacemap_vtk.mechanics.elements.plates import data_sheet, strip_stiffness
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.drafts import patterns
@@ -77,7 +77,7 @@ def test_yarns_that_hardly_stretch_exchange_crimp(p1, expected):
     (t1, s1, *_), (t2, s2, *_) = (family.crimp for family in cloth.families)
     turns = 1 / (s1 * np.sin(t1)), 1 / (s2 * np.cos(t2) * np.tan(t1))
     warp = sum(hinge(cloth, yarns, k) * turn**2 for k, turn in enumerate(turns))
-    assert strips(plate.membrane)[0] == pytest.approx(warp * 0.5e-3 / p1, rel=1e-5)
+    assert strip_stiffness(plate.membrane)[0] == pytest.approx(warp * 0.5e-3 / p1, rel=1e-5)
 
 
 @pytest.mark.parametrize("pattern", ["plain", "twill 2/2", "satin 5/2"])
@@ -92,14 +92,14 @@ def test_a_pull_both_ways_is_resisted_by_tension(pattern):
     membrane = cloth_stiffness(cloth, cotton(bending=(1e-15, 1e-15))).membrane
     assert membrane[:2, :2].sum(axis=1) == pytest.approx(expected, rel=1e-6)
     # and one way, sides free, not at all: exchange is a mechanism
-    assert max(strips(membrane)) < 1e-5 * expected
+    assert max(strip_stiffness(membrane)) < 1e-5 * expected
 
 
 @pytest.mark.parametrize("p", [(0.5e-3, 0.55e-3), (0.6e-3, 0.9e-3), (2e-3, 2e-3)])
 def test_a_strip_begins_to_stretch_with_leaf_and_kandils_modulus(p):
     """12 B1 p2/(p1 l1³ sin²θ1) (1 + B2 l1³ cos²θ1/(B1 l2³ cos²θ2)), J. Text. Inst. 71 (1980) 1."""
     cloth = woven(p=p, d=(0.2e-3, 0.3e-3))
-    found = strips(cloth_stiffness(cloth, cotton((1e9, 1e9), (B, 3 * B))).membrane)
+    found = strip_stiffness(cloth_stiffness(cloth, cotton((1e9, 1e9), (B, 3 * B))).membrane)
     bending, spacing = [B, 3 * B], [*p]
     for k in (0, 1):
         (t1, _, l1, _), (t2, _, l2, _) = (cloth.families[n].crimp for n in (k, 1 - k))
@@ -124,7 +124,7 @@ def test_a_rod_of_peirces_shape_stretches_nearly_so(ratio, softer):
     middle = 0.5 * (line[1:] + line[:-1]) - 0.5 * (line[0] + line[-1])
     step, (_, x, z) = np.linalg.norm(np.diff(line, axis=0), axis=1), middle.T
     a, b, c = (float((step * product).sum()) / B for product in (z * z, x * z, x * x))
-    found = strips(cloth_stiffness(cloth, cotton((1e9, 1e9))).membrane)[0]
+    found = strip_stiffness(cloth_stiffness(cloth, cotton((1e9, 1e9))).membrane)[0]
     assert found * (a - b * b / (2 * c)) == pytest.approx(softer, abs=0.006)
 
 
@@ -135,7 +135,7 @@ def test_cloth_bends_as_its_yarns_do_along_their_axes(pattern, flat):
     plate = cloth_stiffness(cloth, cotton(bending=(B, 3 * B)))
     points, owner = axis_points(cloth, 64)
     for family, (stiffness, rigidity) in enumerate(
-        zip(strips(plate.bending), (B, 3 * B), strict=True)
+        zip(strip_stiffness(plate.bending), (B, 3 * B), strict=True)
     ):
         total, along = 0.0, 1 - family
         first, last = cloth.yarns[along].position[[0, 20]]  # whole repeats

@@ -10,11 +10,11 @@ from pencils import stiffness_and_mass
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous
-from spacemap_vtk.mechanics.elements.shell import mid_surface, of_sheet
-from spacemap_vtk.mechanics.elements.strains import Strains, of_tetrahedra
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
-from spacemap_vtk.mechanics.equilibrium.energy_terms import tangent
+from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface, sheet_strains
+from spacemap_vtk.mechanics.elements.strains import Strains, tetrahedron_strains
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.equilibrium.energy_terms import assemble_tangent
 
 FloatArray = NDArray[np.float64]
 ELASTICITY = orthotropic([2e6, 1e6, 5e5], [4e5, 3e5, 2e5], [0.3, 0.1, 0.2])
@@ -26,13 +26,13 @@ def elements(kind: str) -> tuple[FloatArray, list[Strains]]:
     if kind == "sheet":
         points[:, 2] += 0.2 * np.sin(points[:, 0] + 2 * points[:, 1])  # not flat, and distorted
         points[:, 0] += 0.1 * np.sin(3 * points[:, 1])
-        surface = mid_surface(points, cells)
+        surface = find_mid_surface(points, cells)
         assert surface is not None
-        plate = homogeneous(ELASTICITY, 0.3, surface.normal)
-        return surface.nodal(points), of_sheet(points, surface, plate)
+        plate = homogeneous_plate(ELASTICITY, 0.3, surface.normal)
+        return surface.nodal(points), sheet_strains(points, surface, plate)
     if kind == "quadratic":
-        points, cells = with_midpoints(points, cells)
-    return points, [of_tetrahedra(points, cells, ELASTICITY)]
+        points, cells = add_midpoints(points, cells)
+    return points, [tetrahedron_strains(points, cells, ELASTICITY)]
 
 
 @pytest.mark.parametrize("kind", ["sheet", "linear", "quadratic"])
@@ -53,21 +53,23 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(kind: str) -> None
     # Energy is of the fourth order: two differences are exact but for rounding.
     slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / 12
     assert slope / step == pytest.approx(float(np.vdot(forces(0.0), way)), rel=1e-8)
-    moved = tangent(strains, positions) @ way.ravel()
+    moved = assemble_tangent(strains, positions) @ way.ravel()
     change = (8 * (forces(step) - forces(-step)) - (forces(2 * step) - forces(-2 * step))) / 12
     np.testing.assert_allclose(change.ravel() / step, moved, atol=1e-8 * abs(moved).max())
 
     fields = random.normal(size=(3, *rest.shape))
     flat = fields.reshape(3, -1)
     found = np.sum([part.products(positions, fields) for part in strains], axis=0)
-    np.testing.assert_allclose(found, flat @ (tangent(strains, positions) @ flat.T), rtol=1e-11)
+    np.testing.assert_allclose(
+        found, flat @ (assemble_tangent(strains, positions) @ flat.T), rtol=1e-11
+    )
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
 def test_the_tangent_of_what_is_undeformed_is_the_linear_stiffness(kind: str) -> None:
     """K of the closed-form assembly, to rounding."""
     rest, (strains,) = elements(kind)
-    found = tangent([strains], rest)
+    found = assemble_tangent([strains], rest)
     expected = stiffness_and_mass(rest, strains.nodes, ELASTICITY, 1.0)[0]
     assert abs(found - expected).max() <= 1e-14 * abs(expected).max()
     fields = np.random.default_rng(1).normal(size=(2, *rest.shape))
@@ -97,8 +99,8 @@ def test_rigid_motions_cost_nothing_at_any_angle(kind: str, angle: float) -> Non
 def test_stretch_of_a_tetrahedron_is_greens() -> None:
     """E = (λ² - 1)/2 along a stretched axis, and σ = C E, whatever the element."""
     points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
-    for nodes, connected in ((points, cells), with_midpoints(points, cells)):
-        strains = of_tetrahedra(nodes, connected, isotropic(1.0, 0.25))
+    for nodes, connected in ((points, cells), add_midpoints(points, cells)):
+        strains = tetrahedron_strains(nodes, connected, isotropic(1.0, 0.25))
         strain = strains.strained(nodes * [2.0, 1.0, 1.0])[0]
         np.testing.assert_allclose(
             strain, np.broadcast_to([1.5, 0, 0, 0, 0, 0], strain.shape), atol=1e-14

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.places import parse
+from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.boundary.supports import (
     free_motions,
     held_components,
@@ -82,7 +82,7 @@ def test_a_scaled_cage_is_held_alike():
 )
 def test_what_is_no_support_is_refused(text, what):
     with pytest.raises(InputError, match=what):
-        parse(text)
+        parse_places(text)
     with pytest.raises(InputError, match=r"(?s)fixed.*sphere\(x, y, z, radius\)"):
         ModalSolver(fixed=text)
 

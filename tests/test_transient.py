@@ -13,15 +13,15 @@ from scipy.special import ellipk
 from spacemap_vtk import memory
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.mechanics.boundary import timefunctions
-from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.boundary import time_functions
+from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.cage_response import Motion, Response
-from spacemap_vtk.mechanics.transient.stepper import Stepped
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def cage_of(model: Model) -> CageModes:
     return CageModes(model, np.empty(0), np.empty((0, model.points.size)), np.empty(0))
 
 
-def pendulum(degrees: float, loaded: bool = True, **options: Any) -> Stepped:
+def pendulum(degrees: float, loaded: bool = True, **options: Any) -> SteppedMotion:
     """Return a stiff sheet, hinged at its edge x = 0, let go at an angle."""
     thickness = 1e-4
     points, cells = lattice((-LENGTH, 0, 0, 0.05, -thickness / 2, thickness / 2), (2, 1, 1))
@@ -51,10 +51,10 @@ def pendulum(degrees: float, loaded: bool = True, **options: Any) -> Stepped:
     )
     moved = hinge + (points - hinge) @ turn.T - points
     load = cage.vector("gravity", (0, 0, -GRAVITY), step())
-    return Stepped(cage, [load] if loaded else [], displacement=moved, **options)
+    return SteppedMotion(cage, [load] if loaded else [], displacement=moved, **options)
 
 
-def passages(motion: Stepped, until: float) -> FloatArray:
+def passages(motion: SteppedMotion, until: float) -> FloatArray:
     """Return when the end of a pendulum passes its lowest place."""
     times = np.linspace(0.0, until, 4000)
     weights = (motion.points[:, 0] < 1e-9 - LENGTH) / 4
@@ -73,7 +73,7 @@ def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
     assert (third - first) / PERIOD == pytest.approx(ratio, rel=1e-3)
 
 
-def drift(motion: Stepped, until: float) -> float:
+def drift(motion: SteppedMotion, until: float) -> float:
     """Return the largest share of the energy put in that is nowhere."""
     motion.reach(until)
     kinetic, strain, dissipated, work = motion.rows[:, 2:6].T
@@ -96,11 +96,11 @@ def test_energy_is_kept_over_a_hundred_periods() -> None:
 #: Every kind of load, each at its own time.
 LOADS: list[tuple[str, Any, Any, Any]] = [
     ("gravity", (0.0, 0.0, -3e-2), step(), None),
-    ("pressure", 2e-2, timefunctions.table([0, 0.02, 0.02], [1, 1, 0], 0.01), "+z"),
-    ("force", (1e-8, 0.0, 2e-8), timefunctions.harmonic(15.0), (0.0, 0.0, 0.0)),
-    ("base_acceleration", (0.0, 0.0, 2e-2), timefunctions.periodic([0, 0.02, 0.04], [0, 1, 0]), 0),
-    ("base_displacement", (0.0, 2e-6, 4e-6), timefunctions.table([0, 0.02], [0, 1], 0.015), None),
-    ("base_displacement", (0.0, 0.0, 1e-6), timefunctions.harmonic(9.0, 1.0), None),
+    ("pressure", 2e-2, time_functions.table([0, 0.02, 0.02], [1, 1, 0], 0.01), "+z"),
+    ("force", (1e-8, 0.0, 2e-8), time_functions.harmonic(15.0), (0.0, 0.0, 0.0)),
+    ("base_acceleration", (0.0, 0.0, 2e-2), time_functions.periodic([0, 0.02, 0.04], [0, 1, 0]), 0),
+    ("base_displacement", (0.0, 2e-6, 4e-6), time_functions.table([0, 0.02], [0, 1], 0.015), None),
+    ("base_displacement", (0.0, 0.0, 1e-6), time_functions.harmonic(9.0, 1.0), None),
     ("base_displacement", (0.0, 0.0, 1e-6), step(0.03), None),
 ]
 
@@ -118,7 +118,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     damping = Damping(alpha=2.0, beta=2e-4)
     modal = Response(cage, loads, damping)
     span = 1e-4 if k < 5 else 5e-5  # of a base that is shaken, or jumps
-    stepped = Stepped(cage, loads, damping, tolerance=np.inf, max_step=span)
+    stepped = SteppedMotion(cage, loads, damping, tolerance=np.inf, max_step=span)
     assert isinstance(stepped, Motion)
     times = np.array([0.005, 0.012, 0.0181, 0.031, 0.05])
     weights = np.arange(len(points)) / np.arange(len(points)).sum()
@@ -157,9 +157,9 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     values, shapes, lost = model.modes(1000)
     values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
-    loads = [cage.vector("pressure", 1e-4, timefunctions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")]
+    loads = [cage.vector("pressure", 1e-4, time_functions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")]
     modal = Response(cage, loads, Damping(ratio=ratio))
-    motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=np.inf, max_step=1e-3)
+    motion = SteppedMotion(cage, loads, Damping(ratio=ratio), tolerance=np.inf, max_step=1e-3)
     weights, times = (points[:, 1] < 1e-9) / 6.0, np.linspace(0.05, 0.4, 6)
     exact, found = (m.history(weights, times)[0, :, 2] for m in (modal, motion))
     np.testing.assert_allclose(found, exact, atol=1e-3 * abs(exact).max())
@@ -173,10 +173,10 @@ def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
     points, cells = lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(2e4, 0.3), 300.0, held))
-    load = cage.vector("gravity", (5.0, 0.0, 30.0), timefunctions.harmonic(5.0))
+    load = cage.vector("gravity", (5.0, 0.0, 30.0), time_functions.harmonic(5.0))
     ends = []
     for span in (2e-3, 1e-3, 5e-4):
-        motion = Stepped(cage, [load], Damping(beta=1e-3), tolerance=np.inf, max_step=span)
+        motion = SteppedMotion(cage, [load], Damping(beta=1e-3), tolerance=np.inf, max_step=span)
         ends.append(motion.at(0.1)[:2])
     coarse, fine = abs(ends[0] - ends[1]), abs(ends[1] - ends[2])
     assert abs(ends[2][0]).max() > 0.01
@@ -208,7 +208,7 @@ def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None
     shape = shapes[mode].reshape(-1, 3)
     tip = points[:, 0] > length - 1e-9
     start = shape * amplitude * length / shape[tip, 2].mean()
-    motion = Stepped(cage_of(model), displacement=start)
+    motion = SteppedMotion(cage_of(model), displacement=start)
     times = np.linspace(0.0, 20 * np.pi / omega, 401)
     moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (amplitude * length)
     np.testing.assert_allclose(moved, np.cos(omega * times), atol=1e-4)
@@ -243,8 +243,8 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
     tip = points[:, 0] > length - 1e-9
     start = shape * 5e-4 * length / shape[tip, 2].mean()
     cage = cage_of(model)
-    load = cage.vector("gravity", (change, 0, 0), timefunctions.harmonic(omega / np.pi))
-    motion = Stepped(cage, [load], displacement=model.displacement + start, settled=True)
+    load = cage.vector("gravity", (change, 0, 0), time_functions.harmonic(omega / np.pi))
+    motion = SteppedMotion(cage, [load], displacement=model.displacement + start, settled=True)
     times = np.linspace(0.0, 20 * np.pi / omega, 401)
     moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (5e-4 * length)
 
@@ -259,7 +259,7 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
     np.testing.assert_allclose(moved, exact, atol=0.005 * abs(exact).max())
 
 
-def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
+def curtain(cells: int, gust: float = 0.5, **options: Any) -> SteppedMotion:
     """Return a curtain of 0.3 m, hung by a side, in a gust [Pa]: its weight is 1.47 Pa."""
     points, tetrahedra = lattice((0, 0.3, 0, 0.3, -1.5e-4, 1.5e-4), (cells, cells, 1))
     plane = np.array([[1, 0.1, 0], [0.1, 1, 0], [0, 0, 0.1]])
@@ -268,9 +268,9 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
     cage = cage_of(Model(points, tetrahedra, plate, 500.0, held))
     loads = [
         cage.vector("gravity", (0, -GRAVITY, 0), step()),
-        cage.vector("pressure", gust, timefunctions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
+        cage.vector("pressure", gust, time_functions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
     ]
-    return Stepped(cage, loads, Damping(1.0, 1e-3), **{"tolerance": 1e-2} | options)
+    return SteppedMotion(cage, loads, Damping(1.0, 1e-3), **{"tolerance": 1e-2} | options)
 
 
 @pytest.mark.parametrize(
@@ -348,18 +348,18 @@ def test_what_steps_cannot_have_is_refused() -> None:
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held))
     with pytest.raises(InputError, match=r"ratio.*more modes"):
-        Stepped(cage, [], Damping(ratio=0.02))
-    forever = cage.vector("gravity", (0, 0, 1), timefunctions.harmonic(2.0, steady=True))
+        SteppedMotion(cage, [], Damping(ratio=0.02))
+    forever = cage.vector("gravity", (0, 0, 1), time_functions.harmonic(2.0, steady=True))
     with pytest.raises(InputError, match="steady"):
-        Stepped(cage, [forever])
+        SteppedMotion(cage, [forever])
     with pytest.raises(InputError, match="not a time"):
-        Stepped(cage).at(float("nan"))
+        SteppedMotion(cage).at(float("nan"))
 
 
 def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
     points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
-    motion = Stepped(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))
+    motion = SteppedMotion(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))
     with pytest.raises(SizeError, match=r"5e\+13 steps or more, up to 1e\+12 s, would need"):
         motion.at(1e12)
     assert len(motion.rows) == 1

@@ -16,7 +16,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
-from spacemap_vtk.filters.load import DEAD  # noqa: E402
+from spacemap_vtk.filters.load import DEAD_ACTIONS  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -182,11 +182,11 @@ def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> N
     window.stages.choose("modal")
     row, before = window.properties.rows["dead_loads"], equilibrium(window)
     choices = [action.data() for action in row.editor.add.menu().actions()]
-    assert choices == list(DEAD)
+    assert choices == list(DEAD_ACTIONS)
     row.editor.add.menu().actions()[choices.index("pressure")].trigger()
     (card,) = row.editor.cards
     assert list(card.rows) == ["pressure", "on"]
-    assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD)
+    assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD_ACTIONS)
     wait_until(lambda: settled(window) and (equilibrium(window) != before).any())
     assert window.errors.text == ""
     card.remove.click()

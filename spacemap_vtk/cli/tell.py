@@ -230,7 +230,7 @@ def materials(*, json_: Json = False) -> None:
     modal.material names one. The table has what was measured of each; below it stand the source,
     what that leaves open, and how a scene replaces it.
     """
-    from spacemap_vtk.mechanics.elements.measured_fabrics import ASSUMED, FABRICS, SOURCE
+    from spacemap_vtk.mechanics.elements.measured_fabrics import ASSUMPTIONS, FABRICS, SOURCE
     from spacemap_vtk.mechanics.elements.plates import bending_length
 
     rows: dict[str, dict[str, Any]] = {
@@ -247,7 +247,7 @@ def materials(*, json_: Json = False) -> None:
         for name, fabric in FABRICS.items()
     }
     if json_:
-        print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
+        print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMPTIONS)})
         return
     table = numbers_table(
         [
@@ -276,7 +276,7 @@ def materials(*, json_: Json = False) -> None:
     )
     _print_paragraph(f"Source: {SOURCE}.")
     _print_paragraph("Taken without measurement:")
-    for text in ASSUMED:
+    for text in ASSUMPTIONS:
         print(textwrap.fill(f"{text}.", 78, initial_indent="- ", subsequent_indent="  "))
     _print_paragraph(
         "In [modal], tensile_rigidity, shear_rigidity, bending_rigidity, areal_mass and their "

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate
-from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, made
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, make_term
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats
@@ -108,7 +108,7 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
     array = grid.GetFieldData().GetAbstractArray(_TERMS)
     count = 0 if array is None else array.GetNumberOfValues()
     points, cells = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-    return [made(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
+    return [make_term(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
 
 
 def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:

@@ -20,7 +20,7 @@ from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import vertex_gradients
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.mechanics.elements.shell import mid_surface
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Largest number of Newton steps to a point in a quadrilateral; a parallelogram needs one.
@@ -50,7 +50,7 @@ class PlaneSlopes:
 
     def __init__(self, places: Floats, vertices: Floats, elements: NDArray[Any]) -> None:
         cells = np.asarray(elements, np.int64)
-        self._surface = mid_surface(vertices, cells)
+        self._surface = find_mid_surface(vertices, cells)
         if self._surface is not None and self._surface.normal != 2:
             self._surface = None
         if cells.shape[1] > 4:

@@ -11,9 +11,14 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import array_of, masks_of
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.mechanics.boundary.fittings import MASSES, SPRINGS, Fittings, fitted
-from spacemap_vtk.mechanics.boundary.places import ALLOWED, SIDES, Region, parse
-from spacemap_vtk.mechanics.boundary.supports import BODY, loose_sides, resting
+from spacemap_vtk.mechanics.boundary.fittings import (
+    MASS_UNITS,
+    SPRING_UNITS,
+    Fittings,
+    make_fittings,
+)
+from spacemap_vtk.mechanics.boundary.places import ALLOWED, SIDES, Place, parse_places
+from spacemap_vtk.mechanics.boundary.supports import RIGID_PLACE, default_support, loose_sides
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Parameter, Parameterised, Text
 
@@ -35,9 +40,9 @@ class Places(Parameter[tuple[str, ...]]):
     units: Sequence[str] = ()
     whole = False
 
-    def read(self, text: str) -> list[Region]:
+    def read(self, text: str) -> list[Place]:
         """Parse the places in a text."""
-        return parse(text, self.units, what=self.what, whole=self.whole)
+        return parse_places(text, self.units, what=self.what, whole=self.whole)
 
     def convert(self, value: Any) -> tuple[str, ...]:
         """Convert to places in canonical form, each once, sides first."""
@@ -63,14 +68,14 @@ class Supports(Places):
 class RigidPlaces(Places):
     """Places that each move as one rigid body."""
 
-    what, whole = BODY, True
+    what, whole = RIGID_PLACE, True
     form = ALLOWED + _SEVERAL
 
 
 class Springs(Places):
     """Places with a stiffness."""
 
-    what, units = "spring", SPRINGS
+    what, units = "spring", SPRING_UNITS
     form = (
         f"{ALLOWED}, {_HELD.format('that it acts along')}, and a stiffness in N/m or, of a side, "
         f'N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
@@ -80,7 +85,7 @@ class Springs(Places):
 class Masses(Places):
     """Places with a mass."""
 
-    what, units, whole = "mass", MASSES, True
+    what, units, whole = "mass", MASS_UNITS, True
     form = f'{ALLOWED}, each with a mass, as in "sphere(0, 0, 0, 1 mm) 5 g"{_SEVERAL}'
 
 
@@ -126,9 +131,9 @@ class CageFittings(Parameterised):
         fixed, mask = self.fixed, masks_of(grid)
         if fixed is None:
             axis = up_axis(grid)
-            fixed = type(self).fixed.default if axis is None else (resting(vertices, axis),)
+            fixed = type(self).fixed.default if axis is None else (default_support(vertices, axis),)
             self.in_use = {**self.in_use, "fixed": fixed}
-        held, fittings = fitted(
+        held, fittings = make_fittings(
             vertices, elements, fixed, self.rigid, self.springs, self.masses, mask
         )
         loose = [] if self.springs else loose_sides(vertices, fixed, mask)

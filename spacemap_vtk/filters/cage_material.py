@@ -11,10 +11,10 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.boundary.supports import is_thin
-from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.elements.plates import Plate, homogeneous, measured
-from spacemap_vtk.mechanics.elements.shell import THIN
+from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements, homogeneous_plate
+from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, Parameterised, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -88,7 +88,8 @@ class CageMaterial(Parameterised):
         "auto",
         "What the cage is to mechanics: the solid of its tetrahedra, or the sheet that a lattice "
         "of one layer is, whole or carved, which stretches, bends and twists as cloth does. auto: "
-        f"the sheet where the cells of such a lattice are over {THIN:g} times wider than thick.",
+        f"the sheet where the cells of such a lattice are over {SHEET_ASPECT:g} times wider than "
+        "thick.",
         ["auto", "sheet", "tetrahedra"],
     )
     material = Choice(
@@ -295,9 +296,9 @@ class CageMaterial(Parameterised):
         if self.material == WOVEN:
             own = self._of_yarns(cloth, yarns)
         elif fabric is None:
-            own = homogeneous(elasticity, thickness, normal)
+            own = homogeneous_plate(elasticity, thickness, normal)
         else:
-            own = homogeneous(elasticity, thickness)
+            own = homogeneous_plate(elasticity, thickness)
             own = replace(fabric.sheet, membrane=own.membrane)
         shear = self.shear_rigidity
         if shear is None and self.material != "isotropic":
@@ -305,7 +306,7 @@ class CageMaterial(Parameterised):
         bending = WarpAndWeft.pair(self.bending_rigidity)
         if (lengths := WarpAndWeft.pair(self.bending_length)) is not None:
             bending = (mass * GRAVITY * lengths[0] ** 3, mass * GRAVITY * lengths[1] ** 3)
-        made = measured(
+        made = apply_measurements(
             own,
             tensile=WarpAndWeft.pair(self.tensile_rigidity),
             shear=shear,
@@ -386,7 +387,7 @@ class CageMaterial(Parameterised):
         own = {key: given[key] for key in (*_MODULI, "density") if key in given}
         if self.material in FABRICS:
             solid = FABRICS[self.material].solid(thickness)._replace(**own)
-            return along_fabric(orthotropic(*solid[:3])), solid.density
+            return fabric_to_xyz(orthotropic(*solid[:3])), solid.density
         density = own.get("density", DENSITY)
         if self.material == "orthotropic":
             for key in _MODULI:
@@ -396,7 +397,7 @@ class CageMaterial(Parameterised):
                         key=key,
                         allowed=self.parameter(key).allowed,
                     )
-            return along_fabric(orthotropic(*(own[key] for key in _MODULI))), density
+            return fabric_to_xyz(orthotropic(*(own[key] for key in _MODULI))), density
         modulus = self.in_use.get("youngs_modulus", type(self).youngs_modulus.default)
         if self.youngs_modulus is not None:
             modulus = self.youngs_modulus

@@ -13,9 +13,9 @@ from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value, parsed
-from spacemap_vtk.mechanics.boundary import timefunctions
+from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.places import SIDES
-from spacemap_vtk.mechanics.boundary.timefunctions import TimeFunction
+from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.parameters import (
     Choice,
@@ -39,9 +39,9 @@ ACTIONS = {
     "base_displacement": "",
 }
 #: Actions that may act for ever: those that neither move the base nor are gravity.
-DEAD = ("pressure", "traction", "force", "array")
+DEAD_ACTIONS = ("pressure", "traction", "force", "array")
 #: For each time function, the keys that it needs and the keys that it may have.
-TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+TIME_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "step": ((), ("start",)),
     "pulse": (("length",), ("start",)),
     "ramp": (("rise",), ("start",)),
@@ -132,7 +132,7 @@ class Load(Parameterised):
         "step",
         "Factor over time: 1 from start on; 1 for a length; from 0 to 1; linear between points; "
         "sin(2πft + phase); linear between points, repeated.",
-        list(TIMES),
+        list(TIME_KEYS),
     )
     start = Real(None, "When it begins.", unit="s", minimum=0.0)
     length = Real(None, "How long a pulse lasts.", unit="s", above=0.0)
@@ -214,8 +214,8 @@ class Load(Parameterised):
                 raise InputError(f'a {self.action} has no "{key}": {place}', key=key)
 
     def _check_time(self) -> None:
-        needed, possible = TIMES[self.time]
-        for key in sorted({key for pair in TIMES.values() for keys in pair for key in keys}):
+        needed, possible = TIME_KEYS[self.time]
+        for key in sorted({key for pair in TIME_KEYS.values() for keys in pair for key in keys}):
             there = getattr(self, key) not in (None, False)
             if key in needed and self.file is not None:
                 if there:
@@ -234,17 +234,17 @@ class Load(Parameterised):
     def _made(self) -> TimeFunction:
         start, (times, values) = self.start or 0.0, self._points
         if self.time == "periodic":
-            return timefunctions.periodic(times, values, steady=self.steady)
+            return time_functions.periodic(times, values, steady=self.steady)
         if self.time == "harmonic":
             phase = math.radians(self.phase or 0.0)
-            return timefunctions.harmonic(self.frequency, phase, steady=self.steady)
+            return time_functions.harmonic(self.frequency, phase, steady=self.steady)
         tables = {
             "step": ((0.0,), (1.0,)),
             "pulse": ((0.0, self.length, self.length), (1.0, 1.0, 0.0)),
             "ramp": ((0.0, self.rise), (0.0, 1.0)),
             "table": (times, values),
         }
-        return timefunctions.table(*tables[self.time], start)
+        return time_functions.table(*tables[self.time], start)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if self._sealed:
@@ -351,7 +351,7 @@ class Loads(Parameter[tuple[Load, ...]]):
 class DeadLoads(Loads):
     """Loads that are there for ever."""
 
-    actions = DEAD
+    actions = DEAD_ACTIONS
     timed = False
 
     def convert(self, value: Any) -> tuple[Load, ...]:
@@ -365,12 +365,12 @@ class DeadLoads(Loads):
                     value=True,
                     cure="Leave it out, or put it into [[transient.loads]].",
                 )
-            if load.action not in DEAD or load.time != "step" or load.start is not None:
+            if load.action not in DEAD_ACTIONS or load.time != "step" or load.start is not None:
                 raise InputError(
                     "a dead load is there for ever, and moves no base",
                     key=f"[{number}]",
-                    value=load.action if load.action not in DEAD else load.time,
-                    allowed=f"one of {', '.join(DEAD)}, and no time",
+                    value=load.action if load.action not in DEAD_ACTIONS else load.time,
+                    allowed=f"one of {', '.join(DEAD_ACTIONS)}, and no time",
                     cure="Put what changes into [[response.loads]], gravity into modal.gravity.",
                 )
         return loads

@@ -18,7 +18,7 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
-from spacemap_vtk.mechanics.boundary.timefunctions import step
+from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.elements.kinematics import von_mises
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping, rayleigh
@@ -43,7 +43,7 @@ _MOTION = ("displacement", "velocity", "acceleration")
 #: Condition under which strain and stress are computed.
 _STRESS = {"stress": (True,)}
 #: Damping proportional to mass if no damping is given [1/s].
-ALPHA = 1.0
+DEFAULT_ALPHA = 1.0
 #: Gravity if none is given and the object does not say which way is up [m/s²].
 DOWN = (0.0, 0.0, -GRAVITY)
 #: The arrays that `add_motion`, `add_stress` and `add_energies` write.
@@ -128,7 +128,7 @@ class LoadParameters(Parameterised):
         "Damping proportional to mass; slows every mode alike.",
         unit="1/s",
         minimum=0.0,
-        automatic=f"{ALPHA:g} 1/s, or none where damping_ratio or damping_pairs is given",
+        automatic=f"{DEFAULT_ALPHA:g} 1/s, or none where damping_ratio or damping_pairs is given",
         when=_RAYLEIGH,
     )
     beta = Real(
@@ -215,7 +215,7 @@ class LoadParameters(Parameterised):
                 + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
         if not ways:
-            return Damping(ALPHA if self.alpha is None else self.alpha, self.beta)
+            return Damping(DEFAULT_ALPHA if self.alpha is None else self.alpha, self.beta)
         try:
             if self.damping_pairs is not None:
                 return rayleigh(self.damping_pairs)
@@ -247,7 +247,7 @@ class LoadParameters(Parameterised):
         """Return the gravity from t = 0 on [m/s²], (3,): as given, or that of the solver."""
         field, up, in_use = grid.GetFieldData(), up_axis(grid), {}
         if self.alpha is None and self.damping_ratio is None and self.damping_pairs is None:
-            in_use["alpha"] = ALPHA
+            in_use["alpha"] = DEFAULT_ALPHA
         gravity = self.gravity
         if gravity is None:
             if field.HasArray(GRAVITY_IN_FORCE):

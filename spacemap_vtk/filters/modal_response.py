@@ -21,7 +21,7 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
-from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.elements.kinematics import (
     LARGE_ROTATION,
     TRUSTED_ROTATION,
@@ -137,7 +137,7 @@ class ModalResponse(LoadParameters, Stage):
             )
         model = modes.model
         if not self.turned and (
-            text := warning(model.points, displacement, model.cells, model.pencil.surface)
+            text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface)
         ):
             self.warn(text)
         output.ShallowCopy(grid)

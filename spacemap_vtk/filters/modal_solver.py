@@ -24,12 +24,12 @@ from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.mechanics.boundary.timefunctions import step
-from spacemap_vtk.mechanics.elements.bending import Locking, locking, proportions_of
-from spacemap_vtk.mechanics.elements.materials import volume_ratio
+from spacemap_vtk.mechanics.boundary.time_functions import step
+from spacemap_vtk.mechanics.elements.locking import Locking, estimate_locking, proportions_of
+from spacemap_vtk.mechanics.elements.materials import equivalent_poissons_ratio
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate, data_sheet
-from spacemap_vtk.mechanics.elements.shell import THIN, Layer, layer
+from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT, Layer, find_layer
 from spacemap_vtk.mechanics.equilibrium import energy_terms
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
@@ -45,11 +45,12 @@ from spacemap_vtk.units import format_quantity
 BENDS_ALIKE = 2.0
 
 #: Quadratic tetrahedra that are at most this many thicknesses wide twist correctly, within 5 % in
-#: frequency (see `spacemap_vtk.mechanics.elements.bending.locking`).
+#: frequency (see `spacemap_vtk.mechanics.elements.locking.estimate_locking`).
 TWISTS_WELL = 4
 
-#: Above this ratio (see `spacemap_vtk.mechanics.elements.materials.volume_ratio`) linear
-#: tetrahedra also show volumetric locking.
+#: Above this Poisson's ratio (see
+#: `spacemap_vtk.mechanics.elements.materials.equivalent_poissons_ratio`) linear tetrahedra also
+#: show volumetric locking.
 NEARLY_INCOMPRESSIBLE = 0.45
 
 #: Solutions that take fewer seconds than the first are stored on disk at most once in the second
@@ -248,7 +249,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             material, mass = self._plate(grid, sheet)
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
-        terms = [energy_terms.made(recipe, vertices, elements) for recipe in self._terms]
+        terms = [energy_terms.make_term(recipe, vertices, elements) for recipe in self._terms]
         made = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*made, None, fittings, terms)
         layers = layers if linear else 2 * layers
@@ -309,9 +310,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         """Return the sheet as which the cage is modelled; None for a solid."""
         if self.elements == "tetrahedra":
             return None
-        found = layer(vertices, elements)
+        found = find_layer(vertices, elements)
         if self.elements == "auto":
-            return found if found is not None and found.aspect > THIN else None
+            return found if found is not None and found.aspect > SHEET_ASPECT else None
         if found is None:
             raise InputError(
                 "a sheet is what a lattice of one layer is, and the cage is none",
@@ -359,7 +360,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             )
 
         def solve() -> list[Floats]:
-            return hung(model, load, lambda share: self.report(share, "hanging"), allow)
+            return load_or_solve_equilibrium(
+                model, load, lambda share: self.report(share, "hanging"), allow
+            )
 
         if self._hangs is None or self._hangs[0] != digest:
             processes = self._processes
@@ -459,7 +462,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     def _warn_of_stiffness(self, model: Model) -> None:
         if self._locking is None or self._locking[0] != model.digest:
             held = ~model.free.reshape(-1, 3)
-            found = locking(model.points, model.cells, model.elasticity, held)
+            found = estimate_locking(model.points, model.cells, model.elasticity, held)
             self._locking = model.digest, found
         bending, twist = self._locking[1]
         if max(bending, twist) <= BENDS_ALIKE:
@@ -486,7 +489,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         )
 
     def _warn_of_volume(self, elasticity: Floats) -> None:
-        ratio = volume_ratio(elasticity)
+        ratio = equivalent_poissons_ratio(elasticity)
         if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
             alike = self.material == "isotropic"
             self.warn(
@@ -497,7 +500,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             )
 
 
-def hung(
+def load_or_solve_equilibrium(
     model: Model, load: Floats, tell: Progress, allow: Callable[[], object] = lambda: None
 ) -> list[Floats]:
     """Return the equilibrium of a body under dead loads, from disk or solved.

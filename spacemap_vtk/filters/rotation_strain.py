@@ -15,7 +15,7 @@ from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.cage_fittings import Supports
 from spacemap_vtk.mechanics.boundary.supports import held_components
-from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
@@ -89,7 +89,7 @@ class RotationStrain(Stage):
                 "rebuilt shape is not reliable: use [transient] in place of [response], or let the "
                 "cage hang under the load ([modal] gravity, dead_loads)"
             )
-        if text := warning(points_of(output), moved, elements_of(output), kernel.surface):
+        if text := inversion_warning(points_of(output), moved, elements_of(output), kernel.surface):
             self.warn(text)
 
     def rebuild(self, cage: vtkUnstructuredGrid) -> Floats:

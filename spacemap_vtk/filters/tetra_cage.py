@@ -30,7 +30,7 @@ from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merged, read_blocks
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
@@ -179,7 +179,7 @@ class TetraCage(Stage):
         vertices, tetrahedra = self._wild(data, cloth) if wild else self._box(data, cloth)
         cell_type = VTK_TETRA
         if self.order == 2:
-            vertices, tetrahedra = with_midpoints(vertices, tetrahedra)
+            vertices, tetrahedra = add_midpoints(vertices, tetrahedra)
             cell_type = VTK_QUADRATIC_TETRA
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))

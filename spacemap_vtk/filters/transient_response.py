@@ -21,9 +21,9 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
-from spacemap_vtk.filters.modal_solver import hung
+from spacemap_vtk.filters.modal_solver import load_or_solve_equilibrium
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
-from spacemap_vtk.mechanics.elements.inverted import warning
+from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.model import Model
@@ -31,7 +31,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Real
 
 if TYPE_CHECKING:
-    from spacemap_vtk.mechanics.transient.stepper import Stepped
+    from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 
 #: Prefix of entries on disk. Change it when the same parameters give other states.
@@ -87,12 +87,12 @@ class TransientResponse(LoadParameters, Stage):
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
 
     _modes: ModesReader | None = None
-    _kept_motion: tuple[str, Stepped] | None = None
+    _kept_motion: tuple[str, SteppedMotion] | None = None
     _known: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
 
     @property
-    def motion(self) -> Stepped | None:
+    def motion(self) -> SteppedMotion | None:
         """The motion as of the last update; None before the first."""
         return None if self._kept_motion is None else self._kept_motion[1]
 
@@ -143,7 +143,7 @@ class TransientResponse(LoadParameters, Stage):
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
         model = motion.model
-        if text := warning(model.points, displacement, model.cells, model.pencil.surface):
+        if text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface):
             self.warn(text)
         if self.stress:
             base = motion.base(time)[0]
@@ -159,7 +159,7 @@ class TransientResponse(LoadParameters, Stage):
     def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
         """Make the motion, unless everything that it depends on is unchanged."""
         # This imports scipy's solvers, which listing the parameters does not need.
-        from spacemap_vtk.mechanics.transient.stepper import Stepped
+        from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
         self.check()
         for text in self.far_loads(modes):
@@ -196,7 +196,7 @@ class TransientResponse(LoadParameters, Stage):
         )
         if self._kept_motion is not None and self._kept_motion[0] == digest:
             return
-        motion = Stepped(
+        motion = SteppedMotion(
             modes,
             vectors,
             damping,
@@ -239,10 +239,12 @@ class TransientResponse(LoadParameters, Stage):
                 fittings,
                 model.terms,
             )
-        found, _ = hung(model, load, lambda share: self.report(share, "hanging"))
+        found, _ = load_or_solve_equilibrium(
+            model, load, lambda share: self.report(share, "hanging")
+        )
         return found if model.displacement is None else found + model.displacement
 
-    def _store(self, digest: str, motion: Stepped) -> None:
+    def _store(self, digest: str, motion: SteppedMotion) -> None:
         """Store the states computed since the last time on disk."""
         (count, last), rows, now = self._stored, motion.rows, clock.monotonic()
         if len(rows) == count or (now - last < _PAUSE and len(rows) // _CHUNK == count // _CHUNK):

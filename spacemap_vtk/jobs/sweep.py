@@ -75,7 +75,7 @@ class Result:
 def carry_out_run(run: Run) -> Result:
     """Run a scene, and return its figures and pictures."""
     result, begin = Result(), perf_counter()
-    with _alone, blas_threads.one(), warnings.catch_warnings():
+    with _alone, blas_threads.use_one_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", SpacemapWarning)
         try:
             scene = run.scene()

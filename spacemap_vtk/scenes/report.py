@@ -12,17 +12,17 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, naming_section
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.filters.modal_solver import ModalSolver, hung
-from spacemap_vtk.mechanics.boundary.places import parse
+from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
+from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.plates import DataSheet
-from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow
-from spacemap_vtk.mechanics.modal.coarser import coarser
-from spacemap_vtk.mechanics.modal.damping import Damped, Damping
+from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
+from spacemap_vtk.mechanics.modal.coarsening import coarsen
+from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.mechanics.modal.resolution import mode_errors, unresolved_modes
-from spacemap_vtk.mechanics.response.oscillator import damping_ratio, regime
-from spacemap_vtk.mechanics.response.realm import realm
+from spacemap_vtk.mechanics.modal.resolution import describe_unresolved_modes, mode_errors
+from spacemap_vtk.mechanics.response.linear_range import measure_extremes
+from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts import drawdown
@@ -83,21 +83,23 @@ def modes(scene: Scene) -> dict[str, Any]:
     grid = solver.output
     cage = ModesReader().read(grid)
     eigenvalues, rounding = cage.eigenvalues, cage.eigenvalue_rounding
-    damping = mover.damping if isinstance(mover, Damped) else Damping()
+    damping = mover.damping if isinstance(mover, HasDamping) else Damping()
     rates = damping.alphas(eigenvalues), damping.beta
     shares = cage.mass_shares
     columns = {
         "eigenvalue": eigenvalues,
         "frequency_hz": np.sqrt(eigenvalues) / (2 * math.pi),
         "damping_ratio": damping_ratio(eigenvalues, *rates),
-        "regime": regime(eigenvalues, *rates, rounding),
+        "regime": classify_regimes(eigenvalues, *rates, rounding),
         "digits": [int(-math.log10(max(share, 1e-15))) for share in rounding],
         "effective_mass": cage.effective_masses,
         "effective_mass_share": shares,
         "cumulative_mass_share": shares.cumsum(axis=0),
     }
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    if unresolved := unresolved_modes(list(mode_errors(cage.model, eigenvalues, cage.shapes))):
+    if unresolved := describe_unresolved_modes(
+        list(mode_errors(cage.model, eigenvalues, cage.shapes))
+    ):
         scene.warn(f"{unresolved}; set cage.divisions finer")
     hanging = _hung(scene.modal, cage.model)
     if hanging is not None and (error := hanging["drape_coefficient_error"]) is not None:
@@ -158,7 +160,7 @@ def last_motion(scene: Scene) -> dict[str, Any] | None:
     samples = max(FEWEST, min(SAMPLES, LOOKED_AT // len(response.cells)))
     times = np.linspace(0.0, mover.duration, samples)
     surface = response.modes.model.pencil.surface
-    found = realm(response, rest, times, response.modes.gradient, surface)
+    found = measure_extremes(response, rest, times, response.modes.gradient, surface)
     return {
         "largest_rotation_deg": math.degrees(found.rotation),
         "largest_stretch": found.stretch,
@@ -219,13 +221,13 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
     if disc is None:
         return figures
     found = figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
-    fewer = None if solver.dead_loads else coarser(model)
+    fewer = None if solver.dead_loads else coarsen(model)
     if fewer is None:
         return figures
     # What changes in cells twice as wide still depends on the cells.
     weight = fewer.nodal_mass[:, None] * gravity
     try:
-        moved, _ = hung(fewer, weight.ravel(), lambda share: None)
+        moved, _ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
     except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
         figures["drape_coefficient_error"] = found
         return figures
@@ -255,8 +257,8 @@ def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, flo
     )
     triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     across = np.eye(3)[surface.normal]
-    cast, area = shadow(draped, triangles, down), shadow(flat, triangles, across)
-    held = parse(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
+    cast, area = shadow_area(draped, triangles, down), shadow_area(flat, triangles, across)
+    held = parse_places(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
     if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)

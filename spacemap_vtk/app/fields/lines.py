@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
 from spacemap_vtk.app.widgets import column, narrow, painter_on, row
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.places import SIDES, parse
+from spacemap_vtk.mechanics.boundary.places import SIDES, parse_places
 from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import value_of
 
@@ -185,7 +185,7 @@ class SupportsEditor(LineEditor):
     def show_value(self, value: Any) -> None:
         """Show the supports, and check the buttons of the held sides."""
         self.show_text(" ".join(value or ()))
-        held = {support.shape: support for support in parse(self.shown)}
+        held = {support.shape: support for support in parse_places(self.shown)}
         for side, button in self.sides.items():
             button.setChecked(side in held)
             partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
@@ -197,7 +197,7 @@ class SupportsEditor(LineEditor):
 
     def _clicked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
-        kept = [str(support) for support in parse(self.shown) if support.shape != side]
+        kept = [str(support) for support in parse_places(self.shown) if support.shape != side]
         if self.sides[side].isChecked():
             kept.append(side)
         self.edited.emit(" ".join(kept), 0)
@@ -205,7 +205,7 @@ class SupportsEditor(LineEditor):
     def written(self, text: str) -> str:
         """Return the text; if it is valid, the buttons change it from now on."""
         with suppress(InputError):  # the document reports the error
-            parse(text)
+            parse_places(text)
             self.shown = text
         return text
 

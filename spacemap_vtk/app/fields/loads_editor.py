@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, row, tool_button
-from spacemap_vtk.filters.load import ACTIONS, TIMES, Load, Loads
+from spacemap_vtk.filters.load import ACTIONS, TIME_KEYS, Load, Loads
 
 #: First values of a new load, by action.
 _BEGINNINGS: dict[str, dict[str, Any]] = {
@@ -123,7 +123,7 @@ class _Card(QFrame):
         for name in self.keys:
             parameter = Load.parameters[name]
             made = ParameterRow(parameter, editor_of(parameter))
-            made.resettable = name in TIMES[load.time][1]
+            made.resettable = name in TIME_KEYS[load.time][1]
             made.edited.connect(self._row_edited)
             made.held.connect(self.held)
             made.restored.connect(self.restored)
@@ -147,8 +147,8 @@ class _Card(QFrame):
     def _row_edited(self, name: str, written: object, burst: int) -> None:
         changes: dict[str, Any] = {name: written}
         if name == "time":
-            needed, possible = TIMES[str(written)]
-            others = {key for pair in TIMES.values() for keys in pair for key in keys}
+            needed, possible = TIME_KEYS[str(written)]
+            others = {key for pair in TIME_KEYS.values() for keys in pair for key in keys}
             changes |= dict.fromkeys(others - set(needed) - set(possible))
             changes |= {key: _NEEDED[key] for key in needed if key not in self._now._values}
         self.edited.emit(self.number, changes, burst)
@@ -157,7 +157,7 @@ class _Card(QFrame):
 def _keys(load: Load, declared: Loads) -> list[str]:
     """Return the keys of the rows of a load, starting with its action."""
     place = ACTIONS[load.action]
-    needed, possible = TIMES[load.time]
+    needed, possible = TIME_KEYS[load.time]
     times = ["time", *needed, *possible] if declared.timed else []
     follower = ["follower"] if load.action == "pressure" and declared.timed else []
     return [load.action, *([place] if place else []), *follower, *times]

@@ -32,9 +32,9 @@ from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import ModalSolver
-from spacemap_vtk.mechanics.modal.damping import Damped, Damping
-from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, unresolved_modes
-from spacemap_vtk.mechanics.response.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
+from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, describe_unresolved_modes
+from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
 from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
@@ -154,7 +154,7 @@ class ModesTab(QWidget):
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
         values = np.zeros(0) if array is None else vtk_to_numpy(array)
         try:
-            damping = mover.damping if isinstance(mover, Damped) else Damping()
+            damping = mover.damping if isinstance(mover, HasDamping) else Damping()
         except InputError:
             return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
@@ -171,7 +171,7 @@ class ModesTab(QWidget):
         self.table.setRowCount(len(values))
         rates = damping.alphas(values), damping.beta
         lost = 0.0 if cage is None or array is None else rounding_of(cage)
-        ratios, kinds = damping_ratio(values, *rates), regime(values, *rates, lost)
+        ratios, kinds = damping_ratio(values, *rates), classify_regimes(values, *rates, lost)
         frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
         self.response.frequencies = frequencies
         spectrum = self.response.spectrum
@@ -235,7 +235,7 @@ class ModesTab(QWidget):
                 item.setToolTip(
                     f"Shorter than the cage's cells resolve: about {error:.0%} too high"
                 )
-        clause = unresolved_modes(errors)
+        clause = describe_unresolved_modes(errors)
         self.unresolved.setText(f"{clause.capitalize()}; set finer divisions of the cage.")
         self.unresolved.setVisible(bool(clause))
 

@@ -21,7 +21,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.mechanics.modal.resolution import mode_errors
 from spacemap_vtk.mechanics.response.cage_response import Response
-from spacemap_vtk.mechanics.response.energy import Balance, balance
+from spacemap_vtk.mechanics.response.energy import EnergyBalance, balance_energies
 from spacemap_vtk.scenes.scene import Scene
 
 if TYPE_CHECKING:  # it imports Qt
@@ -63,7 +63,7 @@ class Curves:
     #: (3, p, t, 3) Displacement in m, velocity in m/s and acceleration in m/s².
     motion: FloatArray
     #: Kinds of energy over time in J; None if unknown.
-    balance: Balance | None
+    balance: EnergyBalance | None
     #: (f,) Frequencies in Hz; empty if the response is unknown.
     frequencies: FloatArray
     #: (p, f, 3) Amplitude of the displacement in m under sinusoidal loads.
@@ -125,7 +125,7 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
             energies[part] = model.energies(times[part])
             potential[part] = model.potential(times[part])
             yield share
-    found = balance(energies, potential, work_at_start) if known else None
+    found = balance_energies(energies, potential, work_at_start) if known else None
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
     answers = yield from _answers(response, weights, frequencies)
     points = np.array(places).reshape(-1, 3)

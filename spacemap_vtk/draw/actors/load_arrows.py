@@ -94,7 +94,7 @@ def _placed(
     """Yield places of a load, directions with sizes up to 1, and whether arrows start there."""
     action, value = load.action, getattr(load, load.action)
     if action in ("pressure", "traction"):
-        where = forces.wall(rest, elements_of(cage), load.on)
+        where = forces.find_side_faces(rest, elements_of(cage), load.on)
         shown = np.unique(np.linspace(0, len(where.nodes) - 1, _MOST).astype(int))
         places = moved[where.nodes[shown]].mean(axis=1)
         way = -np.sign(value) * where.normal if action == "pressure" else _unit(value)[0]
@@ -106,7 +106,7 @@ def _placed(
         # The arrows of a pressure end at the side that it pushes; those of a suction begin there.
         yield places, ways, action == "traction" or value < 0
     elif action == "force":
-        nearest = forces.nearest(rest, load.at)
+        nearest = forces.nearest_vertex(rest, load.at)
         yield moved[[nearest]], _unit(value), False
     elif action == "array":
         array = cage.GetPointData().GetArray(load.array)

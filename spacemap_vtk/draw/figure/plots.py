@@ -16,7 +16,7 @@ from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.output import as_csv
 from spacemap_vtk.mechanics.response.cage_response import Motion, Response
-from spacemap_vtk.mechanics.response.energy import Balance, balance
+from spacemap_vtk.mechanics.response.energy import EnergyBalance, balance_energies
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.biaxial import Tensile, tensile_tests
@@ -138,13 +138,13 @@ def _over_frequency(
             panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
 
 
-def balance_of(motion: Motion, times: Floats) -> Balance:
+def balance_of(motion: Motion, times: Floats) -> EnergyBalance:
     """Return the energies of a motion over time; their total is conserved."""
     at_start = motion.energies(np.zeros(1))[0, 3]
-    return balance(motion.energies(times), motion.potential(times), float(at_start))
+    return balance_energies(motion.energies(times), motion.potential(times), float(at_start))
 
 
-def energy_curves(balance: Balance) -> list[tuple[str, Floats, str]]:
+def energy_curves(balance: EnergyBalance) -> list[tuple[str, Floats, str]]:
     """Return label, values [J] and colour of each curve of a balance, the total last."""
     largest = float(np.nanmax(np.abs(balance), initial=0.0))
 
@@ -163,7 +163,7 @@ def energy_curves(balance: Balance) -> list[tuple[str, Floats, str]]:
     return [*curves, (total, balance.total, "#26323e")]
 
 
-def _energy_over_time(panel: Axes, times: Floats, balance: Balance) -> None:
+def _energy_over_time(panel: Axes, times: Floats, balance: EnergyBalance) -> None:
     unit, size = handy("J", float(np.nanmax(np.abs(balance))))
     for label, values, color in energy_curves(balance):
         panel.plot(times, values / size, color=color, label=label, linewidth=1.3)

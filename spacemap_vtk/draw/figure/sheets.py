@@ -26,7 +26,7 @@ from spacemap_vtk.draw.offscreen import open_offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion, together
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.mechanics.response.realm import realm
+from spacemap_vtk.mechanics.response.linear_range import measure_extremes
 from spacemap_vtk.ndarrays import Bytes, Tell
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
@@ -108,7 +108,7 @@ def _stretch(scene: Scene, times: Sequence[float]) -> float:
     model, motion = model_of(scene.deformed_cage), scene.deforming.motion
     assert motion is not None
     rest = motion.points if model.displacement is None else motion.points + model.displacement
-    return realm(motion, rest, times, surface=model.pencil.surface).stretch
+    return measure_extremes(motion, rest, times, surface=model.pencil.surface).stretch
 
 
 def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:

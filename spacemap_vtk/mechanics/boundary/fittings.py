@@ -13,15 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.mechanics.boundary.loads import FACES, traction, wall
-from spacemap_vtk.mechanics.boundary.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.mechanics.boundary.loads import FACES, find_side_faces, traction_forces
+from spacemap_vtk.mechanics.boundary.places import (
+    SIDES,
+    Masks,
+    directions,
+    find_vertices,
+    parse_places,
+)
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions, rigid_bodies
-from spacemap_vtk.mechanics.elements.shell import hexahedra
-from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, element, volumes
+from spacemap_vtk.mechanics.elements.shell import find_hexahedra
+from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, reference_element, volumes
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Units of springs and of masses; the second unit of a spring is per area.
-SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
+SPRING_UNITS, MASS_UNITS = ("N/m", "N/m3"), ("kg",)
 
 
 class Fittings(NamedTuple):
@@ -55,10 +61,10 @@ _BLOCK_EDGES = np.array(
 )
 
 #: Fittings of a cage that has none.
-NONE = Fittings()
+NO_FITTINGS = Fittings()
 
 
-def fitted(
+def make_fittings(
     vertices: Floats,
     cells: Ints,
     fixed: Sequence[str],
@@ -76,9 +82,9 @@ def fitted(
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
     fixed, rigid, springs, masses : sequence of str
-        Places for `spacemap_vtk.mechanics.boundary.places.parse`. Supports have components or a
-        direction. Springs have the stiffness of the whole place in N/m, or that per area of a side
-        in N/m³. Masses in kg are each spread evenly over their place.
+        Texts for `parse_places`. Supports have components or a direction. Springs have the
+        stiffness of the whole place in N/m, or that per area of a side in N/m³. Masses in kg are
+        each spread evenly over their place.
     masks : callable, optional
         Function from the name of a point array to its values, of shape (V,) or, for components,
         (V, 3).
@@ -114,7 +120,9 @@ def spring_stiffness(
     """Compute the stiffness of springs at each vertex, (V, 3, 3) [N/m]; None without springs."""
     # A spring in N/m is shared equally by the vertices of its place. A spring in N/m³ is shared by
     # the vertices of a side as a constant pressure is.
-    parsed = [place for text in springs for place in parse(text, SPRINGS, what="spring")]
+    parsed = [
+        place for text in springs for place in parse_places(text, SPRING_UNITS, what="spring")
+    ]
     if not parsed:
         return None
     total = np.zeros((len(points), 3, 3))
@@ -123,8 +131,8 @@ def spring_stiffness(
         if place.unit == "N/m":
             share = 1.0 / along.any(axis=(1, 2)).sum()
         elif place.shape in SIDES:
-            pressed = wall(points, cells, place.shape)
-            share = traction(len(points), pressed, [1.0])[:, 0, None, None]
+            pressed = find_side_faces(points, cells, place.shape)
+            share = traction_forces(len(points), pressed, [1.0])[:, 0, None, None]
         else:
             raise InputError(
                 f'the spring "{place}" is per area, and only a side has one',
@@ -139,12 +147,16 @@ def point_masses(
     points: Floats, cells: Ints, masses: Iterable[str], masks: Masks | None = None
 ) -> Floats | None:
     """Compute the masses at each vertex, (V,) [kg], each spread evenly over its place."""
-    parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
+    parsed = [
+        place
+        for text in masses
+        for place in parse_places(text, MASS_UNITS, what="mass", whole=True)
+    ]
     if not parsed:
         return None
     total = np.zeros(len(points))
     for place in parsed:
-        found = np.any(caught(points, place, masks, "mass").reshape(len(points), -1), axis=1)
+        found = np.any(find_vertices(points, place, masks, "mass").reshape(len(points), -1), axis=1)
         total += place.value * even_shares(points, cells, np.asarray(found))
     return total
 
@@ -166,7 +178,7 @@ def _solids_faces_edges(
     """Yield vertices of the solids, faces and edges in a set, and their shares of each size."""
     # Solids of a lattice are its hexahedra. By tetrahedra, neighbouring vertices would have
     # different shares.
-    blocks, size = hexahedra(cells), volumes(points, cells)
+    blocks, size = find_hexahedra(cells), volumes(points, cells)
     if blocks is not None:
         size = size.reshape(len(blocks), -1).sum(axis=1)
         parts = (blocks, blocks[:, _BLOCK_FACES], blocks[:, _BLOCK_EDGES])
@@ -181,7 +193,7 @@ def _solids_faces_edges(
         # shares of a constant density on a face or edge; by Simpson's rule if there are midpoints
         on_face = np.full(3, 1 / 3) if linear else np.repeat([0.0, 1 / 3], 3)
         on_line = np.full(2, 1 / 2) if linear else np.array([1.0, 1.0, 4.0]) / 6
-        shares = [element(cells.shape[1]).lumps, on_face, on_line]
+        shares = [reference_element(cells.shape[1]).lumps, on_face, on_line]
     solids = inside[parts[0]].all(axis=1)
     yield parts[0][solids], size[solids, None] * shares[0]
     faces = _once(parts[1], inside)

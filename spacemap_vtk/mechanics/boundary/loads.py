@@ -18,7 +18,7 @@ FACES = np.array(
 )
 
 
-class Wall(NamedTuple):
+class SideFaces(NamedTuple):
     """Faces of a mesh that lie in one side of its bounding box."""
 
     nodes: Ints
@@ -34,7 +34,7 @@ class Wall(NamedTuple):
     tetrahedra followed by the midpoints of their edges, or quadrilaterals."""
 
 
-def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
+def find_side_faces(points: Floats, cells: Ints, side: str, sheet: bool = False) -> SideFaces:
     """Find the faces in one side of the bounding box.
 
     Parameters
@@ -93,7 +93,7 @@ def wall(points: Floats, cells: Ints, side: str, sheet: bool = False) -> Wall:
         out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
         around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
         whole = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
-    return Wall(nodes, areas, normal, whole)
+    return SideFaces(nodes, areas, normal, whole)
 
 
 def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
@@ -104,7 +104,7 @@ def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
     return both[first].reshape(-1, 4), areas[order].reshape(-1, 2).sum(axis=1)
 
 
-def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
+def traction_forces(count: int, where: SideFaces, stress: ArrayLike) -> Floats:
     """Compute the forces of a constant traction on a wall."""
     share = np.zeros(count)
     corners = where.nodes.shape[1]
@@ -112,7 +112,7 @@ def traction(count: int, where: Wall, stress: ArrayLike) -> Floats:
     return share[:, None] * np.asarray(stress, dtype=np.float64)
 
 
-def nearest(points: Floats, place: ArrayLike) -> int:
+def nearest_vertex(points: Floats, place: ArrayLike) -> int:
     """Find the vertex nearest to a point.
 
     Parameters
@@ -130,6 +130,6 @@ def nearest(points: Floats, place: ArrayLike) -> int:
     return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
 
 
-def on_mass(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:
+def acceleration_forces(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:
     """Compute the forces of a constant acceleration, such as gravity."""
     return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

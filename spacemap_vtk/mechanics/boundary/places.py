@@ -26,7 +26,7 @@ from spacemap_vtk.units import UNITS, parse_quantity
 #: Sides of a box, each with its axis and its end.
 SIDES = {"-x": (0, -1), "+x": (0, 1), "-y": (1, -1), "+y": (1, 1), "-z": (2, -1), "+z": (2, 1)}
 
-#: Description of the places that `parse` accepts.
+#: Description of the places that `parse_places` accepts.
 ALLOWED = (
     'sides of the box out of "' + '", "'.join(SIDES) + '", '
     '"box(x0, x1, y0, y1, z0, z1)", "sphere(x, y, z, radius)", "mask(name of a point array)"'
@@ -46,7 +46,7 @@ _QUANTITY = re.compile(r"\s+([-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?)\s*([^\W\d][^\s,;
 Masks = Callable[[str], NDArray[np.generic]]
 
 
-class Region(NamedTuple):
+class Place(NamedTuple):
     """Place, the components or direction that count there, and its quantity."""
 
     shape: str
@@ -82,9 +82,9 @@ class Region(NamedTuple):
         return f"{text} {_shortest(self.value / UNITS[self.unit][unit])} {unit}"
 
 
-def parse(
+def parse_places(
     text: str, units: Sequence[str] = (), *, what: str = "support", whole: bool = False
-) -> list[Region]:
+) -> list[Place]:
     """Parse places.
 
     Parameters
@@ -109,7 +109,7 @@ def parse(
     InputError
         If a part of the text is not a place, or its quantity is invalid.
     """
-    found: list[Region] = []
+    found: list[Place] = []
     at = 0
     while True:
         at += len(text[at:]) - len(text[at:].lstrip(" \t\n,;"))
@@ -130,7 +130,7 @@ def parse(
                 raise InputError("mask() names no point array")
         elif shape is not None:
             numbers = _numbers(shape, inner)
-        place = Region(shape or side, numbers, name, *_held(held or "xyz"))
+        place = Place(shape or side, numbers, name, *_held(held or "xyz"))
         at = match.end()
         if units:
             quantity = _QUANTITY.match(text, at)
@@ -140,8 +140,8 @@ def parse(
         found.append(place)
 
 
-def caught(
-    vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
+def find_vertices(
+    vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Bools:
     """Find the vertices in a place, (V,), or for a mask the components, (V, 3); raise if none."""
     found = _inside(vertices, place, masks)
@@ -157,10 +157,10 @@ def caught(
 
 
 def directions(
-    vertices: Floats, place: Region, masks: Masks | None = None, what: str = "support"
+    vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Floats:
     """Compute Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
-    found = caught(vertices, place, masks, what)
+    found = find_vertices(vertices, place, masks, what)
     if place.direction:
         if found.ndim == 2:
             raise InputError(
@@ -175,7 +175,7 @@ def directions(
     return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
 
 
-def _inside(vertices: Floats, place: Region, masks: Masks | None) -> Bools:
+def _inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     # Relative to the mesh, so that the unit of length does not matter.
     tolerance = _TOLERANCE * float(np.linalg.norm(high - low))

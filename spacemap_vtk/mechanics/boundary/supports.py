@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.mechanics.boundary.places import (
+    SIDES,
+    Masks,
+    directions,
+    find_vertices,
+    parse_places,
+)
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
 
 
 #: Name of the places of `rigid_bodies` in messages.
-BODY = "rigid place"
+RIGID_PLACE = "rigid place"
 
 #: Shares of an extent: a slab below the first is flat up to rounding, a box below the second is as
 #: thin as a sheet.
@@ -33,7 +39,7 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
     vertices : ndarray of float64, shape (V, 3)
         Positions [m].
     supports : iterable of str
-        Texts for `spacemap_vtk.mechanics.boundary.places.parse`; without any, nothing is held.
+        Texts for `parse_places`; without any, nothing is held.
     masks : callable, optional
         Function from the name of a point array to its values, of shape (V,) or, for components,
         (V, 3).
@@ -55,9 +61,9 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
     """
     held = np.zeros(vertices.shape, dtype=np.bool_)
     texts = list(supports)
-    for support in (place for text in texts for place in parse(text)):
+    for support in (place for text in texts for place in parse_places(text)):
         if not support.direction:
-            found = caught(vertices, support, masks).reshape(len(vertices), -1)
+            found = find_vertices(vertices, support, masks).reshape(len(vertices), -1)
             held |= found & [axis in support.components for axis in "xyz"]
     if held.all():
         raise InputError(
@@ -91,17 +97,19 @@ def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None =
     >>> loose_sides(np.array([[0, 0, 0], [1, 1, 0], [1, -1, 0], [2, 0, 1.0]]), ["-x"])
     ['-x']
     """
-    places = [place for text in supports for place in parse(text)]
+    places = [place for text in supports for place in parse_places(text)]
     if not places or any(place.components != "xyz" for place in places):
         return []
     count = len(vertices)
-    held = [caught(vertices, place, masks).reshape(count, -1).any(axis=1) for place in places]
-    if np.linalg.matrix_rank(six_motions(vertices[np.any(held, axis=0)])) == 6:
+    held = [
+        find_vertices(vertices, place, masks).reshape(count, -1).any(axis=1) for place in places
+    ]
+    if np.linalg.matrix_rank(rigid_motions(vertices[np.any(held, axis=0)])) == 6:
         return []
     return [str(place) for place in places if place.shape in SIDES]
 
 
-def resting(vertices: Floats, up: int) -> str:
+def default_support(vertices: Floats, up: int) -> str:
     """Choose the place at which an object is held by default.
 
     Parameters
@@ -119,7 +127,7 @@ def resting(vertices: Floats, up: int) -> str:
 
     Examples
     --------
-    >>> resting(np.array([[x, y, z] for x in (0, 2) for y in (0, 1) for z in (0, 1.0)]), 2)
+    >>> default_support(np.array([[x, y, z] for x in (0, 2) for y in (0, 1) for z in (0, 1.0)]), 2)
     '-z'
     """
     extent = np.ptp(vertices, axis=0)
@@ -130,7 +138,7 @@ def resting(vertices: Floats, up: int) -> str:
     height = sign * (vertices[:, axis] - vertices[:, axis].mean())
     for share in (0.05, 0.1, 0.2, 0.4, 1.0):
         slab = height >= height.max() - share * extent[axis]
-        if np.linalg.matrix_rank(six_motions(vertices[slab])) == 6:
+        if np.linalg.matrix_rank(rigid_motions(vertices[slab])) == 6:
             break
     held = vertices[slab, axis]
     if np.ptp(held) <= _FLAT * extent[axis]:
@@ -182,7 +190,7 @@ def held_directions(
     InputError
         If a support contains no vertex.
     """
-    inclined = [place for text in supports for place in parse(text) if place.direction]
+    inclined = [place for text in supports for place in parse_places(text) if place.direction]
     if not inclined:
         return None
     return np.sum([directions(vertices, place, masks) for place in inclined], axis=0)
@@ -192,15 +200,21 @@ def rigid_bodies(
     vertices: Floats, places: Iterable[str], masks: Masks | None = None
 ) -> Ints | None:
     """Number the rigid body of each vertex, (V,), from 1, or 0 for none; None without places."""
-    parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
+    parsed = [
+        place for text in places for place in parse_places(text, what=RIGID_PLACE, whole=True)
+    ]
     if not parsed:
         return None
     body = np.zeros(len(vertices), dtype=np.int64)
     for number, place in enumerate(parsed, 1):
-        found = caught(vertices, place, masks, BODY).reshape(len(vertices), -1).any(axis=1)
+        found = (
+            find_vertices(vertices, place, masks, RIGID_PLACE)
+            .reshape(len(vertices), -1)
+            .any(axis=1)
+        )
         if (shared := body[found].max()) > 0:
             raise InputError(
-                f'the {BODY}s "{parsed[shared - 1]}" and "{place}" share a vertex',
+                f'the {RIGID_PLACE}s "{parsed[shared - 1]}" and "{place}" share a vertex',
                 value=str(place),
                 allowed="places apart from each other; one box or mask over both makes one body",
             )
@@ -236,7 +250,7 @@ def free_motions(
     for number in range(1, int(body.max(initial=0)) + 1):
         mine = np.flatnonzero(body == number)
         rows = (3 * mine[:, None] + np.arange(3)).ravel()
-        left, sizes, _ = np.linalg.svd(six_motions(points[mine]), full_matrices=False)
+        left, sizes, _ = np.linalg.svd(rigid_motions(points[mine]), full_matrices=False)
         basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has only five motions
         each = basis.reshape(len(mine), 3, -1)
         kept, turn = np.linalg.eigh(np.einsum("vim,vij,vjn->mn", each, bound[mine], each))
@@ -263,7 +277,7 @@ class _Block(NamedTuple):
     first: Ints
 
 
-def six_motions(points: Floats, places: Bools | None = None) -> Floats:
+def rigid_motions(points: Floats, places: Bools | None = None) -> Floats:
     """Compute three translations and three rotations about the middle, (3V, 6), of similar size."""
     # Nodes that are not positions, such as half thicknesses, only turn.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
@@ -271,10 +285,10 @@ def six_motions(points: Floats, places: Bools | None = None) -> Floats:
     away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
     motions = np.zeros((len(points), 3, 6))
     motions[shifts, :, :3] = np.eye(3)
-    motions[:, :, 3:] = turned(away)
+    motions[:, :, 3:] = small_rotations(away)
     return motions.reshape(-1, 6)
 
 
-def turned(vectors: Floats) -> Floats:
+def small_rotations(vectors: Floats) -> Floats:
     """Compute the changes of vectors in small rotations about x, y and z, (n, 3, 3)."""
     return np.cross(np.eye(3)[None], vectors[:, None]).swapaxes(1, 2)

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.mechanics.elements.tetrahedra import (
-    checked_mesh,
+    check_mesh,
     edges_and_volumes,
-    element,
+    reference_element,
     volumes,
 )
 from spacemap_vtk.ndarrays import Floats, Ints
@@ -72,7 +72,7 @@ def nodal_mass(
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     if factors is not None:
         volume = volume * factors
-    shape = element(nodes.shape[1])
+    shape = reference_element(nodes.shape[1])
     share = shape.lumps if lumped else shape.products.sum(axis=1)
     return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
 
@@ -84,10 +84,10 @@ def assemble(
     mass_factors: Floats | None = None,
 ) -> Assembly:
     """Sum the geometric part of K and M over the tetrahedra, each multiplied by its factor."""
-    points, tetrahedra = checked_mesh(points, tetrahedra)
+    points, tetrahedra = check_mesh(points, tetrahedra)
     gradient, volume = barycentric_gradients(points, tetrahedra)
     nodes, count = tetrahedra.shape[1], len(points)
-    shape = element(nodes)
+    shape = reference_element(nodes)
 
     key = (tetrahedra[:, :, None] * count + tetrahedra[:, None, :]).ravel()
     pair, slot = np.unique(key, return_inverse=True)
@@ -113,7 +113,7 @@ def assemble(
     return Assembly(indptr, pair % count, gradients, products, lumps)
 
 
-def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
+def stiffness_matrix(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
     """Assemble the stiffness matrix of one material."""
     from scipy.sparse import bsr_matrix  # this import costs a tenth of a second
 
@@ -124,7 +124,7 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
     return bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
 
 
-def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
+def mass_matrix(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
     """Assemble the mass matrix."""
     import scipy.sparse as sp  # this import costs a tenth of a second
 

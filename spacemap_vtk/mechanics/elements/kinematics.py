@@ -72,7 +72,7 @@ def strains(gradients: Floats) -> Floats:
 
 #: Quadrature points of a quadratic tetrahedron in barycentric coordinates; for a product of two
 #: strains the mean of the values there is exact.
-SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
+QUADRATURE_POINTS = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
 
 #: Number of tetrahedra that are processed at a time.
 _CHUNK = 4096
@@ -89,7 +89,7 @@ def strain_products(
     if factors is not None:
         volume = volume * factors
     linear = cells.shape[1] == 4
-    slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
+    slopes = np.eye(4)[None] if linear else shape_slopes(QUADRATURE_POINTS)
     total = np.zeros((len(fields), len(fields)))
     for part in blocks(len(cells), _CHUNK):
         cancel.check()

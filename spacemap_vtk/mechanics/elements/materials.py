@@ -11,7 +11,7 @@ from spacemap_vtk.ndarrays import Floats
 
 #: Range of moduli [Pa] and densities [kg/m³]: their ratios and squares are neither infinite nor
 #: zero in float64.
-SIZES = (1e-50, 1e50)
+LIMITS = (1e-50, 1e50)
 
 
 def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
@@ -43,7 +43,7 @@ def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
             value=youngs_modulus,
             allowed="above 0 Pa",
         )
-    check_sizes("youngs_modulus", youngs_modulus, "Pa")
+    check_limits("youngs_modulus", youngs_modulus, "Pa")
     if not -1 < poissons_ratio < 0.5:
         raise InputError(
             "no stable, compressible solid has this ratio",
@@ -64,7 +64,7 @@ def orthotropic(
 ) -> Floats:
     """Compute the elasticity matrix of a solid with three planes of symmetry.
 
-    Axes 1, 2, 3 are those of the material, see `along_fabric`.
+    Axes 1, 2, 3 are those of the material, see `fabric_to_xyz`.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def orthotropic(
                 value=values.tolist(),
                 allowed="three moduli above 0 Pa",
             )
-        check_sizes(key, values.tolist(), "Pa")
+        check_limits(key, values.tolist(), "Pa")
     pairs = ((0, 1), (0, 2), (1, 2))
     for (i, j), nu in zip(pairs, ratio, strict=True):
         bound = float(np.sqrt(stretch[i] / stretch[j]))
@@ -145,7 +145,7 @@ def orthotropic(
     return matrix
 
 
-def along_fabric(matrix: Floats) -> Floats:
+def fabric_to_xyz(matrix: Floats) -> Floats:
     """Convert an elasticity matrix from a fabric's axes to x, y, z.
 
     Parameters
@@ -162,7 +162,7 @@ def along_fabric(matrix: Floats) -> Floats:
     return matrix[order][:, order]
 
 
-def volume_ratio(matrix: Floats) -> float:
+def equivalent_poissons_ratio(matrix: Floats) -> float:
     """Compute Poisson's ratio of an isotropic solid that is equally close to incompressible.
 
     Parameters
@@ -181,14 +181,14 @@ def volume_ratio(matrix: Floats) -> float:
     return float(1.0 - compliance.sum() / np.trace(compliance)) / 2
 
 
-def check_sizes(key: str, values: float | list[float], unit: str) -> None:
+def check_limits(key: str, values: float | list[float], unit: str) -> None:
     """Refuse constants so large or small that float64 cannot hold the results."""
-    if not (np.min(values) >= SIZES[0] and np.max(values) <= SIZES[1]):
+    if not (np.min(values) >= LIMITS[0] and np.max(values) <= LIMITS[1]):
         raise InputError(
             "too large or too small to calculate with",
             key=key,
             value=values,
-            allowed=f"{SIZES[0]:g} to {SIZES[1]:g} {unit}",
+            allowed=f"{LIMITS[0]:g} to {LIMITS[1]:g} {unit}",
         )
 
 

@@ -25,7 +25,7 @@ SOURCE = (
 )
 
 #: Assumptions where the source gives no value.
-ASSUMED = (
+ASSUMPTIONS = (
     "the first of the table's six sets of constants, that at no strain: cloth stiffens as it is "
     "stretched, and a linear model cannot",
     "force per width = constant times Green's strain, the shear's in tensor measure, as in the "
@@ -48,7 +48,7 @@ ASSUMED = (
 THINNEST, THICKEST = 1e-9, 1e9
 
 
-class Solid(NamedTuple):
+class SolidConstants(NamedTuple):
     """Constants of an orthotropic solid along the axes of a fabric."""
 
     #: Young's moduli E1 (warp), E2 (weft), E3 (normal) [Pa].
@@ -97,7 +97,7 @@ class MeasuredFabric(NamedTuple):
         bent = np.diag([along, across, twisting])
         return Plate(stretched, bent)
 
-    def solid(self, thickness: float) -> Solid:
+    def solid(self, thickness: float) -> SolidConstants:
         """Compute the solid that represents the fabric at a given thickness."""
         if not THINNEST <= thickness <= THICKEST:
             raise InputError(
@@ -112,7 +112,7 @@ class MeasuredFabric(NamedTuple):
         warp = (c22 - c12**2 / c11) / thickness
         # The shear is in tensor measure: force per width = c33 γ / 2.
         shear = c33 / 2 / thickness
-        return Solid(
+        return SolidConstants(
             (warp, weft, math.sqrt(warp * weft)),
             (shear, shear, shear),
             (c12 / c11, 0.0, 0.0),

@@ -14,7 +14,7 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT
-from spacemap_vtk.mechanics.elements.materials import check_sizes
+from spacemap_vtk.mechanics.elements.materials import check_limits
 from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.units import GRAVITY
 
@@ -35,8 +35,8 @@ class Plate:
     """Stiffness of a sheet per width, symmetric and positive definite.
 
     Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane. For a fabric
-    with normal z, axis 1 is x, the weft, and axis 2 is y, the warp. See `homogeneous` for other
-    normals.
+    with normal z, axis 1 is x, the weft, and axis 2 is y, the warp. See `homogeneous_plate` for
+    other normals.
     """
 
     #: (3, 3) Force per width from strain [N/m].
@@ -44,7 +44,7 @@ class Plate:
     #: (3, 3) Moment per width from curvature [N m].
     bending: Floats
     #: (2, 2) Transverse force per width from the shears γ13, γ23 [N/m]; None if normals stay
-    #: upright, see `upright`.
+    #: upright, see `keep_normals_upright`.
     shear: Floats | None = None
     #: Force per width from a strain of the thickness [N/m]; None if the thickness is constant.
     thickness: float | None = None
@@ -72,7 +72,7 @@ class DataSheet(NamedTuple):
     """Mass per area [kg/m²]."""
 
 
-def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
+def homogeneous_plate(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
     """Compute the plate of a homogeneous solid of a given thickness.
 
     Parameters
@@ -102,7 +102,7 @@ def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
     Examples
     --------
     >>> from spacemap_vtk.mechanics.elements.materials import isotropic
-    >>> plate = homogeneous(isotropic(1e6, 0.0), 1e-3)
+    >>> plate = homogeneous_plate(isotropic(1e6, 0.0), 1e-3)
     >>> round(float(plate.membrane[0, 0])), round(float(plate.bending[0, 0] * 1e6), 6)
     (1000, 83.333333)
     """
@@ -123,7 +123,7 @@ def homogeneous(elasticity: Floats, thickness: float, normal: int = 2) -> Plate:
     )
 
 
-def measured(
+def apply_measurements(
     plate: Plate,
     *,
     tensile: Sequence[float] | None = None,
@@ -162,7 +162,7 @@ def measured(
         bending each keep their ν. New B1 and B2 without D66 give D66 = sqrt(B1 B2) / (2 (1 + ν)),
         after Huber, which is that of a homogeneous plate; new T1 and T2 without G likewise. With
         measured T1 and T2, or B1 and B2, normals are assumed to stay upright, as in cloth (see
-        `upright`).
+        `keep_normals_upright`).
 
     Raises
     ------
@@ -177,8 +177,10 @@ def measured(
         ("twisting_rigidity", twisting, "N.m"),
     ):
         if given is not None:
-            check_sizes(key, np.ravel(given).tolist(), unit)
-    mean = None if ratio is None else _mean_ratio(ratio, *(tensile or strips(plate.membrane)))
+            check_limits(key, np.ravel(given).tolist(), unit)
+    mean = (
+        None if ratio is None else _mean_ratio(ratio, *(tensile or strip_stiffness(plate.membrane)))
+    )
     stretched = _along_fabric(plate.membrane, tensile, shear, mean)
     bent = _along_fabric(plate.bending, bending, twisting, mean)
     if tensile is None and bending is None:
@@ -219,18 +221,18 @@ def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
     Returns
     -------
     DataSheet
-        Data from which `measured` makes the same plate, except for its stiffness across.
+        Data from which `apply_measurements` makes the same plate, except for its stiffness across.
 
     Examples
     --------
     >>> from spacemap_vtk.mechanics.elements.materials import isotropic
-    >>> found = data_sheet(homogeneous(isotropic(1e6, 0.3), 1e-3), 0.3)
+    >>> found = data_sheet(homogeneous_plate(isotropic(1e6, 0.3), 1e-3), 0.3)
     >>> round(found.shear_rigidity, 3), round(found.poissons_ratio_in_plane, 3)
     (384.615, 0.3)
     """
-    warp, weft = bending = strips(plate.bending)
+    warp, weft = bending = strip_stiffness(plate.bending)
     return DataSheet(
-        tensile_rigidity=strips(plate.membrane),
+        tensile_rigidity=strip_stiffness(plate.membrane),
         shear_rigidity=float(plate.membrane[2, 2]),
         poissons_ratio_in_plane=float(plate.membrane[0, 1] / plate.membrane[0, 0]),
         bending_rigidity=bending,
@@ -240,7 +242,7 @@ def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
     )
 
 
-def upright(plate: Plate, cell: float) -> Plate:
+def keep_normals_upright(plate: Plate, cell: float) -> Plate:
     """Add the stiffness that keeps normals upright in cells of a given width [m]."""
     # UPRIGHT D/cell² is just enough for every wave that the cells resolve. A sheet therefore keeps
     # its digits of bending in float64, whatever its membrane stiffness.
@@ -252,7 +254,7 @@ def upright(plate: Plate, cell: float) -> Plate:
     )
 
 
-def strips(stiffness: Floats) -> tuple[float, float]:
+def strip_stiffness(stiffness: Floats) -> tuple[float, float]:
     """Compute the stiffness of strips with free sides along warp and weft from a (3, 3) matrix."""
     weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
     return float(warp), float(weft)
@@ -264,7 +266,7 @@ def _along_fabric(
     """Replace those values of a (3, 3) stiffness that are given."""
     if along is None and sheared is None and ratio is None:
         return own
-    warp, weft = strips(own) if along is None else along
+    warp, weft = strip_stiffness(own) if along is None else along
     if ratio is None:
         ratio = float(own[0, 1] / np.sqrt(own[0, 0] * own[1, 1]))
     if sheared is None:

@@ -24,7 +24,7 @@ from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
 from spacemap_vtk.mechanics.boundary.supports import free_motions
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT, Assembly
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.elements.strains import Strains, product
+from spacemap_vtk.mechanics.elements.strains import Strains, product_form
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 
 #: Cells more than this many times wider than thick are treated as those of a sheet; even quadratic
-#: tetrahedra twist too stiffly there (see `spacemap_vtk.mechanics.elements.bending.locking`).
-THIN = 4.0
+#: tetrahedra twist too stiffly there (see `spacemap_vtk.mechanics.elements.locking`).
+SHEET_ASPECT = 4.0
 
 #: Corners of a quadrilateral, and its quadrature points.
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -108,7 +108,7 @@ class Layer(NamedTuple):
     """Mean of the cells' shorter sides [m]."""
 
 
-def layer(points: Floats, cells: Ints) -> Layer | None:
+def find_layer(points: Floats, cells: Ints) -> Layer | None:
     """Compute the dimensions of a cage that is a sheet.
 
     Parameters
@@ -123,7 +123,7 @@ def layer(points: Floats, cells: Ints) -> Layer | None:
     Layer or None
         None if the cage is not a one-layer lattice, whole or carved, of linear tetrahedra.
     """
-    surface = mid_surface(points, cells)
+    surface = find_mid_surface(points, cells)
     if surface is None:
         return None
     corners = surface.nodal(points)[surface.quads]
@@ -133,7 +133,7 @@ def layer(points: Floats, cells: Ints) -> Layer | None:
     return Layer(thickness, surface.normal, float(sides.mean()) / thickness, shorter)
 
 
-def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
+def find_mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
     """Find the mid-surface of a one-layer lattice, whole or carved.
 
     Parameters
@@ -149,7 +149,7 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
         One quadrilateral for each hexahedron, in their order; None for any other mesh.
     """
     # The mid-surface lies across the thinnest axis along which no two hexahedra are neighbours.
-    corners = hexahedra(cells)
+    corners = find_hexahedra(cells)
     if corners is None or 2 * len(corners) >= len(points):  # a sheet of P pairs has E < P
         return None
     best, thin = None, np.inf
@@ -170,14 +170,14 @@ def mid_surface(points: Floats, cells: Ints) -> MidSurface | None:
     return best
 
 
-def of_quads(factors: Floats | None) -> Floats | None:
+def average_over_quads(factors: Floats | None) -> Floats | None:
     """Average a factor of the tetrahedra over each quadrilateral, (T,) to (E,)."""
     # The first of the five tetrahedra has a third of the hexahedron's volume, each other a sixth.
     shares = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6
     return None if factors is None else factors.reshape(-1, TETRAHEDRA_PER_CELL) @ shares
 
 
-def hexahedra(cells: Ints) -> Ints | None:
+def find_hexahedra(cells: Ints) -> Ints | None:
     """Find the corners x + 2y + 4z of each hexahedron of a lattice, (E, 8); None if it is none."""
     if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
         return None
@@ -192,7 +192,7 @@ def hexahedra(cells: Ints) -> Ints | None:
     return None if left.any() else result
 
 
-def of_sheet(
+def sheet_strains(
     points: Floats, surface: MidSurface, plate: Plate, factors: Floats | None = None
 ) -> list[Strains]:
     """Make the strains of a sheet: those of its quadrilaterals, and of its pairs' thickness."""
@@ -207,7 +207,7 @@ def of_sheet(
     along, area = _axes(z, _GAUSS, surface.normal)
     stiff = 1.0 if factors is None else factors[:, None]
     mid_shear = [
-        product(_wide(np.broadcast_to(slope, z.shape[:2]), 0), _wide(value * director, 4))
+        product_form(_wide(np.broadcast_to(slope, z.shape[:2]), 0), _wide(value * director, 4))
         for value, slope in (
             (_shape(at), _slopes(at)[0 if number < 2 else 1]) for number, at in enumerate(_MIDDLES)
         )
@@ -218,10 +218,10 @@ def of_sheet(
         p = [_wide(slope[:, i], 0) for i in range(2)]
         d = [_wide(slope[:, i] * director, 4) for i in range(2)]
         for i in range(2):
-            forms[:, q, i] = product(p[i], p[i]) / 2
-            forms[:, q, 3 + i] = product(p[i], d[i])
-        forms[:, q, 2] = product(p[0], p[1])
-        forms[:, q, 5] = product(p[0], d[1]) + product(p[1], d[0])
+            forms[:, q, i] = product_form(p[i], p[i]) / 2
+            forms[:, q, 3 + i] = product_form(p[i], d[i])
+        forms[:, q, 2] = product_form(p[0], p[1])
+        forms[:, q, 5] = product_form(p[0], d[1]) + product_form(p[1], d[0])
         natural = (
             ((1 - eta) * mid_shear[0] + (1 + eta) * mid_shear[1]) / 2,
             ((1 - xi) * mid_shear[2] + (1 + xi) * mid_shear[3]) / 2,
@@ -250,7 +250,9 @@ def of_sheet(
     ]
 
 
-def of_pairs(points: Floats, surface: MidSurface, factors: Floats | None = None) -> Assembly:
+def assemble_sheet_mass(
+    points: Floats, surface: MidSurface, factors: Floats | None = None
+) -> Assembly:
     """Assemble the mass matrix of a sheet: ∫ N_a N_b h of the mid-points, and that of δ."""
     # The mass of δ is a third of that of p, because x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
@@ -274,7 +276,7 @@ def of_pairs(points: Floats, surface: MidSurface, factors: Floats | None = None)
     )
 
 
-def free_pairs(
+def free_sheet_motions(
     points: Floats,
     surface: MidSurface,
     held: Bools,
@@ -312,7 +314,7 @@ def _first(basis: csc_matrix) -> Ints:
     return np.asarray(basis.indices[basis.indptr[:-1]] // 3, dtype=np.int64)
 
 
-def of_middle(
+def mid_surface_strains(
     strains: list[Strains], positions: Floats, moved: Floats, surface: MidSurface, plate: Plate
 ) -> tuple[Floats, Floats]:
     """Compute strain and force per width [N/m] in the middle of each quadrilateral, (E, 6) both."""
@@ -336,7 +338,7 @@ def of_middle(
     return strain, force
 
 
-def legs_of(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
+def frame_matrix(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
     """Build the legs of a sheet as a matrix, (3 n, V), and the area that belongs to each row."""
     # At four points of each quadrilateral, from p and δ: ∂p along two axes in its plane, and d.
     from scipy.sparse import csr_matrix
@@ -354,7 +356,7 @@ def legs_of(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Floats]:
     return csr_matrix(parts, shape=(size, 2 * count)), np.repeat(area.ravel(), 3)
 
 
-class LegGradient:
+class SheetGradient:
     """Gradient of displacements of a sheet in equilibrium, at four points per quadrilateral."""
 
     # Folds in equilibrium can be tighter than the thickness, and as sharp as a cell: tetrahedra are
@@ -363,7 +365,7 @@ class LegGradient:
     def __init__(
         self, points: Floats, surface: MidSurface, displacement: Floats | float = 0.0
     ) -> None:
-        self._legs, self._surface = legs_of(points, surface)[0], surface
+        self._legs, self._surface = frame_matrix(points, surface)[0], surface
         left, _, right = np.linalg.svd(self._columns(points + displacement))
         self._inverse = (left @ right).swapaxes(1, 2)
 

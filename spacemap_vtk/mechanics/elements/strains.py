@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from spacemap_vtk.mechanics.elements.elasticity import barycentric_gradients
-from spacemap_vtk.mechanics.elements.kinematics import SAMPLES
+from spacemap_vtk.mechanics.elements.kinematics import QUADRATURE_POINTS
 from spacemap_vtk.mechanics.elements.tetrahedra import shape_slopes
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, digest_of
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -33,7 +33,7 @@ _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 _DEFINITE = 1e-9
 
 #: Largest rotation in a Newton step [rad].
-TURN = 0.5
+MAX_ROTATION = 0.5
 
 #: Smallest rotation that is not zero; it avoids a division by zero.
 _LEAST_TURN = float(np.finfo(np.float64).tiny)
@@ -131,7 +131,7 @@ class Strains(EnergyTerm):
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
         squares = self.squares(move)[0][self._stabilises]
-        return TURN / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
+        return MAX_ROTATION / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
     def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
         """Compute Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
@@ -221,7 +221,7 @@ class StrainState(TermState):
 
 
 @dataclass(frozen=True, eq=False)
-class Pulls(Strains):
+class BaseSprings(Strains):
     """Displacements of vertices as strains, which springs between vertices and a base resist."""
 
     # ε = Σ_a w_a (z_a - Z_a) is linear in the positions with scalar weights w_a: forms are zero.
@@ -238,24 +238,26 @@ class Pulls(Strains):
     def resisted(self) -> Floats:
         """Compute a matrix of each spring that is zero for moves which it does not resist."""
         size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
-        alike = Pulls(self.nodes, self.forms, self.reference, self.stiffness / size, self.weights)
+        alike = BaseSprings(
+            self.nodes, self.forms, self.reference, self.stiffness / size, self.weights
+        )
         return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
 
 
-def of_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> Pulls:
+def springs_to_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> BaseSprings:
     """Make springs (E, 3, 3) that resist the displacements Σ_a w_a z_a of nodes (E, n)."""
     forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
     reference = np.zeros((len(nodes), 1, 3))
-    bare = Pulls(nodes, forms, reference, stiffness[:, None], weights)
-    return Pulls(nodes, forms, bare.strained(points)[0], stiffness[:, None], weights)
+    bare = BaseSprings(nodes, forms, reference, stiffness[:, None], weights)
+    return BaseSprings(nodes, forms, bare.strained(points)[0], stiffness[:, None], weights)
 
 
-def of_tetrahedra(
+def tetrahedron_strains(
     points: Floats, cells: Ints, elasticity: Floats, factors: Floats | None = None
 ) -> Strains:
     """Make Green's strains of linear or quadratic tetrahedra: xx, yy, zz, yz, zx, xy."""
-    slope, weights = sampled_slopes(points, cells)
-    forms = np.stack([product(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
+    slope, weights = shape_gradients(points, cells)
+    forms = np.stack([product_form(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
     forms[:, :, :3] /= 2
     reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*weights.shape, 6))
     weights = weights if factors is None else weights * factors[:, None]
@@ -263,15 +265,15 @@ def of_tetrahedra(
     return Strains(cells, forms, reference, weights[..., None, None] * elasticity, frame=frame)
 
 
-def sampled_slopes(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
+def shape_gradients(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
     """Compute ∇N of tetrahedra at their quadrature points, (T, Q, n, 3), and weights (T, Q)."""
     gradients, volume = barycentric_gradients(points, cells)
-    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
+    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(QUADRATURE_POINTS)
     weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
     return np.einsum("qna,tai->tqni", slopes, gradients), weights
 
 
-def product(left: Floats, right: Floats) -> Floats:
+def product_form(left: Floats, right: Floats) -> Floats:
     """Build the form b whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
     outer = left[..., :, None] * right[..., None, :]
     return outer + outer.swapaxes(-1, -2)

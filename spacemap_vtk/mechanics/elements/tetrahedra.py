@@ -31,11 +31,11 @@ STRAIGHT = 1e-6
 
 def volumes(points: ArrayLike, tetrahedra: ArrayLike) -> Floats:
     """Compute the volume of each tetrahedron, of either orientation."""
-    points, tetrahedra = checked_mesh(points, tetrahedra)
+    points, tetrahedra = check_mesh(points, tetrahedra)
     return edges_and_volumes(points, tetrahedra)[1]
 
 
-def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints]:
+def check_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints]:
     """Check a mesh, and convert it to float64 and int64 arrays."""
     vertices = np.asarray(points, dtype=np.float64)
     cells = np.asarray(tetrahedra)
@@ -111,7 +111,7 @@ class Element(NamedTuple):
     lumps: Floats
 
 
-def element(nodes: int) -> Element:
+def reference_element(nodes: int) -> Element:
     """Return the reference tetrahedron with the given number of nodes."""
     return _ELEMENTS[nodes]
 
@@ -188,7 +188,7 @@ def _quadratic() -> Element:
 _ELEMENTS = {4: _linear(), 10: _quadratic()}
 
 
-def with_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:
+def add_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:
     """Add a vertex in the middle of each edge, shared by all tetrahedra at that edge.
 
     Parameters
@@ -208,7 +208,7 @@ def with_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:
     Examples
     --------
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> points, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))
+    >>> points, cells = add_midpoints(corners, np.array([[0, 1, 2, 3]]))
     >>> points[cells[0, 5]].tolist()
     [0.5, 0.5, 0.0]
     """

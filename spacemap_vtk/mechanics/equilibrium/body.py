@@ -43,7 +43,7 @@ class Body:
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
-        found = [crossings(term.nodes, self.basis) for term in terms]
+        found = [reduction_entries(term.nodes, self.basis) for term in terms]
         ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in terms])
         self._entry = np.concatenate(
             [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
@@ -203,7 +203,7 @@ class Body:
         return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
 
 
-def crossings(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
+def reduction_entries(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:
     """Return entries of element matrices, their weights, and their keys in the matrix Tᵀ K T."""
     elements, wide = len(nodes), 3 * nodes.shape[1]
     part = basis[(3 * nodes[:, :, None] + np.arange(3)).ravel()]

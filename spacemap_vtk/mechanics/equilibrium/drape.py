@@ -13,7 +13,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 LINES = 2000
 
 
-def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = LINES) -> float:
+def shadow_area(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = LINES) -> float:
     """Compute the area of a surface's shadow, in which overlapping parts count once.
 
     Parameters
@@ -40,7 +40,7 @@ def shadow(points: Floats, triangles: Ints, direction: ArrayLike, lines: int = L
     Examples
     --------
     >>> corners = np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [0, 2, 0]])
-    >>> shadow(corners, np.array([[0, 1, 2], [0, 2, 3]]), [0, 0, -1])
+    >>> shadow_area(corners, np.array([[0, 1, 2], [0, 2, 3]]), [0, 0, -1])
     6.0
     """
     light = np.asarray(direction, dtype=np.float64)

@@ -225,12 +225,14 @@ class DeadLoad(EnergyTerm):
         return np.empty((0, 3, 3))
 
 
-def tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
+def assemble_tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
     """Assemble the second derivatives of all terms at the given positions, (3V, 3V)."""
-    return assembled([(term.nodes, term.tangent(positions)) for term in terms], positions.size)
+    return assemble_blocks(
+        [(term.nodes, term.tangent(positions)) for term in terms], positions.size
+    )
 
 
-def assembled(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
+def assemble_blocks(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
     """Sum matrices (E, 3 n, 3 n) of elements with nodes (E, n) into one of shape (size, size)."""
     from scipy.sparse import coo_matrix
 
@@ -246,18 +248,18 @@ def assembled(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matrix:
 
 
 #: Function that makes a term on a cage from vertices (V, 3) [m], tetrahedra and keyword arguments.
-Maker = Callable[..., EnergyTerm]
+TermFactory = Callable[..., EnergyTerm]
 
 #: Functions that `energy_term` has registered, by kind.
-_MAKERS: dict[str, Maker] = {}
+_MAKERS: dict[str, TermFactory] = {}
 
 
-def energy_term(kind: str) -> Callable[[Maker], Maker]:
+def energy_term(kind: str) -> Callable[[TermFactory], TermFactory]:
     """Register a function that makes a term, under the kind by which recipes name it."""
     # The function is called with the undeformed vertices (V, 3) of the cage and its tetrahedra
     # (T, 4) or (T, 10); the other entries of the recipe are its keyword arguments.
 
-    def register(maker: Maker) -> Maker:
+    def register(maker: TermFactory) -> TermFactory:
         _MAKERS[kind] = maker
         return maker
 
@@ -298,7 +300,7 @@ def check_recipe(recipe: Mapping[str, Any]) -> None:
         ) from None
 
 
-def made(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
+def make_term(recipe: Mapping[str, Any], points: Floats, cells: Ints) -> EnergyTerm:
     """Make the term that a recipe describes on a cage.
 
     Parameters

@@ -90,7 +90,7 @@ class Equilibrium(NamedTuple):
     """Share of the load at which the body buckled, if its direct path became unstable."""
 
 
-def equilibrium(
+def find_equilibrium(
     terms: Sequence[EnergyTerm],
     basis: sp.csr_matrix,
     start: Floats,
@@ -105,7 +105,7 @@ def equilibrium(
     # `progress` is called with the share of the work that is done; it may raise, to cancel.
     # Raises InputError if nothing holds the body against the load, and SolverError if the steps do
     # not suffice.
-    with blas_threads.one():
+    with blas_threads.use_one_thread():
         body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
         acting = -body.along_free(np.sum([load.forces(start) for load in loads], axis=0))
         if body.free_share(acting) > FREE:
@@ -290,10 +290,12 @@ class _Search:
             slope = float(body.forces(states) @ (q + 2 * length * bend))
             return float(energies.sum()), float(abs(energies).sum()), slope
 
-        return fall(trial, most)
+        return search_line(trial, most)
 
 
-def fall(trial: Callable[[float], tuple[float, float, float]], most: float) -> tuple[float, float]:
+def search_line(
+    trial: Callable[[float], tuple[float, float, float]], most: float
+) -> tuple[float, float]:
     """Find a length, up to `most`, at which a function stops falling, and its value there."""
     # For a length, `trial` returns the value, the sum of the absolute terms of the value, and the
     # slope. The slope at zero is negative, or zero at a maximum. The search ends at the first

@@ -9,7 +9,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_o
 from spacemap_vtk.ndarrays import Floats
 
 
-class OnVertices(EnergyTerm):
+class VertexTerm(EnergyTerm):
     """Term of a cage's vertices as a term of its model's nodes, multiplied by a factor."""
 
     # The nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see

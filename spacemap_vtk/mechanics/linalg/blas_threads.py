@@ -19,21 +19,21 @@ _MANY = 1e9
 _at_first: dict[str, int] = {}
 
 
-def one() -> AbstractContextManager[Any]:
+def use_one_thread() -> AbstractContextManager[Any]:
     """Return a context in which the calling thread alone does dense algebra.
 
     Returns
     -------
     context manager
-        Results in it do not depend on the number of cores, except within `several`.
+        Results in it do not depend on the number of cores, except within `use_threads_for`.
     """
-    pools = known_pools(_has_scipys())
+    pools = find_thread_pools(_has_scipys())
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
-def several(work: float) -> AbstractContextManager[Any]:
-    """Return a context, within that of `one`, that shares a large block among threads."""
-    pools = known_pools(_has_scipys()) if work > _MANY else None
+def use_threads_for(work: float) -> AbstractContextManager[Any]:
+    """Return a context, inside that of `use_one_thread`, that shares a large block by threads."""
+    pools = find_thread_pools(_has_scipys()) if work > _MANY else None
     return nullcontext() if pools is None else _lifted(pools[1])
 
 
@@ -54,7 +54,7 @@ def _has_scipys() -> bool:
 
 
 @cache
-def known_pools(with_scipys: bool) -> tuple[Any, dict[Any, int]] | None:
+def find_thread_pools(with_scipys: bool) -> tuple[Any, dict[Any, int]] | None:
     """Return the controls of every OpenBLAS loaded, and the first thread counts of SciPy's."""
     try:
         from threadpoolctl import ThreadpoolController

@@ -53,7 +53,7 @@ def lowest_modes(
     return eigenvalues, vectors @ turn
 
 
-def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
+def choose_shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
     """Compute σ > 0 for K + σM: about a hundredth of the lowest axial eigenvalue."""
     ratio = stiffness.diagonal() / mass.diagonal()
     ratio = np.maximum(ratio, 1e-24 * ratio.max())  # a rigid part may be free along an axis

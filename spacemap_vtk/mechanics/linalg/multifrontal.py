@@ -54,7 +54,7 @@ class Analysis:
         graph = sp.csr_matrix(
             (np.ones(int(apart.sum()), np.int32), (row[apart], column[apart])), shape=(count, count)
         )
-        found, order = fronts(graph, dissection(graph))
+        found, order = find_fronts(graph, nested_dissection(graph))
         place = np.empty(count, np.int64)
         place[order] = np.arange(count)
         #: Rows in the order of elimination.
@@ -158,7 +158,7 @@ class Cholesky:
                     cure="Look for badly shaped tetrahedra in the cage",
                 )
             if len(side):
-                with blas_threads.several(side.size * len(side)):
+                with blas_threads.use_threads_for(side.size * len(side)):
                     side = blas.dtrsm(1, triangle, side, side=1, lower=1, trans_a=1, overwrite_b=1)
                     left[number] = blas.dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
             self._blocks.append((triangle, side))
@@ -189,7 +189,7 @@ class Cholesky:
         return solution
 
 
-def negative_eigenvalues(
+def count_negative_eigenvalues(
     matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
 ) -> int:
     """Count the negative eigenvalues of a sparse symmetric matrix."""
@@ -220,12 +220,12 @@ def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
     inside = len(pivot) - size
     for first in range(0, inside, PANEL):
         strip = slice(first, min(first + PANEL, inside))
-        with blas_threads.several(below[first:].size * PANEL):
+        with blas_threads.use_threads_for(below[first:].size * PANEL):
             change = _product(below[first:], solved[:, strip])
         pivot[size + first :, size:][:, strip] -= change[: inside - first]
         side[:, size:][:, strip] -= change[inside - first :]
     if len(side):
-        with blas_threads.several(below[inside:].size * len(side)):
+        with blas_threads.use_threads_for(below[inside:].size * len(side)):
             blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
     # A pivot block of two rows has one eigenvalue of each sign; otherwise it is not chosen.
     single = swaps >= 0
@@ -272,7 +272,7 @@ class Front:
     children: list[int] = field(default_factory=list)
 
 
-def fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
+def find_fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
     """Compute the fronts of an elimination, and its final order."""
     parent = _tree(graph[order][:, order])
     post = _postorder(parent)
@@ -385,12 +385,12 @@ def _merged(found: list[Front]) -> list[Front]:
 _SMALL = 60
 
 
-def dissection(graph: sp.csr_matrix) -> Ints:
+def nested_dissection(graph: sp.csr_matrix) -> Ints:
     """Order vertices so that elimination causes little fill."""
     try:
         import pymetis
     except ImportError:  # there is no wheel for Windows, and none for ParaView's Python
-        return by_levels(graph)
+        return dissect_by_levels(graph)
     if graph.nnz == 0:
         return np.arange(graph.shape[0])
     starts, neighbours = graph.indptr.astype(np.int32), graph.indices.astype(np.int32)
@@ -401,7 +401,7 @@ def dissection(graph: sp.csr_matrix) -> Ints:
     return np.asarray(found[0], dtype=np.int64)
 
 
-def by_levels(graph: sp.csr_matrix) -> Ints:
+def dissect_by_levels(graph: sp.csr_matrix) -> Ints:
     """Order vertices by nested dissection without METIS."""
     # A part is cut at the middle level of a breadth-first search that starts at its far end. Both
     # sides are cut in the same way.

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary import loads as forces
-from spacemap_vtk.mechanics.boundary.timefunctions import TimeFunction
+from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
 from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, strains
-from spacemap_vtk.mechanics.elements.shell import LegGradient
+from spacemap_vtk.mechanics.elements.shell import SheetGradient
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.residual_vectors import participation
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -31,7 +31,7 @@ class LoadVector(NamedTuple):
     pressure: float = 0.0
     """Pressure that stays normal to `faces` [Pa]; `parts` are its forces before anything moves."""
     faces: Ints | None = None
-    """(f, k) of a `spacemap_vtk.mechanics.boundary.loads.Wall`; None for all other loads."""
+    """(f, k) of a `spacemap_vtk.mechanics.boundary.loads.SideFaces`; None for all other loads."""
 
 
 class Basis(NamedTuple):
@@ -102,14 +102,14 @@ class CageModes:
         return len(self.eigenvalues) >= self.model.pencil.size
 
     @cached_property
-    def gradient(self) -> MeanGradient | LegGradient:
+    def gradient(self) -> MeanGradient | SheetGradient:
         """Map from displacements from the equilibrium to their gradients in each tetrahedron."""
         moved, surface = self.model.displacement, self.model.pencil.surface
         if moved is None:
             return MeanGradient(self.model.points, self.model.cells)
         if surface is None:
             return MeanGradient(self.model.points + moved, self.model.cells)
-        return LegGradient(self.model.points, surface, moved)
+        return SheetGradient(self.model.points, surface, moved)
 
     def strained(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
         """Compute strain and stress of each tetrahedron.
@@ -199,17 +199,17 @@ class CageModes:
             return LoadVector(_axes("mass", [sign * v for v in value]), function)
         if action in ("pressure", "traction"):
             sheet = self.model.plate is not None
-            where = forces.wall(self.model.points, self.model.cells, place, sheet)
+            where = forces.find_side_faces(self.model.points, self.model.cells, place, sheet)
             stress = -value * where.normal if action == "pressure" else value
             for axis, unit in enumerate(np.eye(3)):
                 self._forces.setdefault(
                     f"{place} {axis}",
-                    forces.traction(len(self.nodal_mass), where, unit).ravel(),
+                    forces.traction_forces(len(self.nodal_mass), where, unit).ravel(),
                 )
             follows = (value, where.faces) if follower else ()
             return LoadVector(_axes(place, stress), function, None, *follows)
         if action == "force":
-            vertex = forces.nearest(self.model.points, place)
+            vertex = forces.nearest_vertex(self.model.points, place)
             return LoadVector(_axes(f"vertex {vertex}", value), function)
         self._forces[f"array {place}"] = np.ravel(value)
         return LoadVector(((f"array {place}", 1.0),), function)
@@ -317,7 +317,7 @@ class CageModes:
             kind, _, axis = name.rpartition(" ")
             unit = np.eye(3)[int(axis)]
             if kind == "mass":
-                force = forces.on_mass(self.nodal_mass, unit)
+                force = forces.acceleration_forces(self.nodal_mass, unit)
             else:
                 force = np.zeros_like(self.model.points)
                 force[int(kind.removeprefix("vertex "))] = unit

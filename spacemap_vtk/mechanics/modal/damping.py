@@ -57,7 +57,7 @@ class Damping(NamedTuple):
 
 
 @runtime_checkable
-class Damped(Protocol):
+class HasDamping(Protocol):
     """Object that defines how much modes are damped."""
 
     @property

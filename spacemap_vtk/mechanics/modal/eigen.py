@@ -19,7 +19,7 @@ from spacemap_vtk import cancel
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.linalg.lanczos import lowest_modes
-from spacemap_vtk.mechanics.linalg.multifrontal import negative_eigenvalues
+from spacemap_vtk.mechanics.linalg.multifrontal import count_negative_eigenvalues
 from spacemap_vtk.mechanics.modal.pencil import Pencil
 from spacemap_vtk.ndarrays import Bools, Floats, Progress
 
@@ -68,7 +68,7 @@ class Modes(NamedTuple):
     """Upper estimate of the share of each λ that is rounding, (n,): 0 to 1."""
 
 
-def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
+def solve_modes(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
     """Compute the lowest vibration modes of a pencil, and the rounding of their eigenvalues."""
     # If the pencil has vertices and strains, exactly those modes are rigid that the supports allow.
     # A thin sheet bends so much more easily than it stretches that K contains only rounding of its
@@ -79,7 +79,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
         raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
     report: Progress = progress or (lambda _: None)
     report(0.0)
-    with blas_threads.one():
+    with blas_threads.use_one_thread():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
         # K of a rigid body is that of its springs, and has no correct digit for its free motions.
         if pencil.size > 6:
@@ -90,7 +90,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
 
 
 def estimate_bytes(dof: int, count: int, layers: float | None = None, sheet: bool = False) -> int:
-    """Estimate the memory that `lowest` needs, so that too large a problem can be refused.
+    """Estimate the memory that `solve_modes` needs, so that too large a problem can be refused.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
         few = min(count, component.size)
         if math.isfinite(top) and not _is_dense(component.size, few):
             beyond = component.stiffness - 1.01 * top * component.mass
-            few = min(few, negative_eigenvalues(beyond, component.analysis))
+            few = min(few, count_negative_eigenvalues(beyond, component.analysis))
         done += component.size
         if not few:
             continue
@@ -314,7 +314,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> Floats:
         # Gaps are relative to λ + σ; relative to λ, rounding would separate rigid modes.
         below = count + int(np.argmax(np.diff(tail) / (tail[1:] + component.shift)))
         between = (1 - share) * values[below - 1] + share * values[below]
-        found = negative_eigenvalues(
+        found = count_negative_eigenvalues(
             component.stiffness - between * component.mass,
             component.analysis,
             lambda part: report(0.6 + 0.4 * part),

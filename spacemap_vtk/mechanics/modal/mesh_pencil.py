@@ -17,25 +17,30 @@ import numpy as np
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.boundary.supports import free_motions
-from spacemap_vtk.mechanics.elements.elasticity import Assembly, assemble, mass, stiffness
+from spacemap_vtk.mechanics.elements.elasticity import (
+    Assembly,
+    assemble,
+    mass_matrix,
+    stiffness_matrix,
+)
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import (
-    free_pairs,
-    mid_surface,
-    of_pairs,
-    of_quads,
-    of_sheet,
+    assemble_sheet_mass,
+    average_over_quads,
+    find_mid_surface,
+    free_sheet_motions,
+    sheet_strains,
 )
-from spacemap_vtk.mechanics.elements.strains import Strains, of_base, of_tetrahedra
+from spacemap_vtk.mechanics.elements.strains import Strains, springs_to_base, tetrahedron_strains
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
-    assembled,
+    assemble_blocks,
+    assemble_tangent,
     digest_of,
-    tangent,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
-from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, selection, some
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
+from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, free_columns, require_columns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -94,9 +99,9 @@ class MeshPencil(Pencil):
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
         self.fittings, self._local = fittings, local
-        self.surface = mid_surface(points, cells) if len(material) > 1 else None
+        self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
-        self.added = [OnVertices(term, self.surface, 1 / modulus) for term in added]
+        self.added = [VertexTerm(term, self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
                 "a sheet is what a one-layer lattice is: the cage is none",
@@ -118,7 +123,7 @@ class MeshPencil(Pencil):
             if self.surface is None:
                 found = assemble(self._points, self._cells, stiff, heavy)
             else:
-                found = of_pairs(self._points, self.surface, of_quads(heavy))
+                found = assemble_sheet_mass(self._points, self.surface, average_over_quads(heavy))
             _assemblies[self._mesh] = found
         return found
 
@@ -138,10 +143,10 @@ class MeshPencil(Pencil):
         """Strains of the elements; for a sheet those of its quadrilaterals, then of its pairs."""
         factors = self._stiff
         if self.surface is None:
-            return [of_tetrahedra(self._points, self._cells, self.material[0], factors)]
+            return [tetrahedron_strains(self._points, self._cells, self.material[0], factors)]
         membrane, bending, shear, thickness = self.material
         plate = Plate(membrane, bending, shear, float(thickness), self._local)
-        return of_sheet(self._points, self.surface, plate, of_quads(factors))
+        return sheet_strains(self._points, self.surface, plate, average_over_quads(factors))
 
     @cached_property
     def others(self) -> list[EnergyTerm]:
@@ -165,7 +170,7 @@ class MeshPencil(Pencil):
         nodes = Nodes(positions, places)
         if self.others:
             alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.others]
-            nodes = nodes._replace(springs=assembled(alike, positions.size))
+            nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
         forces = np.sum([term.forces(positions) for term in self.terms], axis=0)
@@ -184,29 +189,29 @@ class MeshPencil(Pencil):
     @cached_property
     def basis(self) -> csc_matrix:
         if self.surface is None and self.plain:
-            return selection(self.free)
+            return free_columns(self.free)
         held, (normals, bodies) = ~self.free.reshape(-1, 3), self.fittings[:2]
         if self.surface is None:
             found = free_motions(self._points, held, normals, bodies)
         else:
-            found = free_pairs(self._points, self.surface, held, normals, bodies)
-        return some(found)
+            found = free_sheet_motions(self._points, self.surface, held, normals, bodies)
+        return require_columns(found)
 
     @cached_property
     def whole_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
-            return tangent(self.terms, positions)
-        found = stiffness(self.assembly, self.material[0])
-        return found + tangent(self.others, positions) if self.others else found
+            return assemble_tangent(self.terms, positions)
+        found = stiffness_matrix(self.assembly, self.material[0])
+        return found + assemble_tangent(self.others, positions) if self.others else found
 
     @cached_property
     def whole_mass(self) -> csr_matrix:
-        found = mass(self.assembly, 1.0, self._lumped)
+        found = mass_matrix(self.assembly, 1.0, self._lumped)
         if self.fittings.masses is None:
             return found
         blocks = self.fittings.masses[:, None, None] * np.eye(3)
-        return found + tangent([self._against_base(blocks)], self.nodes.positions)
+        return found + assemble_tangent([self._against_base(blocks)], self.nodes.positions)
 
     @cached_property
     def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
@@ -259,10 +264,12 @@ class MeshPencil(Pencil):
         """Make the strains of springs (V, 3, 3) between the vertices and the base."""
         where = np.flatnonzero(blocks.any(axis=(1, 2)))
         if self.surface is None:
-            return of_base(self._points, where[:, None], np.ones((len(where), 1)), blocks[where])
+            return springs_to_base(
+                self._points, where[:, None], np.ones((len(where), 1)), blocks[where]
+            )
         nodes, signs = self.surface.ends()
         rest = self.surface.nodal(self._points)
-        return of_base(rest, nodes[where], signs[where], blocks[where])
+        return springs_to_base(rest, nodes[where], signs[where], blocks[where])
 
     def _nodal(self, table: Floats) -> Floats:
         assert self.surface is not None
@@ -274,7 +281,7 @@ _assemblies: WeakValues[Assembly] = WeakValues()
 _pencils: WeakValues[MeshPencil] = WeakValues()
 
 
-def mesh_pencil(
+def find_or_make_pencil(
     points: Floats,
     cells: Ints,
     parts: list[Floats],

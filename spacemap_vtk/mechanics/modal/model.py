@@ -15,14 +15,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.fittings import NONE, Fittings
+from spacemap_vtk.mechanics.boundary.fittings import NO_FITTINGS, Fittings
 from spacemap_vtk.mechanics.elements.elasticity import nodal_mass
-from spacemap_vtk.mechanics.elements.materials import check_sizes
-from spacemap_vtk.mechanics.elements.plates import Plate, upright
-from spacemap_vtk.mechanics.elements.shell import layer, of_middle, of_quads
-from spacemap_vtk.mechanics.elements.tetrahedra import checked_mesh
-from spacemap_vtk.mechanics.modal.mesh_pencil import mesh_pencil
-from spacemap_vtk.mechanics.modal.residual_vectors import movable_mass, moved_by, residual_modes
+from spacemap_vtk.mechanics.elements.materials import check_limits
+from spacemap_vtk.mechanics.elements.plates import Plate, keep_normals_upright
+from spacemap_vtk.mechanics.elements.shell import (
+    average_over_quads,
+    find_layer,
+    mid_surface_strains,
+)
+from spacemap_vtk.mechanics.elements.tetrahedra import check_mesh
+from spacemap_vtk.mechanics.modal.mesh_pencil import find_or_make_pencil
+from spacemap_vtk.mechanics.modal.residual_vectors import (
+    inverse_mass_products,
+    movable_mass,
+    residual_modes,
+)
 from spacemap_vtk.ndarrays import Bools, Floats
 
 if TYPE_CHECKING:
@@ -85,27 +93,27 @@ class Model:
         held: ArrayLike,
         lumped: bool = False,
         displacement: ArrayLike | None = None,
-        fittings: Fittings = NONE,
+        fittings: Fittings = NO_FITTINGS,
         terms: Sequence[EnergyTerm] = (),
     ) -> None:
-        self.points, self.cells = checked_mesh(points, cells)
+        self.points, self.cells = check_mesh(points, cells)
         self.density = float(density)
         self.lumped = bool(lumped)
         if isinstance(material, Plate) and (material.shear is None or material.thickness is None):
-            sheet = layer(self.points, self.cells)
+            sheet = find_layer(self.points, self.cells)
             # for a mesh that is not a sheet the pencil raises the error
-            material = upright(material, 1.0 if sheet is None else sheet.cell)
+            material = keep_normals_upright(material, 1.0 if sheet is None else sheet.cell)
         self.plate = material if isinstance(material, Plate) else None
         self.parts = parts = _parts(material)
         #: Factor of the pencil's stiffness: the largest elasticity [Pa], or for a sheet the largest
         #: membrane stiffness [N/m].
         self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
-        check_sizes("density", self.density, "kg/m³")
+        check_limits("density", self.density, "kg/m³")
         self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
         self.fittings = fittings
         #: Energy terms other than elements and springs; their nodes are the vertices.
         self.terms = tuple(terms)
-        self.pencil = mesh_pencil(
+        self.pencil = find_or_make_pencil(
             self.points,
             self.cells,
             parts,
@@ -172,7 +180,7 @@ class Model:
             return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
         forces = np.einsum("v,ij->vij", self.nodal_mass, np.eye(3)).reshape(-1, 3)
         loads, mass = self.pencil.gathered(forces), self.density * self.pencil.mass
-        return moved_by(lambda x: mass @ x, mass.diagonal(), loads)
+        return inverse_mass_products(lambda x: mass @ x, mass.diagonal(), loads)
 
     @cached_property
     def rigid(self) -> Floats:
@@ -297,9 +305,9 @@ class Model:
         SolverError
             If no digit of the result is correct.
         """
-        from spacemap_vtk.mechanics.modal.eigen import lowest
+        from spacemap_vtk.mechanics.modal.eigen import solve_modes
 
-        found = lowest(self.pencil, count, progress)
+        found = solve_modes(self.pencil, count, progress)
         surface = self.pencil.surface
         if surface is None:
             return found
@@ -372,7 +380,7 @@ class Model:
             was one.
         """
         from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad
-        from spacemap_vtk.mechanics.equilibrium.newton import equilibrium
+        from spacemap_vtk.mechanics.equilibrium.newton import find_equilibrium
 
         if self.fittings.bodies is not None:
             raise InputError(
@@ -385,7 +393,7 @@ class Model:
         load = load if surface is None else 2 * surface.nodal(load)
         start = pencil.nodes.positions
         loads = [DeadLoad(load, start)]
-        found = equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
+        found = find_equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
         moved = found.positions - start
         return (moved if surface is None else surface.vertices(moved)), found.critical
 
@@ -440,10 +448,10 @@ class Model:
             mean = (strain + solid.changes(gradients, moved)).mean(axis=1)
             return mean, self.stress(mean)
         assert self.plate is not None
-        mean, pull = of_middle(pencil.elements, positions, moved, surface, self.plate)
+        mean, pull = mid_surface_strains(pencil.elements, positions, moved, surface, self.plate)
         pull *= surface.taper(self.points, self.plate)[surface.quads].mean(axis=1)[:, None]
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
-        if (factors := of_quads(self.fittings.stiffness_factors)) is not None:
+        if (factors := average_over_quads(self.fittings.stiffness_factors)) is not None:
             stress *= factors[:, None]
         return np.repeat(mean, 5, axis=0), np.repeat(stress, 5, axis=0)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.boundary.supports import six_motions, turned
+from spacemap_vtk.mechanics.boundary.supports import rigid_motions, small_rotations
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 # Modes may come from a cache, so the solvers of scipy are imported only where something is solved.
@@ -71,8 +71,8 @@ class Nodes(NamedTuple):
         """Compute the six rigid motions of given nodes, (3n, 6), and how they turn the loads."""
         loads = np.zeros((len(near), 3, 6))
         if self.forces is not None and self.forces.any():
-            loads[:, :, 3:] = turned(self.forces[near] / abs(self.forces).max())
-        six = six_motions(self.positions[near], self.translate[near])
+            loads[:, :, 3:] = small_rotations(self.forces[near] / abs(self.forces).max())
+        six = rigid_motions(self.positions[near], self.translate[near])
         return six, loads.reshape(-1, 6)
 
 
@@ -161,13 +161,13 @@ class Pencil:
                 "the stiffness matrix is not positive semidefinite",
                 cure="Check the material and the supports of the cage",
             )
-        from spacemap_vtk.mechanics.linalg.lanczos import shift
+        from spacemap_vtk.mechanics.linalg.lanczos import choose_shift
 
         places = self._places
         if len(places) == self.size:
-            return shift(self.stiffness, self.mass)
+            return choose_shift(self.stiffness, self.mass)
         inner = (matrix[places][:, places] for matrix in (self.stiffness, self.mass))
-        return _SOFT * shift(*inner)
+        return _SOFT * choose_shift(*inner)
 
     @cached_property
     def _places(self) -> Ints:
@@ -239,7 +239,7 @@ class Pencil:
         from spacemap_vtk.mechanics.linalg import blas_threads
 
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
-        with blas_threads.one():
+        with blas_threads.use_one_thread():
             rigid = self.rigid
             for component in self.components:
                 rows = component.rows
@@ -370,17 +370,17 @@ def _conjugate_gradients(
     return u, False
 
 
-def selection(free: Bools) -> sp.csc_matrix:
+def free_columns(free: Bools) -> sp.csc_matrix:
     """Select the columns of the unit matrix for the free components, (3V, N)."""
     import scipy.sparse as sp
 
     rows = np.flatnonzero(free)
     columns = np.arange(len(rows) + 1)
     shape = len(free), len(rows)
-    return some(sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=shape))
+    return require_columns(sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=shape))
 
 
-def some(basis: sp.csc_matrix) -> sp.csc_matrix:
+def require_columns(basis: sp.csc_matrix) -> sp.csc_matrix:
     """Return the basis; raise InputError if it has no columns."""
     if basis.shape[1] == 0:
         raise InputError(

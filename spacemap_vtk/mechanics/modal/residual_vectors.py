@@ -92,11 +92,13 @@ def movable_mass(assembly: Assembly, density: float, lumped: bool, free: Bools) 
     for axis in range(3):
         moves = free[axis::3].astype(np.float64)
         load = inertia(moves, np.ones(count)) * moves
-        found.append(moved_by(partial(inertia, moves), diagonal, load[:, None])[0])
+        found.append(inverse_mass_products(partial(inertia, moves), diagonal, load[:, None])[0])
     return density * np.array(found)
 
 
-def moved_by(inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Floats) -> Floats:
+def inverse_mass_products(
+    inertia: Callable[[Floats], Floats], diagonal: Floats, loads: Floats
+) -> Floats:
     """Compute bᵀ M⁻¹ b for each column b of (N, m) loads, from products with M and its diagonal."""
     result = np.zeros(loads.shape[1])
     for column, right in enumerate(loads.T):

@@ -70,7 +70,7 @@ def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[f
         yield (share * BENDING * curved + (1 - share) * STRETCHING * float(waves)) / float(slopes)
 
 
-def unresolved_modes(errors: Sequence[float]) -> str:
+def describe_unresolved_modes(errors: Sequence[float]) -> str:
     """Describe the unresolved modes in a clause; empty if all are resolved.
 
     Parameters

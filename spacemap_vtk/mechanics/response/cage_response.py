@@ -1,8 +1,8 @@
 """Response of a cage's modes to loads: motion over time, energies and frequency response.
 
 There is no time step: every result is a closed-form sum over modes (for the modal coordinates see
-`spacemap_vtk.mechanics.response.motion`). `Motion` is the interface that plots and pictures use.
-Other models of a motion can implement it, including those that do step.
+`spacemap_vtk.mechanics.response.modal_motion`). `Motion` is the interface that plots and pictures
+use. Other models of a motion can implement it, including those that do step.
 """
 
 from __future__ import annotations
@@ -15,12 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.timefunctions import is_constant
+from spacemap_vtk.mechanics.boundary.time_functions import is_constant
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector, Statics
 from spacemap_vtk.mechanics.modal.damping import Damping
-from spacemap_vtk.mechanics.response.energy import Account, Energy
-from spacemap_vtk.mechanics.response.harmonic import steady
-from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion, State, base_at
+from spacemap_vtk.mechanics.response.energy import Energy, EnergyAccount
+from spacemap_vtk.mechanics.response.harmonic import receptance
+from spacemap_vtk.mechanics.response.modal_motion import (
+    ModalLoad,
+    ModalMotion,
+    ModalState,
+    base_factors,
+)
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.ndarrays import Floats, Ints
 
@@ -97,7 +102,7 @@ class Response(Motion):
     >>> from spacemap_vtk.mechanics.modal.eigen import lowest
     >>> from spacemap_vtk.mechanics.elements.materials import isotropic
     >>> from spacemap_vtk.mechanics.modal.model import Model
-    >>> from spacemap_vtk.mechanics.boundary.timefunctions import step
+    >>> from spacemap_vtk.mechanics.boundary.time_functions import step
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> held = np.arange(4)[:, None] < [3, 3, 3]
     >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
@@ -138,7 +143,7 @@ class Response(Motion):
             )
         eigenvalues, self._shapes = modes.basis(self.loads, residual, statics)
         drives = [
-            Drive(self._shapes @ modes.force(p), p.function, p.moves_base is not None)
+            ModalLoad(self._shapes @ modes.force(p), p.function, p.moves_base is not None)
             for p in self.loads
         ]
         #: Warnings about the accuracy, in sentences.
@@ -159,7 +164,7 @@ class Response(Motion):
         )
         #: Forces on each mode that hold the equilibrium; their work is stored as strain energy.
         self._pull = self._shapes @ modes.model.forces
-        self._kept: tuple[Floats, list[State]] | None = None
+        self._kept: tuple[Floats, list[ModalState]] | None = None
 
     def _start(self, field: Floats | None, what: str) -> Floats | None:
         """Convert a field to modal coordinates; warn if the modes miss much of it."""
@@ -178,15 +183,15 @@ class Response(Motion):
         return start
 
     @cached_property
-    def _account(self) -> Account:
-        return Account(self.modal)
+    def _account(self) -> EnergyAccount:
+        return EnergyAccount(self.modal)
 
-    def at(self, time: float, state: State | None = None) -> Floats:
+    def at(self, time: float, state: ModalState | None = None) -> Floats:
         """Compute the motion of the vertices; before 0 they rest in the initial state."""
         state = self.modal.at(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
 
-    def lost_phases(self, time: float, state: State) -> int:
+    def lost_phases(self, time: float, state: ModalState) -> int:
         """Count the modes that still vibrate although rounding has destroyed their phase.
 
         Parameters
@@ -219,7 +224,7 @@ class Response(Motion):
         lost = omega * (self.modes.eigenvalue_rounding / 2 + 2.0**-53)
         return omega, lost, 1.0 / max(float(lost.max(initial=0.0)), 1e-300)
 
-    def energy(self, time: float, state: State | None = None) -> Energy:
+    def energy(self, time: float, state: ModalState | None = None) -> Energy:
         """Compute the energies at a time [J], as `Account.at` does.
 
         Parameters
@@ -267,7 +272,7 @@ class Response(Motion):
         result: Floats = -(positions - start) @ dead
         return result
 
-    def _states(self, times: Floats) -> list[State]:
+    def _states(self, times: Floats) -> list[ModalState]:
         """Compute the states at given times, and keep them for other curves over the same times."""
         if self._kept is None or not np.array_equal(self._kept[0], times):
             self._kept = times.copy(), [self.modal.at(t) for t in times]
@@ -298,10 +303,10 @@ class Response(Motion):
         for first in range(0, len(frequencies), _TOGETHER):
             rows = slice(first, first + _TOGETHER)
             omega = 2 * np.pi * np.asarray(frequencies)[rows, None]
-            receptance = steady(self.modal.stiffness, self.modal.half, omega)
+            factors = receptance(self.modal.stiffness, self.modal.half, omega)
             for drive, load in zip(self.modal.drives, self.loads, strict=True):
                 factor = omega**2 if drive.moves_base else 1.0
-                result[rows] += (receptance * drive.gain * factor) @ shapes
+                result[rows] += (factors * drive.gain * factor) @ shapes
                 if load.moves_base is not None:
                     result[rows] += load.moves_base * weights.sum()
         return result
@@ -310,12 +315,12 @@ class Response(Motion):
         shapes = self._shapes.reshape(len(self.modal.stiffness), -1, 3)
         return np.einsum("nvc,v->nc", shapes, weights)
 
-    def _fields(self, state: State, shapes: Floats, rest: Floats, time: float) -> Floats:
+    def _fields(self, state: ModalState, shapes: Floats, rest: Floats, time: float) -> Floats:
         fields: Floats = (np.array(state) @ shapes).reshape(3, -1, 3)
         fields[0] += rest
         for load in self.loads:
             if load.moves_base is not None:
-                fields += np.outer(base_at(load.function, time), load.moves_base)[:, None]
+                fields += np.outer(base_factors(load.function, time), load.moves_base)[:, None]
         return fields
 
 

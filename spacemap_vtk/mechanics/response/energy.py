@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.mechanics.boundary.timefunctions import Pieces
-from spacemap_vtk.mechanics.response.harmonic import ComplexArray, from_rest
-from spacemap_vtk.mechanics.response.motion import ModalMotion, State
-from spacemap_vtk.mechanics.response.oscillator import kernels
+from spacemap_vtk.mechanics.boundary.time_functions import PiecewiseLinear
+from spacemap_vtk.mechanics.response.harmonic import ComplexArray, response_from_rest
+from spacemap_vtk.mechanics.response.modal_motion import ModalMotion, ModalState
+from spacemap_vtk.mechanics.response.oscillator import compute_kernels
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
 
@@ -45,7 +45,7 @@ class Energy(NamedTuple):
     """Energy supplied from outside: by loads, by jumps of the base, and by the initial state."""
 
 
-class Balance(NamedTuple):
+class EnergyBalance(NamedTuple):
     """Energies over time [J], each (t,); their total is the same at all times."""
 
     kinetic: Floats
@@ -60,7 +60,7 @@ class Balance(NamedTuple):
     """kinetic + strain + potential + dissipated - work, which is conserved."""
 
 
-def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balance:
+def balance_energies(energies: Floats, potential: Floats, work_at_start: float) -> EnergyBalance:
     """Compute the balance of energies over time, with a total that is conserved.
 
     Parameters
@@ -81,10 +81,10 @@ def balance(energies: Floats, potential: Floats, work_at_start: float) -> Balanc
     # The work of a constant load is the decrease of its potential.
     others = work + potential - work_at_start
     total = kinetic + strain + potential + dissipated - others
-    return Balance(kinetic, strain, potential, dissipated, others, total)
+    return EnergyBalance(kinetic, strain, potential, dissipated, others, total)
 
 
-class Account:
+class EnergyAccount:
     """Energies of a motion of mass-normalised modes, at any time."""
 
     # The work up to the start of each piece is kept. A late time that is evaluated again therefore
@@ -104,10 +104,10 @@ class Account:
         self._rate = sum(
             len(function.times) / function.period
             for function in functions
-            if isinstance(function, Pieces) and function.period is not None
+            if isinstance(function, PiecewiseLinear) and function.period is not None
         )
 
-    def at(self, time: float, state: State | None = None) -> Energy:
+    def at(self, time: float, state: ModalState | None = None) -> Energy:
         """Compute the energies at a time; before 0, those of the initial state, held at rest."""
         state = self._motion.at(time) if state is None else state
         kinetic = 0.5 * float(state.rate @ state.rate)
@@ -135,7 +135,7 @@ class Account:
         found = [
             start
             for drive in motion.drives
-            if isinstance(drive.function, Pieces)
+            if isinstance(drive.function, PiecewiseLinear)
             for start in _starts(drive.function, last, time)
         ]
         found.sort()
@@ -167,7 +167,7 @@ class Account:
         load, slope = np.zeros(shape), np.zeros(shape)
         for drive in self._motion.drives:
             function = drive.function
-            if isinstance(function, Pieces) and not drive.moves_base:
+            if isinstance(function, PiecewiseLinear) and not drive.moves_base:
                 load += np.array([[function.value(t)] for t in begins]) * drive.gain
                 slope += np.array([[function.slope(t)] for t in begins]) * drive.gain
         return load, slope
@@ -218,13 +218,13 @@ class _Spells(NamedTuple):
     def integral(self) -> Floats:
         """Integrate q over each span."""
         stiffness, half = self.motion.stiffness, self.motion.half
-        kernel = kernels(stiffness, half, self.spans)
+        kernel = compute_kernels(stiffness, half, self.spans)
         q, rate = self.firsts[:, 0], self.firsts[:, 1]
         # The integral of the free response C = 1 - λ S₂ is t - λ S₃.
         total = q * (self.spans - stiffness * kernel.ramp) + rate * kernel.step
         total = total + self.load * kernel.ramp + self.slope * kernel.parabola
         for phasor, omega in self.sines:
-            forced = from_rest(stiffness, half, omega, self.spans)
+            forced = response_from_rest(stiffness, half, omega, self.spans)
             total = total + (phasor * (forced.value - kernel.step) / (1j * omega)).imag
         return total
 
@@ -257,13 +257,13 @@ class _Spells(NamedTuple):
         nodes, weights = np.polynomial.legendre.leggauss(POINTS)
         width = span / panels
         times = (width * (np.arange(panels)[:, None] + (nodes + 1) / 2)).reshape(-1, 1)
-        kernel = kernels(stiffness, half, times)
+        kernel = compute_kernels(stiffness, half, times)
         q, rate = self.firsts[row][:, modes]
         motion = q * kernel.free + rate * kernel.impulse
         motion = motion + self.load[row, modes] * kernel.step
         motion = motion + self.slope[row, modes] * kernel.ramp
         for phasor, other in self.sines:
-            forced = from_rest(stiffness, half, other, times)
+            forced = response_from_rest(stiffness, half, other, times)
             motion = motion + (phasor[row, modes] * forced.value).imag
         weighted = np.tile(weights * width / 2, panels)[:, None] * np.exp(1j * omega * times)
         return np.asarray((weighted * motion).sum(axis=0))
@@ -281,7 +281,7 @@ def _stored(motion: ModalMotion, states: Floats) -> Floats:
     return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))
 
 
-def _starts(function: Pieces, after: float, until: float) -> list[float]:
+def _starts(function: PiecewiseLinear, after: float, until: float) -> list[float]:
     """List the times in (after, until] at which a piece starts."""
     period = function.period
     if period is None:

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.response.oscillator import SHORT, TERMS, kernels
+from spacemap_vtk.mechanics.response.oscillator import SHORT, TERMS, compute_kernels
 from spacemap_vtk.ndarrays import Floats
 
 ComplexArray = NDArray[np.complex128]
 
 
-class Forced(NamedTuple):
+class ForcedResponse(NamedTuple):
     """Response to e^{iΩt}; its imaginary part is the response to sin Ωt."""
 
     value: ComplexArray
@@ -33,7 +33,9 @@ class Forced(NamedTuple):
     """Derivative of X [s]."""
 
 
-def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | float) -> Forced:
+def response_from_rest(
+    stiffness: Floats, half: Floats, omega: float, time: Floats | float
+) -> ForcedResponse:
     """Compute the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest."""
     spring, h, t = np.broadcast_arrays(stiffness, half, time)
     p = 1j * omega
@@ -44,15 +46,15 @@ def from_rest(stiffness: Floats, half: Floats, omega: float, time: Floats | floa
     slow = np.divide(spring, fast, out=np.zeros(t.shape), where=fast > 0)
     near = np.where(over, -slow, -h + 1j * d)
     far = np.where(over, -fast, -h - 1j * d)
-    impulse = kernels(spring, h, t).impulse
+    impulse = compute_kernels(spring, h, t).impulse
     value = (t * np.exp(p * t) * _first(near - p, t) - impulse) / (p - far)
     early = abs(p - far) * t <= SHORT
     if early.any():
         value[early] = _series(spring[early], h[early], p, t[early])
-    return Forced(value, impulse + p * value)
+    return ForcedResponse(value, impulse + p * value)
 
 
-def steady(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArray:
+def receptance(stiffness: Floats, half: Floats, omega: Floats | float) -> ComplexArray:
     """Compute the receptance: the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0."""
     # Frequencies of shape (f, 1) give one row each.
     root = np.sqrt(stiffness)

@@ -51,7 +51,7 @@ class Kernels(NamedTuple):
     """q from rest under w = t²/2 [s⁴]; its derivative is `ramp`."""
 
 
-def kernels(stiffness: Floats, half: Floats, time: Floats | float) -> Kernels:
+def compute_kernels(stiffness: Floats, half: Floats, time: Floats | float) -> Kernels:
     """Compute the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
     over = half > np.sqrt(stiffness)
     if not over.any():
@@ -91,7 +91,7 @@ def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> 
     return np.divide(h, omega, out=np.full(h.shape, np.nan), where=omega > 0)
 
 
-def regime(
+def classify_regimes(
     eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, rounding: ArrayLike = 0.0
 ) -> list[str]:
     """Classify the motion of each mode.

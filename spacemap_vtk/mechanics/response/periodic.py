@@ -13,8 +13,8 @@ from bisect import bisect_right
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.timefunctions import Pieces
-from spacemap_vtk.mechanics.response.oscillator import Kernels, kernels
+from spacemap_vtk.mechanics.boundary.time_functions import PiecewiseLinear
+from spacemap_vtk.mechanics.response.oscillator import Kernels, compute_kernels
 from spacemap_vtk.ndarrays import Floats
 
 #: Number of kernel values that are computed at once for the states at the starts of the pieces.
@@ -38,7 +38,7 @@ def propagate(
     )
 
 
-class Linear:
+class PiecewiseLinearMotion:
     """Motion of oscillators under several piecewise linear loads."""
 
     def __init__(
@@ -62,7 +62,7 @@ class Linear:
         spans = np.diff(times)[:, None]
         chunk = max(1, CHUNK // (7 * size))
         for first in range(0, count - 1, chunk):
-            block = kernels(stiffness, half, spans[first : first + chunk])
+            block = compute_kernels(stiffness, half, spans[first : first + chunk])
             for k, kernel in enumerate(zip(*block, strict=True), first):
                 end = propagate(Kernels(*kernel), stiffness, self._starts[k], *self._load(k))
                 self._starts[k + 1] = end if jumps is None else end + jumps[k + 1]
@@ -77,15 +77,20 @@ class Linear:
             return self._starts[k]
         if self._last is None or self._last[0] != k:
             self._last = k, *self._load(k)
-        kernel = kernels(self._stiffness, self._half, time - self._times[k])
+        kernel = compute_kernels(self._stiffness, self._half, time - self._times[k])
         return propagate(kernel, self._stiffness, self._starts[k], *self._last[1:])
 
 
-class Repeated:
+class PeriodicMotion:
     """Motion of oscillators, from rest, under one periodic load."""
 
     def __init__(
-        self, stiffness: Floats, half: Floats, function: Pieces, gain: Floats, jumps: Floats
+        self,
+        stiffness: Floats,
+        half: Floats,
+        function: PiecewiseLinear,
+        gain: Floats,
+        jumps: Floats,
     ) -> None:
         assert function.period is not None
         self._stiffness, self._half = stiffness, half
@@ -94,10 +99,12 @@ class Repeated:
         inner[0] = 0.0
         rest = np.zeros_like(jumps[0])
         columns = function.values[:, None], function.slopes[:, None]
-        self._inside = Linear(stiffness, half, function.times, *columns, gain[None, :], inner, rest)
+        self._inside = PiecewiseLinearMotion(
+            stiffness, half, function.times, *columns, gain[None, :], inner, rest
+        )
         #: Change of the state from rest in m = 1, 2, 4, … periods, and the kernels of these spans.
         self.sums = [self._inside.at(self._period) + jumps[-1]]
-        self._moves = [kernels(stiffness, half, self._period)]
+        self._moves = [compute_kernels(stiffness, half, self._period)]
         self._first = self._steady_state() if function.steady else jumps[0]
 
     def at(self, time: float) -> Floats:
@@ -110,12 +117,12 @@ class Repeated:
                 move = self._moves[-1]
                 self.sums.append(_moved(move, self.sums[-1]) + self.sums[-1])
                 self._moves.append(
-                    kernels(self._stiffness, self._half, self._period * float(1 << level))
+                    compute_kernels(self._stiffness, self._half, self._period * float(1 << level))
                 )
             if count >> level & 1:
                 state = _moved(self._moves[level], state) + self.sums[level]
             level += 1
-        free = _moved(kernels(self._stiffness, self._half, rest), state)
+        free = _moved(compute_kernels(self._stiffness, self._half, rest), state)
         return free + self._inside.at(rest)
 
     def _steady_state(self) -> Floats:

@@ -22,15 +22,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spacemap_vtk.mechanics.elements.shell import (
-    THIN,
+    SHEET_ASPECT,
     MidSurface,
-    free_pairs,
-    layer,
-    legs_of,
-    mid_surface,
+    find_layer,
+    find_mid_surface,
+    frame_matrix,
+    free_sheet_motions,
 )
-from spacemap_vtk.mechanics.elements.strains import sampled_slopes
-from spacemap_vtk.mechanics.modal.pencil import selection
+from spacemap_vtk.mechanics.elements.strains import shape_gradients
+from spacemap_vtk.mechanics.modal.pencil import free_columns
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -56,7 +56,7 @@ class RotationCoordinates:
         `spacemap_vtk.mechanics.modal.model.Model`, the basis of its pencil. Along an axis where
         nothing is held, the mean position is that of the linear motion.
     surface : MidSurface, optional
-        Mid-surface from `spacemap_vtk.mechanics.elements.shell.mid_surface`, if the cage is a
+        Mid-surface from `spacemap_vtk.mechanics.elements.shell.find_mid_surface`, if the cage is a
         sheet.
 
     Raises
@@ -85,12 +85,12 @@ class RotationCoordinates:
         if surface is None:
             self._legs, self._weights = _of_tetrahedra(points, cells)
         else:
-            self._legs, self._weights = legs_of(points, surface)
+            self._legs, self._weights = frame_matrix(points, surface)
         if isinstance(held, np.ndarray):
             if surface is None:
-                held = selection(~held.ravel())
+                held = free_columns(~held.ravel())
             else:
-                held = free_pairs(points, surface, held)
+                held = free_sheet_motions(points, surface, held)
         self._held: csc_matrix = held
         self._nodal = self._of_nodes(points)
         #: Legs of each point where the motion is zero, as columns, and their inverse.
@@ -115,9 +115,9 @@ class RotationCoordinates:
         RotationCoordinates
             Rotation-strain coordinates of this mesh.
         """
-        thin = layer(points, cells)
-        sheet = thin is not None and thin.aspect > THIN
-        return cls(points, cells, held, mid_surface(points, cells) if sheet else None)
+        thin = find_layer(points, cells)
+        sheet = thin is not None and thin.aspect > SHEET_ASPECT
+        return cls(points, cells, held, find_mid_surface(points, cells) if sheet else None)
 
     def displacement(self, linear: Floats) -> Floats:
         """Compute the corrected displacement of the vertices.
@@ -340,7 +340,7 @@ def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
     """Build the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
     from scipy.sparse import csr_matrix
 
-    slopes, weights = sampled_slopes(points, cells)
+    slopes, weights = shape_gradients(points, cells)
     values = slopes.swapaxes(2, 3)
     count, nodes = values.size // cells.shape[1], cells.shape[1]
     columns = np.repeat(cells, 3 * slopes.shape[1], axis=0)

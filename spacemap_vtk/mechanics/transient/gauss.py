@@ -85,7 +85,7 @@ LEAST = 1e-15
 NOISE = 1e-14
 
 
-class Acting(NamedTuple):
+class ActingLoads(NamedTuple):
     """Loads at one time."""
 
     push: Floats
@@ -134,11 +134,11 @@ class _Kept(NamedTuple):
     solve: Solve
 
 
-class Gauss:
+class GaussIntegrator:
     """Equations of motion of a body; forces and energies are divided by its modulus."""
 
     # Terms of the body that are not conservative do external work. Each is multiplied by a factor
-    # that may change with time, see `Acting`.
+    # that may change with time, see `ActingLoads`.
 
     def __init__(
         self,
@@ -185,7 +185,7 @@ class Gauss:
         position: Floats,
         rate: Floats,
         parts: list[TermState],
-        acting: Callable[[float], Acting],
+        acting: Callable[[float], ActingLoads],
         span: float,
         guess: Floats,
         carried: list[Floats],
@@ -263,7 +263,7 @@ class Gauss:
         self,
         rate: Floats,
         parts: list[TermState],
-        load: Acting,
+        load: ActingLoads,
         inertia: Floats,
         solve: Solve,
     ) -> Floats:
@@ -384,7 +384,7 @@ class Gauss:
 
         return solved
 
-    def _factors(self, load: Acting) -> Floats:
+    def _factors(self, load: ActingLoads) -> Floats:
         """Return the factor of each term other than strains: 1 unless it does external work."""
         factors = np.ones(len(self._others))
         factors[self._driven] = load.factors

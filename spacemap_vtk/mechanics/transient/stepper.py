@@ -21,17 +21,17 @@ from scipy.sparse import csr_matrix
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
-from spacemap_vtk.mechanics.boundary.timefunctions import Sine, is_constant
+from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
 from spacemap_vtk.mechanics.elements.strains import StrainState
 from spacemap_vtk.mechanics.equilibrium.body import Body
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import OnVertices
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.response.cage_response import Motion
-from spacemap_vtk.mechanics.response.motion import base_at, jump_of
-from spacemap_vtk.mechanics.transient.gauss import STAGES, Acting, Gauss
+from spacemap_vtk.mechanics.response.modal_motion import base_factors, jump_of
+from spacemap_vtk.mechanics.transient.gauss import STAGES, ActingLoads, GaussIntegrator
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -65,7 +65,7 @@ ALIKE = 1.2
 COLUMNS = 6
 
 
-class Stepped(Motion):
+class SteppedMotion(Motion):
     """Motion of a cage by time steps, at any time from t = 0 on.
 
     Parameters
@@ -105,13 +105,13 @@ class Stepped(Motion):
     --------
     >>> from spacemap_vtk.mechanics.elements.materials import isotropic
     >>> from spacemap_vtk.mechanics.modal.model import Model
-    >>> from spacemap_vtk.mechanics.boundary.timefunctions import step
+    >>> from spacemap_vtk.mechanics.boundary.time_functions import step
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> held = np.arange(4)[:, None] < [3, 3, 3]
     >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
     >>> cage = CageModes(model, np.empty(0), np.empty((0, 12)), np.empty(0))
     >>> load = cage.vector("gravity", (0, 0, -10.0), step())
-    >>> motion = Stepped(cage, [load], Damping(alpha=50.0))
+    >>> motion = SteppedMotion(cage, [load], Damping(alpha=50.0))
     >>> float(motion.at(0.5)[0, 3, 2].round(4))  # of the vertex that is free [m]
     -0.0025
     """
@@ -146,7 +146,7 @@ class Stepped(Motion):
         self._farthest = np.zeros_like(start)
         dead = np.zeros_like(start) if forces is None else forces
         followers = [
-            OnVertices(FollowerPressure(load.faces), pencil.surface)
+            VertexTerm(FollowerPressure(load.faces), pencil.surface)
             for load in self.loads
             if load.faces is not None
         ]
@@ -159,7 +159,7 @@ class Stepped(Motion):
         if model.displacement is not None:
             self.rest = model.displacement
         beta, drag = _of_ratios(cage, body, mass, damping)
-        self._rule = Gauss(body, mass, damping.alpha, beta, drag)
+        self._rule = GaussIntegrator(body, mass, damping.alpha, beta, drag)
         self._dead = body.along_free(dead)
         self._pushes = [
             pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
@@ -195,7 +195,7 @@ class Stepped(Motion):
         Parameters
         ----------
         rows : ndarray of float64, shape (n, 6 + 2N)
-            `rows` of the other `Stepped`, from the first one on.
+            `rows` of the other `SteppedMotion`, from the first one on.
 
         Returns
         -------
@@ -241,7 +241,7 @@ class Stepped(Motion):
             f"{least:.3g} steps or more, up to {time:g} s,",
             cure="Ask for an earlier time, or allow longer steps (max_step).",
         )
-        with blas_threads.one():
+        with blas_threads.use_one_thread():
             while self.reached <= time:
                 self._step()
                 if progress is not None:
@@ -316,7 +316,7 @@ class Stepped(Motion):
         total = np.zeros((3, 3))
         for load in self.loads:
             if load.moves_base is not None:
-                total += np.outer(base_at(load.function, time), load.moves_base)
+                total += np.outer(base_factors(load.function, time), load.moves_base)
         return total
 
     def _append(self, row: Floats) -> None:
@@ -331,7 +331,7 @@ class Stepped(Motion):
         self._rows[self._count] = row
         self._count += 1
 
-    def _load(self, time: float) -> Acting:
+    def _load(self, time: float) -> ActingLoads:
         """Compute the loads at a time, after any jump at that time."""
         total, factors = self._dead.copy(), [1.0] * self._steady
         for load, push in zip(self.loads, self._pushes, strict=True):
@@ -341,7 +341,7 @@ class Stepped(Motion):
                 total += load.function.value(time) * push
             elif isinstance(load.function, Sine):
                 total += load.function.omega**2 * load.function.value(time) * push
-        return Acting(total, np.array(factors))
+        return ActingLoads(total, np.array(factors))
 
     def _step(self) -> None:
         """Make a step and append its state."""
@@ -388,7 +388,7 @@ class Stepped(Motion):
         if span == left:
             self._jump(end)
 
-    def _acting(self, time: float, span: float, share: float) -> Acting:
+    def _acting(self, time: float, span: float, share: float) -> ActingLoads:
         """Compute the loads at a share of a step."""
         return self._load(time + share * span)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.elements.shell import MidSurface, mid_surface
+from spacemap_vtk.mechanics.elements.shell import MidSurface, find_mid_surface
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Ints
 
@@ -14,7 +14,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 _LINE = 1e-6
 
 
-def coarser(model: Model) -> Model | None:
+def coarsen(model: Model) -> Model | None:
     """Make the model of a sheet with cells twice as wide, if possible.
 
     Parameters
@@ -39,7 +39,7 @@ def coarser(model: Model) -> Model | None:
     rows, columns = (np.rint(np.linspace(0, n - 1, (n - 1) // 2 + 1)) for n in grid.shape)
     kept = grid[np.ix_(rows.astype(np.int64), columns.astype(np.int64))]
     points, cells = lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
-    own = mid_surface(points, cells)
+    own = find_mid_surface(points, cells)
     assert own is not None
     order = np.lexsort(own.nodal(points)[: len(own.pairs), :2].T)
     held = np.zeros(points.shape, dtype=bool)

@@ -17,7 +17,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 _FLAT = 1e-9
 
 
-def inverted(
+def count_inverted(
     points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
 ) -> int:
     """Count the elements that a displacement (V, 3) turns inside out."""
@@ -25,7 +25,7 @@ def inverted(
     return int(np.count_nonzero(after / before < -_FLAT))
 
 
-def warning(
+def inversion_warning(
     points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
 ) -> str:
     """Compose a warning of elements that are turned inside out; empty if there are none.
@@ -49,10 +49,10 @@ def warning(
     Examples
     --------
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> warning(corners, -2 * corners, np.array([[0, 1, 2, 3]])).split(",")[0]
+    >>> inversion_warning(corners, -2 * corners, np.array([[0, 1, 2, 3]])).split(",")[0]
     '1 of 1 tetrahedra are turned inside out'
     """
-    count = inverted(points, displacement, cells, surface)
+    count = count_inverted(points, displacement, cells, surface)
     if not count:
         return ""
     total, kind = (

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, largest_rotation
-from spacemap_vtk.mechanics.elements.shell import LegGradient, mid_surface
-from spacemap_vtk.mechanics.response.realm import Realm, realm
+from spacemap_vtk.mechanics.elements.shell import SheetGradient, find_mid_surface
+from spacemap_vtk.mechanics.response.linear_range import MotionExtremes, measure_extremes
 
 FloatArray = NDArray[np.float64]
 
@@ -21,11 +21,13 @@ FloatArray = NDArray[np.float64]
     ("degrees", "longer"), [(0, 1.0), (30, 1.0174), (45, 1.0400), (60, 1.0732), (90, 1.1803)]
 )
 def test_a_pendulum_takes_longer(degrees: float, longer: float) -> None:
-    assert Realm(math.radians(degrees), 0.0, 0.0).period == pytest.approx(longer, abs=5e-5)
+    assert MotionExtremes(math.radians(degrees), 0.0, 0.0).period == pytest.approx(longer, abs=5e-5)
 
 
 def test_a_pendulum_that_stands_upside_down_never_comes_back() -> None:
-    assert Realm(math.pi, 0.0, 0.0).period == Realm(7.0, 0.0, 0.0).period == math.inf
+    assert (
+        MotionExtremes(math.pi, 0.0, 0.0).period == MotionExtremes(7.0, 0.0, 0.0).period == math.inf
+    )
 
 
 class Turning:
@@ -49,7 +51,7 @@ class Turning:
 def test_the_most_of_a_turn_is_told() -> None:
     """u = sin t (-y, x) turns by sin t, and stretches by √(1 + sin² t) - 1 across its axis."""
     body = Turning()
-    found = realm(body, body.points, (0.0, math.pi / 2, math.pi))
+    found = measure_extremes(body, body.points, (0.0, math.pi / 2, math.pi))
     assert found.rotation == pytest.approx(1.0)
     assert found.stretch == pytest.approx(math.sqrt(2) - 1)
     # At t = π/2: (1 + sin² t) (1 + 0.1 t); at π 1.31.
@@ -59,7 +61,7 @@ def test_the_most_of_a_turn_is_told() -> None:
 def test_folds_tighter_than_a_sheet_is_thick_are_no_rotation() -> None:
     """A strip bent to a circle turns at its end by its length times the change in curvature."""
     flat, cells = lattice((0, 1, 0, 0.1, -0.05, 0.05), (80, 2, 1))
-    surface = mid_surface(flat, cells)
+    surface = find_mid_surface(flat, cells)
     assert surface is not None
 
     def bent(curvature: float) -> FloatArray:
@@ -71,7 +73,7 @@ def test_folds_tighter_than_a_sheet_is_thick_are_no_rotation() -> None:
     # To a tenth more than half its thickness, and to less.
     for curvature in (18.0, 22.0):
         rest, moved = bent(curvature), bent(curvature + 0.05)
-        gradient = LegGradient(flat, surface, rest - flat)
+        gradient = SheetGradient(flat, surface, rest - flat)
         assert largest_rotation(gradient.of(moved - rest)) == pytest.approx(0.05, rel=0.02)
     # Tetrahedra are flat within, and have none.
     with pytest.raises(GeometryError, match="flat"):

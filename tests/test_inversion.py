@@ -22,8 +22,8 @@ from spacemap_vtk import (
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SpacemapWarning
 from spacemap_vtk.filters.base import connect
-from spacemap_vtk.mechanics.elements.inverted import inverted
-from spacemap_vtk.mechanics.elements.shell import mid_surface
+from spacemap_vtk.mechanics.elements.inversion import count_inverted
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 
 
 def reported(mover: Any, shift: float) -> tuple[Any, list[str]]:
@@ -72,15 +72,15 @@ def test_tetrahedra_that_are_turned_inside_out_are_counted(
 def test_cells_of_a_sheet_that_are_turned_over_are_counted() -> None:
     """Rolling it up tightly turns tetrahedra inside out, but no cell."""
     points, cells = lattice((0, 1, 0, 0.5, -0.01, 0.01), (8, 3, 1))
-    surface = mid_surface(points, cells)
+    surface = find_mid_surface(points, cells)
     assert surface is not None
     mirrored = points * [0, 0, -2]
-    assert inverted(points, mirrored, cells, surface) == 24
+    assert count_inverted(points, mirrored, cells, surface) == 24
     half = np.where((points[:, 0] > 0.49)[:, None], mirrored, 0.0)
-    assert 8 < inverted(points, half, cells, surface) < 16
+    assert 8 < count_inverted(points, half, cells, surface) < 16
     radius = 0.005  # a quarter of its thickness
     angle, reach = points[:, 0] / radius, radius - points[:, 2]
     rolled = np.stack(
         [reach * np.sin(angle / 40), points[:, 1], radius - reach * np.cos(angle / 40)], 1
     )
-    assert inverted(points, rolled - points, cells, surface) == 0
+    assert count_inverted(points, rolled - points, cells, surface) == 0

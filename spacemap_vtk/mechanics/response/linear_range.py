@@ -10,7 +10,7 @@ import numpy as np
 
 from spacemap_vtk import cancel
 from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, largest_rotation
-from spacemap_vtk.mechanics.elements.shell import LegGradient, MidSurface
+from spacemap_vtk.mechanics.elements.shell import MidSurface, SheetGradient
 from spacemap_vtk.mechanics.elements.tetrahedra import EDGES
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.ndarrays import Floats
@@ -19,7 +19,7 @@ from spacemap_vtk.ndarrays import Floats
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
-class Realm(NamedTuple):
+class MotionExtremes(NamedTuple):
     """Largest rotation, stretch and change of volume of any cell over several times."""
 
     rotation: float
@@ -41,13 +41,13 @@ class Realm(NamedTuple):
         return 1.0 / one
 
 
-def realm(
+def measure_extremes(
     motion: Motion,
     rest: Floats,
     times: Iterable[float],
-    gradient: MeanGradient | LegGradient | None = None,
+    gradient: MeanGradient | SheetGradient | None = None,
     surface: MidSurface | None = None,
-) -> Realm:
+) -> MotionExtremes:
     """Compute the largest rotation, stretch and change of volume in a motion.
 
     Parameters
@@ -81,7 +81,7 @@ def realm(
         return np.asarray(np.linalg.norm(nodes[last] - nodes[first], axis=1))
 
     before = lengths(rest)
-    most = Realm(0.0, 0.0, 0.0)
+    most = MotionExtremes(0.0, 0.0, 0.0)
     for time in times:
         cancel.check()
         moved = motion.points + motion.at(time)[0]
@@ -92,5 +92,5 @@ def realm(
             abs(lengths(moved) / before - 1).max(),
             abs(swollen - 1).max(),
         )
-        most = Realm(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
+        most = MotionExtremes(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
     return most

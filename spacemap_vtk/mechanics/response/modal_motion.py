@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.timefunctions import Pieces, Sine, TimeFunction
-from spacemap_vtk.mechanics.response.harmonic import from_rest, steady
-from spacemap_vtk.mechanics.response.periodic import Linear, Repeated
+from spacemap_vtk.mechanics.boundary.time_functions import PiecewiseLinear, Sine, TimeFunction
+from spacemap_vtk.mechanics.response.harmonic import receptance, response_from_rest
+from spacemap_vtk.mechanics.response.periodic import PeriodicMotion, PiecewiseLinearMotion
 from spacemap_vtk.ndarrays import Floats
 
 #: Latest time [s]. Its third power, which occurs under a load that rises for ever, is still finite.
@@ -28,7 +28,7 @@ LATEST = 1e100
 BALANCED = 1e-10
 
 
-class Drive(NamedTuple):
+class ModalLoad(NamedTuple):
     """Load on the modes, with its time function."""
 
     gain: Floats
@@ -40,7 +40,7 @@ class Drive(NamedTuple):
     """Whether the factor is the displacement of the base."""
 
 
-class State(NamedTuple):
+class ModalState(NamedTuple):
     """Modal coordinates and their two derivatives at one time, each of shape (n,)."""
 
     position: Floats
@@ -58,7 +58,7 @@ class ModalMotion:
         self,
         stiffness: Floats,
         half: Floats,
-        drives: Sequence[Drive] = (),
+        drives: Sequence[ModalLoad] = (),
         *,
         equilibrium: bool = False,
         position: Floats | None = None,
@@ -77,13 +77,13 @@ class ModalMotion:
         linear = [
             (drive, drive.function)
             for drive in self.drives
-            if isinstance(drive.function, Pieces) and drive.function.period is None
+            if isinstance(drive.function, PiecewiseLinear) and drive.function.period is None
         ]
         self._linear = self._merged(linear)
         self.repeated = [
             self._periodic(drive, drive.function)
             for drive in self.drives
-            if isinstance(drive.function, Pieces) and drive.function.period is not None
+            if isinstance(drive.function, PiecewiseLinear) and drive.function.period is not None
         ]
         self.sines = [
             (self._phasor(drive, drive.function), drive.function)
@@ -91,16 +91,16 @@ class ModalMotion:
             if isinstance(drive.function, Sine)
         ]
 
-    def at(self, time: float) -> State:
+    def at(self, time: float) -> ModalState:
         """Compute the motion at a time, after any jump at that time; at rest before 0."""
         if not abs(time) <= LATEST:
             allowed = f"a finite number of seconds, up to {LATEST:g}"
             raise InputError("not a time", key="time", value=time, allowed=allowed)
         q, rate = self.state(max(time, 0.0))
         if time < 0.0:  # the displacement is constant there
-            return State(q, np.zeros_like(q), np.zeros_like(q))
+            return ModalState(q, np.zeros_like(q), np.zeros_like(q))
         acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q
-        return State(q, rate, acceleration)
+        return ModalState(q, rate, acceleration)
 
     def state(self, time: float) -> Floats:
         """Compute positions and rates at a time, after any jump at that time."""
@@ -109,11 +109,11 @@ class ModalMotion:
             state = state + repeated.at(time)
         for phasor, sine in self.sines:
             if sine.steady:
-                forced = phasor * steady(self.stiffness, self.half, sine.omega)
+                forced = phasor * receptance(self.stiffness, self.half, sine.omega)
                 forced = forced * np.exp(1j * sine.omega * time)
                 state = state + np.stack([forced.imag, (1j * sine.omega * forced).imag])
             else:
-                rested = from_rest(self.stiffness, self.half, sine.omega, time)
+                rested = response_from_rest(self.stiffness, self.half, sine.omega, time)
                 state = state + np.stack(
                     [(phasor * rested.value).imag, (phasor * rested.rate).imag]
                 )
@@ -138,7 +138,7 @@ class ModalMotion:
                 total += self._jump(drive, *jump_of(drive.function, time, self._held))
         return total
 
-    def _jump(self, drive: Drive, value: float, slope: float) -> Floats:
+    def _jump(self, drive: ModalLoad, value: float, slope: float) -> Floats:
         """Compute the jump of the state due to -Γ d̈ where d jumps by `value` and ḋ by `slope`."""
         q = -drive.gain * value
         return np.stack([q, -drive.gain * slope - 2 * self.half * q])
@@ -161,7 +161,7 @@ class ModalMotion:
             )
         return np.divide(load, self.stiffness, out=np.zeros_like(load), where=~rigid)
 
-    def _merged(self, parts: Sequence[tuple[Drive, Pieces]]) -> Linear:
+    def _merged(self, parts: Sequence[tuple[ModalLoad, PiecewiseLinear]]) -> PiecewiseLinearMotion:
         times = np.sort(np.concatenate([[0.0], *(f.times for _, f in parts)]))
         times = times[np.diff(times, prepend=-np.inf) > 0.0]
         pushing = [(d, f) for d, f in parts if not d.moves_base]
@@ -180,24 +180,24 @@ class ModalMotion:
             for drive in sines:
                 jumps[0] += self._jump(drive, *jump_of(drive.function, 0.0, self._held))
         data = times, values, slopes, gains, jumps, self.start
-        return Linear(self.stiffness, self.half, *data)
+        return PiecewiseLinearMotion(self.stiffness, self.half, *data)
 
-    def _periodic(self, drive: Drive, function: Pieces) -> Repeated:
+    def _periodic(self, drive: ModalLoad, function: PiecewiseLinear) -> PeriodicMotion:
         gain = np.zeros_like(drive.gain) if drive.moves_base else drive.gain
         jumps = np.zeros((len(function.times) + 1, 2, len(self.stiffness)))
         if drive.moves_base:
             starts = [*function.times, function.period]
             for k, time in enumerate(starts):
                 jumps[k] = self._jump(drive, *jump_of(function, time, self._held))
-        return Repeated(self.stiffness, self.half, function, gain, jumps)
+        return PeriodicMotion(self.stiffness, self.half, function, gain, jumps)
 
-    def _phasor(self, drive: Drive, sine: Sine) -> np.ndarray:
+    def _phasor(self, drive: ModalLoad, sine: Sine) -> np.ndarray:
         """Compute the complex amplitude of the load Im(phasor e^{iΩt})."""
         gain = drive.gain * sine.omega**2 if drive.moves_base else drive.gain
         return gain * np.exp(1j * sine.phase)
 
 
-def base_at(function: TimeFunction, time: float) -> Floats:
+def base_factors(function: TimeFunction, time: float) -> Floats:
     """Compute the factors of a base's displacement, velocity and acceleration at a time, (3,)."""
     value = function.value(max(time, 0.0))
     if time < 0.0:

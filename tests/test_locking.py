@@ -11,12 +11,12 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, SpacemapWarning, TetraCage
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elements.bending import _Plate as Plate
-from spacemap_vtk.mechanics.elements.bending import locking, proportions_of
-from spacemap_vtk.mechanics.elements.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.elements.locking import _Plate as Plate
+from spacemap_vtk.mechanics.elements.locking import estimate_locking, proportions_of
+from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
-from spacemap_vtk.mechanics.modal.eigen import lowest
+from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.modal.eigen import solve_modes
 from spacemap_vtk.mechanics.modal.model import Model
 
 SIDE, DENSITY = 0.1, 300.0
@@ -31,7 +31,7 @@ def square(cells, layers, wide, order):
     thickness = SIDE / cells / wide
     points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, thickness), (cells, cells, layers))
     if order == 2:
-        points, tetrahedra = with_midpoints(points, tetrahedra)
+        points, tetrahedra = add_midpoints(points, tetrahedra)
     return points, tetrahedra, thickness
 
 
@@ -43,7 +43,7 @@ def held(points, sides=1):
 def first_two(points, tetrahedra, stuff, sides=1, count=14):
     """Eigenvalues of first bending and first twist, for a density of 1; 0 where none is found."""
     model = Model(points, tetrahedra, stuff, DENSITY, held(points, sides))
-    eigenvalues, shapes, _ = lowest(model.pencil, count)
+    eigenvalues, shapes, _ = solve_modes(model.pencil, count)
     middle = SIDE / 2 if sides == 2 else 0.0
     line = abs(points[:, 1] - middle) <= abs(points[:, 1] - middle).min() + 1e-9
     arm = points[line, 0] - np.ptp(points[:, 0]) / 2
@@ -75,7 +75,7 @@ LINEAR = [
 @pytest.mark.parametrize(("cells", "layers", "wide"), LINEAR)
 def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
-    said = locking(points, tetrahedra, STUFF, held(points))
+    said = estimate_locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
     assert 0.97 < said.bending / bending < (1.1 if wide >= 5 else 1.3)
     if twist:  # where it is so stiff that it is none of the lowest modes
@@ -100,7 +100,7 @@ def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
 )
 def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 2)
-    said = locking(points, tetrahedra, STUFF, held(points))
+    said = estimate_locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
     assert 1.0 <= said.bending < 1.03
     assert 1.0 < bending < 1.07  # five and ten cells, however thin
@@ -111,7 +111,7 @@ def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
 def test_between_two_clamped_sides(cells, layers, wide):
     """Where a mode that seems to twist bends for the most part. Leissa, table 4.37."""
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
-    said = locking(points, tetrahedra, STUFF, held(points, 2))
+    said = estimate_locking(points, tetrahedra, STUFF, held(points, 2))
     bending, twist = measured(points, tetrahedra, thickness, 2, (22.272, 26.529))
     assert 1.0 < said.bending / bending < 1.3
     assert 1.0 < said.twist / twist < 1.5  # its second twist is the worse one
@@ -126,8 +126,8 @@ def test_measured_fabrics(fabric, order, wide, sides):
     """Against quadratic tetrahedra that are narrow enough to twist right."""
     points, tetrahedra, thickness = square(5, 1, wide, order)
     solid = FABRICS[fabric].solid(thickness)
-    stuff = along_fabric(orthotropic(*solid[:3]))
-    said = locking(points, tetrahedra, stuff, held(points, sides))
+    stuff = fabric_to_xyz(orthotropic(*solid[:3]))
+    said = estimate_locking(points, tetrahedra, stuff, held(points, sides))
     bending, twist = first_two(points, tetrahedra, stuff, sides, count=24) / (
         right_for_fabric(fabric, sides) * thickness
     )
@@ -140,7 +140,7 @@ def test_measured_fabrics(fabric, order, wide, sides):
 def right_for_fabric(fabric, sides):
     """Eigenvalues over thickness, to which a fabric's grow: by cells five thicknesses wide."""
     points, tetrahedra, thickness = square(14, 1, 5, 2)
-    stuff = along_fabric(orthotropic(*FABRICS[fabric].solid(thickness)[:3]))
+    stuff = fabric_to_xyz(orthotropic(*FABRICS[fabric].solid(thickness)[:3]))
     return first_two(points, tetrahedra, stuff, sides) / thickness
 
 
@@ -168,7 +168,7 @@ def test_a_bar_of_cubes():
     """Measured first frequencies of 10 x 1 x 1 m of steel, see test_eigen.py, over Timoshenko's."""
     for cells, first in ((1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533)):
         points, tetrahedra = lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
-        said = locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
+        said = estimate_locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
         assert 0.97 < said.bending / (first / 8.013) ** 2 < 1.3
         assert said.twist == 1.0
 
@@ -182,19 +182,19 @@ def test_other_poissons_ratios(ratio, divisions, thickness):
         points, tetrahedra = lattice((0, 1, 0, 1, 0, thickness), cells)
         clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
         if order == 1:
-            said = locking(points, tetrahedra, stuff, clamped)
+            said = estimate_locking(points, tetrahedra, stuff, clamped)
         else:
-            points, tetrahedra = with_midpoints(points, tetrahedra)
+            points, tetrahedra = add_midpoints(points, tetrahedra)
             clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
         model = Model(points, tetrahedra, stuff, DENSITY, clamped)
-        found.append(lowest(model.pencil, 1).eigenvalues[0])
+        found.append(solve_modes(model.pencil, 1).eigenvalues[0])
     assert 0.7 < said.bending / (found[0] / found[1]) < 1.7
 
 
 def test_what_is_no_sheet_is_not_judged():
     points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
     nothing = np.zeros(points.shape, bool)
-    assert locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
+    assert estimate_locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
     assert proportions_of(points, tetrahedra).layers == np.inf
     layers = proportions_of(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3))).layers
     assert layers == pytest.approx(3)
@@ -203,15 +203,19 @@ def test_what_is_no_sheet_is_not_judged():
 @pytest.mark.parametrize("normal", [0, 1, 2])
 def test_any_axis_may_be_the_thin_one(normal):
     points, tetrahedra, _ = square(5, 1, 20, 1)
-    said = locking(points, tetrahedra, STUFF, held(points))
+    said = estimate_locking(points, tetrahedra, STUFF, held(points))
     turned = np.roll(points, normal + 1, axis=1)
     clamped = np.roll(held(points), normal + 1, axis=1)
-    np.testing.assert_allclose(locking(turned, tetrahedra, STUFF, clamped), said, rtol=1e-9)
-    quadratic = with_midpoints(points, tetrahedra)
-    said = locking(*quadratic, STUFF, held(quadratic[0]))
+    np.testing.assert_allclose(
+        estimate_locking(turned, tetrahedra, STUFF, clamped), said, rtol=1e-9
+    )
+    quadratic = add_midpoints(points, tetrahedra)
+    said = estimate_locking(*quadratic, STUFF, held(quadratic[0]))
     turned = np.roll(quadratic[0], normal + 1, axis=1)
     clamped = np.roll(held(quadratic[0]), normal + 1, axis=1)
-    np.testing.assert_allclose(locking(turned, quadratic[1], STUFF, clamped), said, rtol=1e-9)
+    np.testing.assert_allclose(
+        estimate_locking(turned, quadratic[1], STUFF, clamped), said, rtol=1e-9
+    )
 
 
 def prisms(cells, thickness, seed):
@@ -239,15 +243,15 @@ def test_where_diagonals_do_not_cross(wide):
     """Then twist locks as bending does in linear tetrahedra, and hardly in quadratic ones."""
     thickness = SIDE / 8 / wide
     points, tetrahedra = prisms(8, thickness, seed=0)
-    said = locking(points, tetrahedra, STUFF, held(points))
+    said = estimate_locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
     assert 0.97 < said.bending / bending < 1.3
     assert 0.9 < said.twist / twist < 1.3
-    points, tetrahedra = with_midpoints(points, tetrahedra)
+    points, tetrahedra = add_midpoints(points, tetrahedra)
     bending, twist = measured(points, tetrahedra, thickness)
     assert bending < 1.1
     assert twist < 1.8
-    assert locking(points, tetrahedra, STUFF, held(points)).twist == pytest.approx(1.0)
+    assert estimate_locking(points, tetrahedra, STUFF, held(points)).twist == pytest.approx(1.0)
 
 
 def test_the_readmes_figures():

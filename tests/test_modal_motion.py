@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary import timefunctions as tf
-from spacemap_vtk.mechanics.response.harmonic import from_rest, steady
-from spacemap_vtk.mechanics.response.motion import Drive, ModalMotion
+from spacemap_vtk.mechanics.boundary import time_functions as tf
+from spacemap_vtk.mechanics.response.harmonic import receptance, response_from_rest
+from spacemap_vtk.mechanics.response.modal_motion import ModalLoad, ModalMotion
 
 #: Rigid, slow, two near each other, and fast; free of damping to far overdamped.
 STIFFNESS = np.array([0.0, 0.3, 40.0, 40.5, 900.0])
@@ -131,18 +131,18 @@ def agrees(half, drives, times=TIMES, start=None, **options):
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_one_force(function, damping):
-    agrees(DAMPING[damping], [Drive(GAIN, FUNCTIONS[function])])
+    agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function])])
 
 
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_moving_base(function, damping):
-    agrees(DAMPING[damping], [Drive(GAIN, FUNCTIONS[function], True)], TIMES[1:])
+    agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], True)], TIMES[1:])
 
 
 def test_everything_at_once_from_a_given_state():
     drives = [
-        Drive(np.roll(GAIN, k), function, k % 3 == 0)
+        ModalLoad(np.roll(GAIN, k), function, k % 3 == 0)
         for k, function in enumerate(FUNCTIONS.values())
     ]
     given = {"position": 0.1 * GAIN, "rate": -GAIN}
@@ -152,7 +152,7 @@ def test_everything_at_once_from_a_given_state():
 @pytest.mark.parametrize("base", [False, True])
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_before_zero_the_start_is_held_at_rest(function, base):
-    drives = [Drive(GAIN, FUNCTIONS[function], base)]
+    drives = [ModalLoad(GAIN, FUNCTIONS[function], base)]
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], drives, position=GAIN, rate=-GAIN)
     first, later = motion.at(-0.2), motion.at(-0.1)
     np.testing.assert_array_equal(first.position, motion.at(0.0).position)
@@ -165,8 +165,8 @@ def test_before_zero_the_start_is_held_at_rest(function, base):
 def test_equilibrium_and_release():
     gain = GAIN * (STIFFNESS > 0)
     weight, held = (
-        Drive(gain, tf.step()),
-        Drive(np.roll(gain, 1) * (STIFFNESS > 0), tf.table([0, 0.5, 0.5], [1, 1, 0])),
+        ModalLoad(gain, tf.step()),
+        ModalLoad(np.roll(gain, 1) * (STIFFNESS > 0), tf.table([0, 0.5, 0.5], [1, 1, 0])),
     )
     half = DAMPING["alpha"]
     motion = ModalMotion(STIFFNESS, half, [weight, held], equilibrium=True)
@@ -176,12 +176,12 @@ def test_equilibrium_and_release():
         np.testing.assert_allclose(state.rate, 0, atol=1e-13)
     agrees(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
     with pytest.raises(InputError, match="1 rigid modes fall freely"):
-        ModalMotion(STIFFNESS, half, [Drive(GAIN, tf.step())], equilibrium=True)
+        ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, tf.step())], equilibrium=True)
 
 
 def test_a_base_that_sets_off_from_equilibrium():
     # The base rests at its first displacement until t = 0, and starts to move from there.
-    drive = Drive(GAIN, tf.table([0.0, 0.5], [1.0, 2.0]), True)
+    drive = ModalLoad(GAIN, tf.table([0.0, 0.5], [1.0, 2.0]), True)
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [drive], equilibrium=True)
     absolute = GAIN * 1.0, np.zeros(5)
     times = (0.2, 0.9)
@@ -197,8 +197,8 @@ def test_steady_state_of_a_sine_is_what_remains(name, base):
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
-    rested = ModalMotion(STIFFNESS, half, [Drive(gain, function, base)])
-    settled = ModalMotion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
+    rested = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function, base)])
+    settled = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function._replace(steady=True), base)])
     late = 1000.0  # whole periods of both
     np.testing.assert_allclose(rested.at(late).position, settled.at(0.0).position, atol=1e-12)
     np.testing.assert_allclose(rested.at(late + 0.1).rate, settled.at(0.1).rate, atol=1e-11)
@@ -218,8 +218,8 @@ def test_steady_state_of_a_periodic_function_repeats_and_is_what_remains(name, b
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
-    settled = ModalMotion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
-    rested = ModalMotion(STIFFNESS, half, [Drive(gain, function, base)])
+    settled = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function._replace(steady=True), base)])
+    rested = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function, base)])
     for time in (0.0, 0.07, 0.11):
         now, later = settled.at(time), settled.at(time + 7 * function.period)
         np.testing.assert_allclose(now.position, later.position, atol=1e-13)
@@ -231,23 +231,25 @@ def test_steady_state_of_a_periodic_function_repeats_and_is_what_remains(name, b
 def test_resonance_without_damping_has_no_steady_state():
     stiffness, half = np.array([(2 * math.pi) ** 2]), np.zeros(1)
     with pytest.raises(InputError, match="no steady state"):
-        steady(stiffness, half, 2 * math.pi)
+        receptance(stiffness, half, 2 * math.pi)
     saw = tf.periodic([0.0, 2.0], [0.0, 1.0], steady=True)
     with pytest.raises(InputError, match="mode 1 has no steady state"):
-        ModalMotion(stiffness, half, [Drive(np.ones(1), saw)])
+        ModalMotion(stiffness, half, [ModalLoad(np.ones(1), saw)])
     # From rest both grow linearly: x = t / 2Ω for the sine.
     at = 1000.25
-    grown = ModalMotion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0))]).at(at)
+    grown = ModalMotion(stiffness, half, [ModalLoad(np.ones(1), tf.harmonic(1.0))]).at(at)
     # x = (sin Ωt - Ωt cos Ωt) / 2Ω², and at a quarter turn the cosine is zero.
     assert grown.position[0] == pytest.approx(1 / (8 * math.pi**2), abs=1e-12 * at)
-    cosine = ModalMotion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0, math.pi / 2))]).at(at)
+    cosine = ModalMotion(
+        stiffness, half, [ModalLoad(np.ones(1), tf.harmonic(1.0, math.pi / 2))]
+    ).at(at)
     assert cosine.position[0] == pytest.approx(at / (4 * math.pi), rel=1e-10)
-    forced = ModalMotion(stiffness, half, [Drive(np.ones(1), saw._replace(steady=False))])
+    forced = ModalMotion(stiffness, half, [ModalLoad(np.ones(1), saw._replace(steady=False))])
     assert abs(forced.at(2000.0).rate[0]) > 100 * abs(forced.at(2.0).rate[0])
 
 
 def test_a_periodic_load_costs_nothing_more_when_late():
-    drive = Drive(np.ones(5), FUNCTIONS["periodic"])
+    drive = ModalLoad(np.ones(5), FUNCTIONS["periodic"])
     motion = ModalMotion(STIFFNESS, DAMPING["ratio"], [drive])
     late = motion.at(3e5)
     assert np.isfinite(late.position).all()
@@ -258,10 +260,10 @@ def test_restarting_a_table_gives_the_same_end():
     table = tf.table([0.0, 0.2, 0.2, 0.9, 1.4], [0.0, 1.0, -0.5, 0.3, 0.0])
     rest = tf.table([0.0, 0.4, 0.9], [float(table.value(0.5)), 0.3, 0.0])
     half = DAMPING["mixed"]
-    whole = ModalMotion(STIFFNESS, half, [Drive(GAIN, table)])
+    whole = ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, table)])
     state = whole.at(0.5)
     parts = {"position": state.position, "rate": state.rate}
-    again = ModalMotion(STIFFNESS, half, [Drive(GAIN, rest)], **parts)
+    again = ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, rest)], **parts)
     for time in (0.0, 0.3, 2.0):
         got, expected = again.at(time), whole.at(0.5 + time)
         np.testing.assert_allclose(got.position, expected.position, atol=1e-10)
@@ -280,7 +282,7 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
     if detuning:  # on and around resonance
         omega = math.sqrt(eigenvalue) * (1 + detuning) or 1.0
     half = ratio * math.sqrt(eigenvalue)
-    got = from_rest(*np.array([[eigenvalue], [half]]), omega, time)
+    got = response_from_rest(*np.array([[eigenvalue], [half]]), omega, time)
     with mp.workdps(60):
         lam, h, w, t = (mp.mpf(float(x)) for x in (eigenvalue, half, omega, time))
         system = mp.matrix([[0, 1, 0], [-lam, -2 * h, 1], [0, 0, 1j * w]]) * t
@@ -305,6 +307,6 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, 1e200])
 def test_a_time_is_a_finite_number(time):
-    motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
+    motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [ModalLoad(GAIN, FUNCTIONS["step"])])
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         motion.at(time)

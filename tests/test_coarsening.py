@@ -8,8 +8,8 @@ import pytest
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import homogeneous, measured
-from spacemap_vtk.mechanics.modal.coarser import coarser
+from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
+from spacemap_vtk.mechanics.modal.coarsening import coarsen
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
@@ -21,7 +21,9 @@ def sheet(normal: int, cells: tuple[int, int], **more: Fittings) -> Model:
     turned = np.roll(sides, normal + 1, axis=0).ravel()
     points, tetrahedra = lattice(turned, np.roll([*cells, 1], normal + 1))
     held = np.repeat(points[:, [(normal + 1) % 3]] == 0, 3, axis=1)
-    plate = measured(homogeneous(isotropic(1e6, 0.3), 0.01, normal), bending=(1e-2, 2e-2))
+    plate = apply_measurements(
+        homogeneous_plate(isotropic(1e6, 0.3), 0.01, normal), bending=(1e-2, 2e-2)
+    )
     return Model(points, tetrahedra, plate, 300.0, held, **more)
 
 
@@ -29,7 +31,7 @@ def sheet(normal: int, cells: tuple[int, int], **more: Fittings) -> Model:
 @pytest.mark.parametrize("cells", [(8, 12), (9, 13)], ids=["even", "odd"])
 def test_a_sheet_in_cells_twice_as_wide_is_the_same_sheet(normal, cells):
     fine = sheet(normal, cells)
-    half = coarser(fine)
+    half = coarsen(fine)
     assert half is not None
     other = sheet(normal, (cells[0] // 2, cells[1] // 2))
     assert half.points.shape == other.points.shape
@@ -42,12 +44,12 @@ def test_a_sheet_in_cells_twice_as_wide_is_the_same_sheet(normal, cells):
 
 
 def test_what_has_no_cells_twice_as_wide():
-    assert coarser(sheet(2, (3, 12))) is None
+    assert coarsen(sheet(2, (3, 12))) is None
     points, cells = lattice((0, 1, 0, 1, 0, 0.01), (8, 8, 1))
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
-    assert coarser(Model(points, cells, isotropic(1e6, 0.3), 300.0, held)) is None
+    assert coarsen(Model(points, cells, isotropic(1e6, 0.3), 300.0, held)) is None
     heavy = Fittings(masses=np.ones(len(sheet(2, (8, 8)).points)))
-    assert coarser(sheet(2, (8, 8), fittings=heavy)) is None
+    assert coarsen(sheet(2, (8, 8), fittings=heavy)) is None
 
 
 def test_a_drape_coefficient_tells_how_much_it_depends_on_its_cells():

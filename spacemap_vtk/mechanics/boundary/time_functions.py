@@ -17,7 +17,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 
 
-class Pieces(NamedTuple):
+class PiecewiseLinear(NamedTuple):
     """Piecewise linear function, with or without jumps."""
 
     # The function is zero before its first time. After the last time its last piece continues. A
@@ -97,7 +97,7 @@ class Sine(NamedTuple):
         return math.inf
 
 
-TimeFunction = Pieces | Sine
+TimeFunction = PiecewiseLinear | Sine
 
 
 def is_constant(function: TimeFunction) -> bool:
@@ -107,7 +107,7 @@ def is_constant(function: TimeFunction) -> bool:
     return not function.slopes.any() and bool((function.values == function.values[0]).all())
 
 
-def step(start: float = 0.0) -> Pieces:
+def step(start: float = 0.0) -> PiecewiseLinear:
     """Make a function that is 0 before a time and 1 from it on.
 
     Parameters
@@ -123,7 +123,7 @@ def step(start: float = 0.0) -> Pieces:
     return table([0.0], [1.0], start)
 
 
-def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -> Pieces:
+def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -> PiecewiseLinear:
     """Make a function that is linear between given points.
 
     Parameters
@@ -156,10 +156,12 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
     t = t + start
     if t[0] > 0.0:
         t, v, slopes = np.r_[0.0, t], np.r_[0.0, v], np.r_[0.0, slopes]
-    return Pieces(t, v, slopes)
+    return PiecewiseLinear(t, v, slopes)
 
 
-def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = False) -> Pieces:
+def periodic(
+    times: Sequence[float], values: Sequence[float], *, steady: bool = False
+) -> PiecewiseLinear:
     """Make a periodic function that is linear between given points.
 
     Parameters
@@ -190,7 +192,7 @@ def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = 
         )
     spans = np.diff(t)
     whole = spans > 0
-    return Pieces(
+    return PiecewiseLinear(
         t[:-1][whole], v[:-1][whole], np.diff(v)[whole] / spans[whole], float(t[-1]), steady
     )
 

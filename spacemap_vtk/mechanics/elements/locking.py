@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT
 from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, strains
-from spacemap_vtk.mechanics.elements.materials import volume_ratio
+from spacemap_vtk.mechanics.elements.materials import equivalent_poissons_ratio
 from spacemap_vtk.mechanics.elements.tetrahedra import volumes
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -86,7 +86,9 @@ def proportions_of(vertices: Floats, tetrahedra: Ints) -> Proportions:
     return Proportions(normal, long, float(extent[normal]), float(width), float(size[normal]))
 
 
-def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools) -> Locking:
+def estimate_locking(
+    vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools
+) -> Locking:
     """Estimate the factors by which a sheet or bar of tetrahedra is too stiff in bending and twist.
 
     Parameters
@@ -161,7 +163,7 @@ def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools)
         factors.append(plate.times(elasticity, *sheet.long))
     else:
         factors.append(1.0 + _varying_twist(vertices, held, sheet, plate, kept))
-    with blas_threads.one():
+    with blas_threads.use_one_thread():
         ritz = _Ritz(vertices, corners, held, sheet)
         stiffer = ritz.stiffer(_plane(elasticity, sheet.long), np.maximum(factors, 1.0))
     return Locking(max(float(stiffer.min()), 1.0), max(float(stiffer.max()), 1.0))
@@ -169,7 +171,7 @@ def locking(vertices: Floats, tetrahedra: Ints, elasticity: Floats, held: Bools)
 
 def _compressible(elasticity: Floats) -> Floats:
     """Lower the Poisson's ratios of a material to those for which the estimate is valid."""
-    ratio = volume_ratio(elasticity)
+    ratio = equivalent_poissons_ratio(elasticity)
     if ratio <= _RATIO:
         return elasticity
     compliance = np.linalg.inv(elasticity)
@@ -304,7 +306,8 @@ def _polynomials(places: Floats, derivative: int) -> Floats:
 def _varying_twist(
     vertices: Floats, held: Bools, sheet: Proportions, plate: _Plate, elasticity: Floats
 ) -> float:
-    """Estimate by how much the factor of quadratic tetrahedra in twist exceeds 1, see `locking`."""
+    """Estimate by how much the factor of quadratic tetrahedra in twist exceeds 1."""
+    # See the notes of `estimate_locking`.
     from scipy.spatial import cKDTree  # this import costs a tenth of a second
 
     whole, thickness = float(plate.volume.sum()), sheet.thickness
