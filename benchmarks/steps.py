@@ -30,7 +30,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkProbeFilter
 
-from spacemap_vtk.cli.options import numbers_table, opened, print_json, print_plain
+from spacemap_vtk.cli.options import number_table, open_scene, print_json, print_plain
 from spacemap_vtk.datasets.arrays import points_of, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -210,7 +210,7 @@ def _lattice_ms(rest: NDArray[Any]) -> float:
 def table(figures: dict[str, Any]) -> Any:
     """Return the timings of one scene as a table to print."""
     how = "loops compiled by Numba" if figures["compiled"] else "NumPy"
-    rows = numbers_table(
+    rows = number_table(
         ("a new time", "MB", "copy [ms]", "takes [ms]", "copies"),
         words=1,
         title=f"{figures['title']}\n{figures['points']:,} points, "
@@ -239,7 +239,7 @@ def main(arguments: list[str] | None = None) -> None:
     asked = words.parse_args(arguments)
     scenes = _DEFAULT if asked.scene is None else ((asked.scene, ()),)
     found = [
-        step_timings(opened(name, (*values, *asked.set)), max(asked.steps, 1))
+        step_timings(open_scene(name, (*values, *asked.set)), max(asked.steps, 1))
         for name, values in scenes
     ]
     if asked.json:

@@ -11,7 +11,7 @@ import check_docstrings
 
 from spacemap_vtk import FILTERS
 from spacemap_vtk.cli.main import app
-from spacemap_vtk.cli.tell import as_toml
+from spacemap_vtk.cli.reports import format_default
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.io import registry
 from spacemap_vtk.scenes import library
@@ -54,7 +54,7 @@ def parameters() -> Iterator[str]:
         yield "| key | default | is | allowed |\n|---|---|---|---|"
         for key, parameter in owner.parameters.items():
             counts = f" Counts where {parameter.counts}." if parameter.counts else ""
-            default, _, stands_for = as_toml(parameter).partition("  # ")
+            default, _, stands_for = format_default(parameter).partition("  # ")
             shown = f"`{default}`" + (f" ({_cell(stands_for)})" if stands_for else "")
             told = _cell(parameter.help + counts)
             yield f"| `{key}` | {shown} | {told} | {_cell(parameter.allowed)} |"

@@ -9,10 +9,10 @@ is told once for each place, and its input kept. The same seed gives the same ru
 atheris chooses the steps by the branches that they reach (pip install 'spacemap_vtk[fuzz]'). What
 was found in how many runs stands in fuzz.toml; test_fuzz.py runs a sample.
 
-Of meshes the program lets another process read first (`spacemap_vtk.io.trial`), which takes ten
-times as long. So they are read here as that process reads them, and what ends this one is read once
-more by the program as it is, which has to refuse it. What it reads instead has ended a process
-that had read others before, and is told as well.
+The program lets another process read a mesh first (`spacemap_vtk.io.crash_check`), which takes ten
+times as long. Meshes are therefore read here as that process reads them. A file that ends this
+process is read once more by the program as it is, which must refuse it. If the program reads the
+file, an earlier file has damaged the process, and this is reported too.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Target:
         self.name, self.kind, self.read = name, kind, read
         ending = kind.removeprefix("motion").removeprefix("record")
         #: Whether VTK or meshio read it, which another process tries first.
-        read_by_vtk = {*registry.endings("mesh"), *registry.endings("motion"), *NAMED}
+        read_by_vtk = {*registry.reader_endings("mesh"), *registry.reader_endings("motion"), *NAMED}
         self.tried = ending in read_by_vtk
 
     @cached_property
@@ -154,10 +154,10 @@ def _motion(path: Path) -> None:
 
 
 def _told(path: Path) -> None:
-    from spacemap_vtk.io.provenance import record_in
+    from spacemap_vtk.io.provenance import read_record
     from spacemap_vtk.scenes.origin import scene_of
 
-    record = record_in(path)
+    record = read_record(path)
     if record is not None:
         scene_of(record, [path.parent])
 
@@ -247,11 +247,11 @@ def targets() -> dict[str, Target]:
         Target("picture", "picture", _in_file("a.png", _draft)),
         Target("texture", "picture", _in_file("a.png", _texture)),
     ]
-    for ending in [*registry.endings("draft"), ".txt"]:
+    for ending in [*registry.reader_endings("draft"), ".txt"]:
         found.append(Target(ending, ending, _in_file(f"a{ending}", _draft)))
-    for ending in registry.endings("mesh"):
+    for ending in registry.reader_endings("mesh"):
         found.append(Target(ending, ending, _in_file(f"a{ending}", _object)))
-    for ending in registry.endings("motion"):
+    for ending in registry.reader_endings("motion"):
         kind = f"motion{ending}"
         found.append(Target(kind, kind, _in_file(f"a{ending}", _motion)))
     for file, by in NAMED.items():
@@ -274,10 +274,10 @@ def prepare() -> None:
     """Let the program think that there is little memory, and Python's warnings be errors."""
     from spacemap_vtk import memory
     from spacemap_vtk.errors import SpacemapWarning
-    from spacemap_vtk.io import trial
+    from spacemap_vtk.io import crash_check
 
-    memory.available = trial.available = lambda: FREE
-    trial._SECONDS = 1
+    memory.available = crash_check.available = lambda: FREE
+    crash_check._MOST_SECONDS = 1
     os.environ["SPACEMAP_CACHE"] = "off"
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", SpacemapWarning)

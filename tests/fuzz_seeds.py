@@ -237,7 +237,7 @@ def _meshes(folder: Path) -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
     from vtkmodules.vtkIOHDF import vtkHDFWriter
 
     from spacemap_vtk import MotionReader
-    from spacemap_vtk.io.provenance import Record, comments, recorded
+    from spacemap_vtk.io.provenance import Record, attach_record, record_comments
     from spacemap_vtk.io.registry import writer
 
     found: dict[str, list[bytes]] = {}
@@ -329,8 +329,8 @@ def _meshes(folder: Path) -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
 
     scene = "[weave]\nends = 3\npicks = 3\n"
     record = Record("1.0", {"what": "surface", "times": [0.0]}, scene, "a.toml", (0.0,))
-    with recorded(record):
-        comment = "\n".join(comments(";")).encode()
+    with attach_record(record):
+        comment = "\n".join(record_comments(";")).encode()
         found["record.wif"] = [SHORT_WIF + comment]
         for ending in (".vtp", ".png"):
             data = ball if ending == ".vtp" else np.zeros((4, 4, 3), np.uint8)

@@ -13,7 +13,7 @@ from spacemap_vtk import WeaveSource
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.wif import read_wif
-from spacemap_vtk.io.registry import written
+from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -332,9 +332,9 @@ def test_convert_lists_the_endings_of_drafts_only(
     file.write_text(SMALL_DRAFT.format(ends=6, warp="", weft=""))
     message = refused(capsys, "convert", str(file), str(tmp_path / f"a{ending}"))
     allowed = message.partition("allowed: ")[2]
-    for ending in written("draft"):
+    for ending in writer_endings("draft"):
         assert ending in allowed
-    for ending in written().keys() - written("draft").keys():
+    for ending in writer_endings().keys() - writer_endings("draft").keys():
         assert f"{ending} " not in f"{allowed} "
     assert ".vtu" not in allowed
 

@@ -324,7 +324,7 @@ def test_a_file_that_may_not_be_read_says_so(
         main(["info", str(file)])
     assert said in capsys.readouterr().err
     with pytest.raises(InputError, match=r"file: .*a.wif: permission denied"):
-        registry.existing(file)
+        registry.require_file(file)
     (folder_of_nobody / "locked").mkdir(mode=0)
     with pytest.raises(InputError, match=r"locked/a.wif: permission denied"):
         library.find(folder_of_nobody / "locked/a.wif")

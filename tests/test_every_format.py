@@ -22,10 +22,10 @@ from PIL import Image
 from vtkmodules import vtkIOXML
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.again import differences
+from spacemap_vtk.cli.remake import compare_files
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.provenance import NAME, Record, record_in, recorded
+from spacemap_vtk.io.provenance import NAME, Record, attach_record, read_record
 from spacemap_vtk.jobs import (
     DataJob,
     Job,
@@ -58,7 +58,9 @@ DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
 
 def jobs(folder: Path) -> list[tuple[str, Job]]:
     """Return a job for each kind and ending that is written."""
-    kinds = {(each, ending) for each in ("", *DRAWN) for ending in registry.written(each or None)}
+    kinds = {
+        (each, ending) for each in ("", *DRAWN) for ending in registry.writer_endings(each or None)
+    }
     assert kinds == READERS.keys(), "a format without a reader that is not ours, or the other way"
     names = {"frames": "frame%02d"}
     found = []
@@ -260,7 +262,7 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
         job.run(Scene(VALUES, tmp_path / "two.toml"))
         name = job.output.name % 1 if job.numbered else job.output.name
         check_content(kind, job, tmp_path / name)
-        record = record_in(tmp_path / name)
+        record = read_record(tmp_path / name)
         if record is None:
             mute.add(job.output.suffix)
             continue
@@ -277,7 +279,7 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
             assert record.times == (0.04,)
         made, was = ((folder / name).read_bytes() for folder in (tmp_path / "new", tmp_path))
         assert made == was, name
-        assert list(differences(tmp_path / name, tmp_path / "new" / name)) == []
+        assert list(compare_files(tmp_path / name, tmp_path / "new" / name)) == []
     assert mute == MUTE
 
 
@@ -285,10 +287,10 @@ def test_a_plot_says_it_in_any_format(tmp_path: Path) -> None:
     from matplotlib.figure import Figure
 
     record = Record(__version__, {"what": "plot"}, 'title = "a (b) \\\\ <&> -- Two by two"', "é")
-    for ending in registry.written("plot"):
+    for ending in registry.writer_endings("plot"):
         file = tmp_path / f"a{ending}"
-        with recorded(record):
+        with attach_record(record):
             registry.writer(file, "plot").write(file, Figure((1, 1)))
         READERS["plot", ending](file)
-        assert record_in(file) == record
+        assert read_record(file) == record
         assert "Two by two" in found_by_others(file)

@@ -94,7 +94,7 @@ def toys() -> Iterator[dict[str, Any]]:
     yield names
     for name, made in names.items():
         if name.startswith(("read_", "write_")):
-            registry.forget(made)
+            registry.unregister(made)
 
 
 def run(*words: str) -> int:
@@ -162,20 +162,20 @@ def test_what_is_drawn_is_written_by_it_too(tmp_path: Path, capsys: Any) -> None
     file = tmp_path / "a.ink"
     assert run("render", "plain_weave", "-o", str(file), "--size", "64x48", "-q") == 0
     assert file.read_text() == "(48, 64, 3)"
-    assert registry.name_filter("Pictures", registry.written("picture")).endswith("*.ink)")
+    assert registry.name_filter("Pictures", registry.writer_endings("picture")).endswith("*.ink)")
     # What is missing is told before any work, and no dialog proposes what cannot be written.
     assert run("animate", "plain_weave", "-o", str(tmp_path / "a.noink"), "-q") == 1
     assert "a.noink: there is no ink" in capsys.readouterr().err
-    assert ".noink" in registry.written("film")
-    assert ".noink" not in registry.writable("film")
+    assert ".noink" in registry.writer_endings("film")
+    assert ".noink" not in registry.available_writer_endings("film")
 
 
 @pytest.mark.usefixtures("toys")
 def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
-    opened, drafts = registry.opened_filters().split(";;"), registry.draft_filters()
+    opened, drafts = registry.scene_dialog_filters().split(";;"), registry.draft_dialog_filters()
     assert re.search(r"\*\.wif .*\*\.dtx .*\*\.bits .*\*\.dots", opened[0])
     assert "*.bits" in drafts
-    written = registry.written_filters()
+    written = registry.export_dialog_filters()
     assert written["Surface (*.xyz)"] == "surface"
     assert written["Cage with its motion, all times (*.film)"] == "cage"
     # What is said of a file that nobody reads or writes.
@@ -224,10 +224,10 @@ def test_what_is_taken_back_is_gone() -> None:
     def both(*_: Any) -> Draft:
         raise NotImplementedError
 
-    assert ".gone" in registry.written()
+    assert ".gone" in registry.writer_endings()
     assert registry.kind_of(Path("a.gone")) == "draft"
-    registry.forget(both)
-    assert ".gone" not in registry.written()
+    registry.unregister(both)
+    assert ".gone" not in registry.writer_endings()
     assert registry.kind_of(Path("a.gone")) is None
 
 
@@ -243,12 +243,12 @@ def test_two_writers_share_an_ending() -> None:
         raise NotImplementedError
 
     try:
-        assert registry.written()[".vtu"] == "patches or cage or surface"
+        assert registry.writer_endings()[".vtu"] == "patches or cage or surface"
         assert make_data_job(Path("a.vtu"), "surface").kind == "surface"
         assert registry.writer(Path("a.vtu"), "surface").write is mine
         assert registry.writer(Path("a.vtu"), "cage").write is not mine
     finally:
-        registry.forget(mine)
+        registry.unregister(mine)
 
 
 def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:
@@ -261,15 +261,17 @@ def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_text("not one at all")
     try:
         assert read_blocks(tmp_path / "a.ply") is ball
-        assert registry.endings("mesh").count(".ply") == 1
+        assert registry.reader_endings("mesh").count(".ply") == 1
     finally:
-        registry.forget(mine)
+        registry.unregister(mine)
 
 
 def test_endings_stand_in_the_formats_alone() -> None:
     """No second list of the endings that are read and written."""
     package = Path(registry.__file__).parents[1]
-    meshes = [ending for ending in registry.endings("mesh") if ending not in (".e", ".g", ".cas")]
+    meshes = [
+        ending for ending in registry.reader_endings("mesh") if ending not in (".e", ".g", ".cas")
+    ]
     pattern = re.compile("|".join(f'"{re.escape(ending)}"' for ending in meshes))
     found = {
         file.relative_to(package).as_posix()

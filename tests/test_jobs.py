@@ -15,8 +15,8 @@ from PIL import Image
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import comments, record_in
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import read_record, record_comments
 from spacemap_vtk.io.registry import DATA
 from spacemap_vtk.jobs import (
     JOBS,
@@ -233,7 +233,7 @@ def poem() -> Iterator[None]:
         def write(self, context: Context) -> str:
             verse = f"# {context.scene.source.ends} ends, times {context.times}\n" * self.lines
             with self.open_output(context.whole) as file:
-                write(file, [(verse + "\n".join(comments("#")) + "\n").encode()])
+                write_parts(file, [(verse + "\n".join(record_comments("#")) + "\n").encode()])
             context.report_loss("a poem has no picks")
             return f"{self.lines} lines"
 
@@ -251,7 +251,7 @@ def test_another_kind_of_job_is_one_class(
     assert job.run(scene, report_loss=losses.append) == "2 lines"
     assert losses == ["a poem has no picks"]
     assert job.output.read_text().startswith("# 2 ends, times [0.0, 1.0]\n" * 2)
-    record = record_in(job.output)
+    record = read_record(job.output)
     assert record is not None
     assert (record.order, record.times) == ({"what": "poem", "lines": 2}, (0.0, 1.0))
     with pytest.raises(SystemExit) as ended:

@@ -24,8 +24,8 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.formats.film import write_film
-from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
-from spacemap_vtk.io.registry import DRAWN, written
+from spacemap_vtk.io.output import atomic_file, atomic_files, check_output, write_parts
+from spacemap_vtk.io.registry import DRAWN, writer_endings
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"
@@ -112,15 +112,15 @@ def test_a_full_disk_takes_nothing_and_spoils_nothing(
 
 def test_a_new_format_is_among_those_that_meet_a_full_disk() -> None:
     tried = {Path(name).suffix for name in WRITERS} | {".jpeg"}  # as .jpg
-    found = {ending for kind in (None, *DRAWN) for ending in written(kind)}
+    found = {ending for kind in (None, *DRAWN) for ending in writer_endings(kind)}
     assert tried == found
 
 
 #: What writes past `spacemap_vtk.io.output`, and why it may.
 OWN_WRITERS = {
     "io/output.py": {
-        "write": {"file.open"},
-        "_make_last": {"os.open"},
+        "write_parts": {"file.open"},
+        "_flush_to_disk": {"os.open"},
         "_replace": {"os.replace"},
     },
     "vanishing.py": {"taken": {"os.open"}},
@@ -145,7 +145,7 @@ OWN_WRITERS = {
     "io/formats/film.py": {"_write_gif": {"palette.save"}, "_try_on": {"file.open"}},
     # a pipe, and what swallows
     "workers.py": {"main": {"os.fdopen"}},
-    "cli/main.py": {"_open_streams": {"os.fdopen", "os.open"}, "_print_no_more": {"os.open"}},
+    "cli/main.py": {"_open_streams": {"os.fdopen", "os.open"}, "_discard_output": {"os.open"}},
     "io/formats/vtk_hdf.py": {"_Sink": {"FileIO"}},
 }
 _WRITING = re.compile(
@@ -270,7 +270,7 @@ def test_ffmpeg_goes_where_drawing_fails(tmp_path: Path) -> None:
         assert ffmpegs(tmp_path) != []
         raise RuntimeError
 
-    with pytest.raises(RuntimeError), whole_file(tmp_path / "x.mp4") as file:
+    with pytest.raises(RuntimeError), atomic_file(tmp_path / "x.mp4") as file:
         write_film(file, images(), 25.0)
     assert ffmpegs(tmp_path) == []
     assert list(tmp_path.iterdir()) == []
@@ -321,7 +321,7 @@ def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
     with pytest.raises(InputError, match="the disk is read-only"):
         check_output(disk / "x.png", {".png": "picture"})
     said = "could not be written: the disk is read-only"
-    with pytest.raises(SpacemapError, match=said), whole_file(disk / "x.png"):
+    with pytest.raises(SpacemapError, match=said), atomic_file(disk / "x.png"):
         pass
 
 
@@ -387,18 +387,18 @@ def test_what_libraries_log_is_no_message(program: str, tmp_path: Path) -> None:
 
 
 def write_all(path: Path, names: list[str]) -> None:
-    with whole_folder(path) as folder:
+    with atomic_files(path) as folder:
         for name in names:
-            write(folder / name, [b"new"])
+            write_parts(folder / name, [b"new"])
 
 
 def test_a_series_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
     for numbers in (3, 2):
-        with whole_folder(tmp_path / "a.pvd") as folder:
+        with atomic_files(tmp_path / "a.pvd") as folder:
             (folder / "a").mkdir()
             for number in range(numbers):
-                write(folder / "a" / f"a_{number}.vtp", [bytes([numbers])])
-            write(folder / "a.pvd", [bytes([numbers])])
+                write_parts(folder / "a" / f"a_{number}.vtp", [bytes([numbers])])
+            write_parts(folder / "a.pvd", [bytes([numbers])])
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {"a.pvd", "a/a_0.vtp", "a/a_1.vtp"}
     assert (tmp_path / "a/a_1.vtp").read_bytes() == b"\2"
@@ -408,7 +408,7 @@ def test_a_folder_in_the_way_of_a_file_stays(tmp_path: Path) -> None:
     file = tmp_path / "a.png"
 
     def write_while_a_folder_appears() -> None:
-        with whole_folder(file) as folder:
+        with atomic_files(file) as folder:
             (folder / file.name).write_bytes(b"new")
             file.mkdir()
             (file / "mine").touch()
@@ -428,9 +428,9 @@ def test_a_folder_in_the_way_of_one_of_many_stays(tmp_path: Path) -> None:
 def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     target = tmp_path / "out" / "x.png"
-    with pytest.raises(FileNotFoundError, match=r"mesh\.ply"), whole_file(target):
+    with pytest.raises(FileNotFoundError, match=r"mesh\.ply"), atomic_file(target):
         (tmp_path / "mesh.ply").read_bytes()
-    with pytest.raises(SpacemapError, match="nothing was written"), whole_file(tmp_path / "x.png"):
+    with pytest.raises(SpacemapError, match="nothing was written"), atomic_file(tmp_path / "x.png"):
         pass
     assert list(tmp_path.iterdir()) == [tmp_path / "out"]
 
@@ -444,12 +444,14 @@ def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> 
     ],
 )
 def test_what_no_disk_here_says_has_its_words_too(number: int, said: str, tmp_path: Path) -> None:
-    with pytest.raises(SpacemapError) as caught, whole_file(tmp_path / "x.png") as file:
+    with pytest.raises(SpacemapError) as caught, atomic_file(tmp_path / "x.png") as file:
         raise OSError(number, "whatever", str(file))
     assert str(caught.value).startswith(f"{tmp_path / 'x.png'}: could not be written: {said}")
 
 
 def test_pieces_of_all_kinds_are_written(tmp_path: Path) -> None:
-    write(tmp_path / "a", [b"ab", np.arange(3, dtype="<u2"), np.empty((0, 3)), memoryview(b"c")])
+    write_parts(
+        tmp_path / "a", [b"ab", np.arange(3, dtype="<u2"), np.empty((0, 3)), memoryview(b"c")]
+    )
     assert (tmp_path / "a").read_bytes() == b"ab\0\0\1\0\2\0c"
     assert os.stat(tmp_path / "a").st_size == 9

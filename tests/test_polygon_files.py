@@ -14,7 +14,7 @@ from vtkmodules.vtkIOPLY import vtkPLYWriter
 
 from spacemap_vtk.io.formats.ply import write_ply
 from spacemap_vtk.io.formats.stl import write_stl
-from spacemap_vtk.io.polygons import facing, triangles_of
+from spacemap_vtk.io.polygons import orient_polygons, triangulate
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -43,7 +43,7 @@ def test_ply_is_what_vtk_writes(name: str, tmp_path: Path) -> None:
     write_ply(file, data)
     writer = vtkPLYWriter()
     writer.SetFileName(str(theirs))
-    writer.SetInputData(facing(data))
+    writer.SetInputData(orient_polygons(data))
     writer.Write()
     (head, body), (other_head, other_body) = (
         path.read_bytes().split(b"end_header\n", 1) for path in (file, theirs)
@@ -62,7 +62,7 @@ def test_ply_holds_polygons_of_more_sides_than_a_byte_counts(tmp_path: Path) -> 
     np.testing.assert_array_equal(again.points, data.points.astype(np.float32))
     found = [row for block in again.cells for row in block.data]
     assert [len(face) for face in found] == [4] * 300 + [300] * 2
-    theirs = vtk_to_numpy(facing(data).GetPolys().GetConnectivityArray())
+    theirs = vtk_to_numpy(orient_polygons(data).GetPolys().GetConnectivityArray())
     np.testing.assert_array_equal(np.concatenate(found), theirs)
 
 
@@ -73,7 +73,7 @@ def test_stl_is_what_vtk_writes(tmp_path: Path) -> None:
     writer = vtkSTLWriter()
     writer.SetFileTypeToBinary()
     writer.SetFileName(str(theirs))
-    writer.SetInputData(facing(triangles_of(data)))
+    writer.SetInputData(orient_polygons(triangulate(data)))
     writer.Write()
     ours, vtks = file.read_bytes(), theirs.read_bytes()
     assert ours[80:84] == vtks[80:84]

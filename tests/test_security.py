@@ -19,8 +19,8 @@ from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
+from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.formats.pictures import decoded
-from spacemap_vtk.io.named import named
 from spacemap_vtk.jobs.frames import KeptFrames
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
@@ -154,7 +154,7 @@ def test_what_a_file_names_is_known(home, file, text):
     for word in ("near.dat", "../other/far.dat"):
         path.write_text(text.format(word))
         os.utime(path, ns=(0, len(word)))  # as if time had gone by
-        assert [other for _, other in named(path)][-1] == home / word
+        assert [other for _, other in file_references(path)][-1] == home / word
     scene = _scene(home, f'[object]\nfile = "{file}"\n')
     (told,) = elsewhere(scene)
     assert told.startswith(f"{path} names {home.parent / 'other/far.dat'}")
@@ -184,7 +184,7 @@ def test_links_of_hdf5_are_known(home):
         layout = h5py.VirtualLayout((4,), "u1")
         layout[:] = h5py.VirtualSource("virtual.h5", "x", (4,))
         made.create_virtual_dataset("virtual", layout)
-    found = {str(other) for _, other in named(home / "a.vtkhdf")}
+    found = {str(other) for _, other in file_references(home / "a.vtkhdf")}
     assert found == {str(home / "link.h5"), "/etc/passwd", str(home / "virtual.h5")}
 
 

@@ -46,21 +46,21 @@ def assignments(context: CompletionContext) -> Iterator[str]:
                 yield f"{section}.{name}={choice}"
 
 
-def data_words(context: CompletionContext) -> Iterable[str]:
+def data_kinds(context: CompletionContext) -> Iterable[str]:
     """List the kinds of data that ``export --what`` writes."""
     from spacemap_vtk.io import registry
 
     return list(registry.DATA)
 
 
-def color_words(context: CompletionContext) -> Iterable[str]:
+def color_names(context: CompletionContext) -> Iterable[str]:
     """List the quantities that can colour a picture."""
     from spacemap_vtk.scenes.colorings import COLORINGS
 
     return list(COLORINGS)
 
 
-def style_words(context: CompletionContext) -> Iterable[tuple[str, str]]:
+def style_names(context: CompletionContext) -> Iterable[tuple[str, str]]:
     """List the styles of pictures."""
     from spacemap_vtk.scenes.styles import STYLES
 

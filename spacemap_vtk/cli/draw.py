@@ -21,22 +21,22 @@ from spacemap_vtk.cli.options import (
     SceneName,
     Set,
     Size,
-    Styled,
+    Style,
     Time,
     TimeStamp,
     To,
     Triad,
     flag,
-    listed_times,
-    naming_options,
-    opened,
+    name_options,
+    open_scene,
+    output_option,
+    parse_times,
     run_job,
-    several_times,
-    written_to,
+    times_option,
 )
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.output import atomic_file, check_output
 from spacemap_vtk.jobs import (
     DataJob,
     FilmJob,
@@ -50,7 +50,7 @@ from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.jobs.picture import MOST_SAMPLES, SAMPLES
 from spacemap_vtk.units import parse_quantity
 
-PictureFile = Annotated[Path, written_to(f"A {registry.written_words('picture')} file.")]
+PictureFile = Annotated[Path, output_option(f"A {registry.describe_writers('picture')} file.")]
 
 
 def render(
@@ -61,7 +61,7 @@ def render(
     time: Time = None,
     size: Size = None,
     color: ColorBy = None,
-    style: Styled = None,
+    style: Style = None,
     scale_bar: ScaleBar = False,
     triad: Triad = False,
     time_stamp: TimeStamp = False,
@@ -91,7 +91,7 @@ def render(
         )
     job = PictureJob(output, samples=(samples or SAMPLES) if raytrace else 0)
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
-    chosen = opened(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
+    chosen = open_scene(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
     run_job(job, chosen, "Drawing", quiet)
 
 
@@ -101,11 +101,13 @@ def animate(
     *,
     output: Annotated[
         Path,
-        written_to(f"A {registry.written_words('film')} file, or frames such as frames/%04d.png."),
+        output_option(
+            f"A {registry.describe_writers('film')} file, or frames such as frames/%04d.png."
+        ),
     ],
     size: Size = None,
     color: ColorBy = None,
-    style: Styled = None,
+    style: Style = None,
     scale_bar: ScaleBar = False,
     triad: Triad = False,
     time_stamp: TimeStamp = False,
@@ -130,10 +132,10 @@ def animate(
     folder beside it, as film.mp4.frames: the same command goes on from there. Frames of another
     scene, or of other settings, are never used. The folder goes when the film is whole.
     """
-    with naming_options():
+    with name_options():
         job = FilmJob(output, workers=workers, again=again)
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
-    chosen = opened(scene, set_, size=size, color=color, style=style, signs=signs)
+    chosen = open_scene(scene, set_, size=size, color=color, style=style, signs=signs)
     if size:
         job = replace(job, size=chosen.view.size)
     try:
@@ -158,7 +160,7 @@ def storyboard(
     output: PictureFile,
     times: Annotated[
         tuple[str, ...],
-        several_times("by default over the first mode's period", "--times", "--time"),
+        times_option("by default over the first mode's period", "--times", "--time"),
     ] = (),
     motions: Annotated[
         str | None,
@@ -178,9 +180,9 @@ def storyboard(
     in several ways, one below the other.
     """
     names = () if motions is None else [word.strip() for word in motions.split(",")]
-    with naming_options():
-        job = StoryboardJob(output, listed_times(times), motions=names)
-    chosen = opened(scene, set_, size=size)
+    with name_options():
+        job = StoryboardJob(output, parse_times(times), motions=names)
+    chosen = open_scene(scene, set_, size=size)
     if size:
         job = replace(job, size=chosen.view.size)
     run_job(job, chosen, "Drawing columns", quiet)
@@ -190,20 +192,20 @@ def export(
     scene: SceneName,
     /,
     *,
-    output: Annotated[Path, written_to(f"A {registry.written_words()} file.")],
+    output: Annotated[Path, output_option(f"A {registry.describe_writers()} file.")],
     what: Annotated[
         str | None,
         Parameter(
             help=f"{', '.join(registry.DATA)}; by default what the ending stands for first: "
             "patches for .vtu.",
-            completer=completers.data_words,
+            completer=completers.data_kinds,
         ),
     ] = None,
     time: Time = None,
     color: ColorBy = None,
     times: Annotated[
         tuple[str, ...],
-        several_times("by default those of a film, see the section [animation]"),
+        times_option("by default those of a film, see the section [animation]"),
     ] = (),
     start: From = None,
     stop: To = None,
@@ -260,16 +262,16 @@ def export(
     """
     if pieces is not None and pieces < 1:
         raise InputError("no number of pieces", key="--pieces", value=pieces, allowed="1 or more")
-    with naming_options():
+    with name_options():
         job = make_data_job(output, "modes" if modes else what or "", pieces=pieces or 0)
-    chosen = opened(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
+    chosen = open_scene(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
     given = {"--times": times or None, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:
         _check_times(job, found)
-    with naming_options():
+    with name_options():
         if isinstance(job, (DataJob, MovingJob)):
             if times:
-                job = replace(job, times=listed_times(times))
+                job = replace(job, times=parse_times(times))
             elif time is not None:
                 job = replace(job, times=[chosen.view.time])
         if tolerance is not None:
@@ -282,8 +284,8 @@ def export(
 
 
 def convert(
-    draft: Annotated[Path, Parameter(help=f"{registry.read_words('draft')}.")],
-    output: Annotated[Path, Parameter(help=f"A {registry.written_words('draft')} file.")],
+    draft: Annotated[Path, Parameter(help=f"{registry.describe_readers('draft')}.")],
+    output: Annotated[Path, Parameter(help=f"A {registry.describe_writers('draft')} file.")],
     /,
     *,
     trim: Annotated[
@@ -302,7 +304,7 @@ def convert(
     """
     from spacemap_vtk.io.drafts.draft_file import read_draft
 
-    check_output(output, registry.written("draft"))
+    check_output(output, registry.writer_endings("draft"))
     format_ = registry.writer(output, "draft")
     format_.check(output)
     known = [ending for each in registry.readers("draft") for ending in each.endings]
@@ -312,8 +314,8 @@ def convert(
             allowed=", ".join(known),
             cure='Of a scene "spacemap export" makes a draft.',
         )
-    found = read_draft(registry.existing(draft, ", ".join(known)), trim)
-    with whole_file(output) as file:
+    found = read_draft(registry.require_file(draft, ", ".join(known)), trim)
+    with atomic_file(output) as file:
         format_.write(file, found)
     if not quiet:
         for text in (*found.warnings, *(format_.loses(found) if format_.loses else ())):

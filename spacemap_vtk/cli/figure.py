@@ -14,29 +14,29 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SceneName,
     SetLists,
-    Styled,
+    Style,
     flag,
-    listed_times,
-    opened,
+    open_scene,
+    output_option,
+    parse_times,
     run_job,
-    several_times,
-    written_to,
+    times_option,
 )
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import FigureJob
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.units import parse_quantity
 
 #: Accepted widths of a page in m; accepted dots per inch.
-_WIDTHS, _DOTS = (0.04, 1.2), (30.0, 1200.0)
+_WIDTH_RANGE, _DPI_RANGE = (0.04, 1.2), (30.0, 1200.0)
 
 
 def figure(
     scene: SceneName,
     /,
     *,
-    output: Annotated[Path, written_to(f"A {written_words('plot')} file.")],
+    output: Annotated[Path, output_option(f"A {describe_writers('plot')} file.")],
     panels: Annotated[
         str | None,
         Parameter(
@@ -46,7 +46,7 @@ def figure(
     ] = None,
     times: Annotated[
         tuple[str, ...],
-        several_times(
+        times_option(
             "by default the beginning, a quarter and a half of the first mode's swing",
             *("--times", "--time"),
         ),
@@ -54,7 +54,7 @@ def figure(
     set_: SetLists = (),
     paired: Paired = False,
     color: ColorBy = None,
-    style: Styled = None,
+    style: Style = None,
     cage: Annotated[bool, flag("Cages in a row over the pictures.")] = False,
     columns: Annotated[int | None, Parameter(help="Pictures in a row.")] = None,
     end: Annotated[
@@ -94,27 +94,27 @@ def figure(
     Three dampings (rows) at three times (columns): "spacemap figure plain_weave -o damping.pdf
     --set response.alpha=0,5,50 --times 20ms,60ms,100ms --color displacement"
     """
-    chosen = opened(scene, color=color, style=style)
+    chosen = open_scene(scene, color=color, style=style)
     lists = []
     for assignment in set_:
         if len(swept(assignment, chosen.parts).values) > 1:
             lists.append(assignment)
         else:
             chosen.set(assignment)
-    if not _DOTS[0] <= dpi <= _DOTS[1]:
+    if not _DPI_RANGE[0] <= dpi <= _DPI_RANGE[1]:
         raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
     from spacemap_vtk.draw.figure.figure_page import FigurePage
 
     page = FigurePage(
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],
-        times=listed_times(times),
+        times=parse_times(times),
         lists=lists,
         paired=paired,
         cage=cage,
         columns=columns,
         end=end,
         pick=pick,
-        width=1e3 * _width(width),
+        width=1e3 * _parse_width(width),
         dpi=dpi,
         dark=dark,
         transparent=transparent,
@@ -125,9 +125,9 @@ def figure(
     run_job(job, chosen, "Drawing", quiet)
 
 
-def _width(text: str) -> float:
+def _parse_width(text: str) -> float:
     with suppress(InputError):
-        if _WIDTHS[0] <= (found := parse_quantity(text, "m")) <= _WIDTHS[1]:
+        if _WIDTH_RANGE[0] <= (found := parse_quantity(text, "m")) <= _WIDTH_RANGE[1]:
             return found
     raise InputError(
         "no width of a page", key="--width", value=text, allowed="40mm to 1200mm, with its unit"

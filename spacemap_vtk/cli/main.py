@@ -26,7 +26,7 @@ from cyclopts import (
 
 from spacemap_vtk import __version__, extensions
 from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
-from spacemap_vtk.io.registry import opened_words
+from spacemap_vtk.io.registry import describe_scene_files
 
 app = App(
     name="spacemap",
@@ -34,7 +34,7 @@ app = App(
     suppress_keyboard_interrupt=False,
     help=f"""Deform woven fabric by space mapping: pictures, films, data and figures.
 
-    SCENE is {opened_words()}, or the
+    SCENE is {describe_scene_files()}, or the
     name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
     their unit: "0.3 mm".
 
@@ -50,17 +50,20 @@ COMMANDS = {
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "figure": ("figure:figure", "Lay out a page: pictures, draft and cloth, Peirce's sections."),
-    "sweep": ("sweeping:sweep", "Run a scene over lists of values: table and contact sheet."),
+    "sweep": ("sweep:sweep", "Run a scene over lists of values: table and contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "convert": ("draw:convert", "Turn a weaver's draft into another format."),
-    "again": ("again:again", "Make a file anew from what it says of itself."),
+    "again": ("remake:remake", "Make a file anew from what it says of itself."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),
-    "info": ("tell:info", "Print the figures of a fabric or an object, and of a file its origin."),
-    "validate": ("tell:validate", "Check a scene without drawing it."),
-    "scenes": ("tell:scenes", "List the scenes that come with the program."),
-    "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),
-    "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
+    "info": (
+        "reports:info",
+        "Print the figures of a fabric or an object, and of a file its origin.",
+    ),
+    "validate": ("reports:validate", "Check a scene without drawing it."),
+    "scenes": ("reports:scenes", "List the scenes that come with the program."),
+    "materials": ("reports:materials", "List the measured fabrics a cage can be made of."),
+    "keys": ("reports:keys", "Explain the sections and keys of a scene file."),
     "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
@@ -74,9 +77,9 @@ EXTENSIONS = {
 for _name, _function in EXTENSIONS.items():
     app.command(_function, name=_name)
 
-_SILENT = logging.NullHandler()
+_NULL_HANDLER = logging.NullHandler()
 #: Errors of the stream to which a command prints, for example a file or another program.
-_FULL = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
+_STREAM_ERRORS = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -85,9 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # Commands make hardly any garbage, so it is enough to look for it seldom.
         gc.set_threshold(20_000, 20, 20)
         _open_streams()
-        outlived()
+        survive_memory_limit()
     # Libraries log, for example, folders that cannot be written to. This is no message for users.
-    logging.getLogger().addHandler(_SILENT)
+    logging.getLogger().addHandler(_NULL_HANDLER)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "--no-cache" in words:
         # Handled here for all commands, so that none has to pass it on.
@@ -107,28 +110,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with warnings.catch_warnings():
             # Commands and the window report the warnings of stages in their own way.
             warnings.simplefilter("ignore", SpacemapWarning)
-            with _heard_interrupt():
+            with _raise_interrupts():
                 app(words, exit_on_error=False, print_error=False, result_action="return_value")
         if sys.stdout is not None:  # None if it is closed
             sys.stdout.flush()
     except CycloptsError as error:
-        _say(_plain(error))
+        _print_error(_usage_message(error))
         sys.exit(2)
     except InputError as error:
-        _say(error)
+        _print_error(error)
         sys.exit(2)
     except KeyboardInterrupt:
-        _say("stopped")
+        _print_error("stopped")
         sys.exit(1)
     except Exception as error:
-        if isinstance(error, OSError) and error.filename is None and error.errno in _FULL:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _STREAM_ERRORS:
             if not isinstance(error, BrokenPipeError):  # the reader has closed the pipe on purpose
-                _say(f"what is printed could not be written: {str(error.strerror).lower()}")
-            _print_no_more()
+                _print_error(f"what is printed could not be written: {str(error.strerror).lower()}")
+            _discard_output()
         elif isinstance(error, OSError) and error.filename is not None and error.strerror:
-            _say(f"{os.fsdecode(error.filename)}: {error.strerror.lower()}")
+            _print_error(f"{os.fsdecode(error.filename)}: {error.strerror.lower()}")
         else:
-            _say(error)
+            _print_error(error)
         sys.exit(1)
     sys.exit(0)
 
@@ -147,7 +150,7 @@ def _open_streams() -> None:
         sys.stdout.reconfigure(errors="replace")
 
 
-def outlived() -> None:
+def survive_memory_limit() -> None:
     """Continue in a copy of this process if memory is limited, and report how the copy ends."""
     # VTK's C++ code aborts if it gets no memory, and the aborted process cannot report it.
     try:
@@ -166,7 +169,7 @@ def outlived() -> None:
         signal.signal(number, lambda number, _: os.kill(child, number))
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if -code in (signal.SIGABRT, signal.SIGSEGV, signal.SIGTRAP):
-        _say(
+        _print_error(
             f"memory has run out: this shell allows {most / 2**30:.3g} GiB to a process (ended by "
             f'{signal.Signals(-code).name}). Raise the limit: "ulimit -v unlimited".'
         )
@@ -178,7 +181,7 @@ def outlived() -> None:
 
 
 @contextmanager
-def _heard_interrupt() -> Iterator[None]:
+def _raise_interrupts() -> Iterator[None]:
     """Turn an error that Ctrl-C caused in Python code called by VTK into KeyboardInterrupt."""
     heard = []
 
@@ -205,9 +208,11 @@ def _heard_interrupt() -> Iterator[None]:
             sys.excepthook = shown
 
 
-def _plain(error: CycloptsError) -> str:
+def _usage_message(error: CycloptsError) -> str:
     """Return what is wrong with the command line, and how to get help."""
-    from spacemap_vtk.cli.options import SEVERAL  # imports modules that --version does not need
+    from spacemap_vtk.cli.options import (
+        SEVERAL_TIMES_HINT,  # imports modules that --version does not need
+    )
 
     command = " ".join(["spacemap", *(error.command_chain or ())])
     text, argument = str(error), error.argument
@@ -218,19 +223,19 @@ def _plain(error: CycloptsError) -> str:
     elif isinstance(error, RepeatArgumentError):
         text = f'{error.token.keyword} is given more than once, and "{command}" takes one.'
         if error.token.keyword == "--time":
-            text += f" {SEVERAL}"
+            text += f" {SEVERAL_TIMES_HINT}"
     elif isinstance(error, UnknownOptionError) and error.token.keyword == "--times":
-        text = f'"{command}" knows no --times. {SEVERAL}'
+        text = f'"{command}" knows no --times. {SEVERAL_TIMES_HINT}'
     return f'{text} See "{command} --help".'
 
 
-def _print_no_more() -> None:
+def _discard_output() -> None:
     """Discard what waits to be printed; otherwise Python would try again and report an error."""
     with suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _say(error: BaseException | str) -> None:
+def _print_error(error: BaseException | str) -> None:
     with suppress(OSError):  # the exit status shows the failure, too
         text = one_line(error) if isinstance(error, BaseException) else " ".join(error.split())
         print(f"spacemap: {text}", file=sys.stderr)

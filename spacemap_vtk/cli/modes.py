@@ -15,18 +15,18 @@ from spacemap_vtk.cli.options import (
     SceneFile,
     Set,
     flag,
-    numbers_table,
-    opened,
+    number_table,
+    open_scene,
+    output_option,
     print_json,
     print_labelled,
     print_plain,
+    print_warnings,
     progress,
     run_job,
-    tell_warnings,
-    written_to,
 )
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
 from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.units import aligned, parse_quantity
@@ -38,7 +38,9 @@ def modes(
     *,
     plot: Annotated[
         Path | None,
-        Parameter(help=f"Also draw a sheet of the first mode shapes: {written_words('picture')}."),
+        Parameter(
+            help=f"Also draw a sheet of the first mode shapes: {describe_writers('picture')}."
+        ),
     ] = None,
     set_: Set = (),
     json_: Json = False,
@@ -53,7 +55,7 @@ def modes(
     drape coefficient.
     """
     sheet = None if plot is None else ShapesJob(plot)
-    chosen = opened(scene, set_)
+    chosen = open_scene(scene, set_)
     from spacemap_vtk.scenes import report
     from spacemap_vtk.scenes.figure_list import hung_figures, sheet_figures
 
@@ -65,7 +67,7 @@ def modes(
     if json_:
         print_json(figures)
         return
-    table = numbers_table(
+    table = number_table(
         ("mode", "f [Hz]", "ratio", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
@@ -86,7 +88,7 @@ def modes(
     print_plain(table)
     told = (*sheet_figures(figures), *hung_figures(figures["hung"]))
     print_labelled((figure.label, figure.told) for figure in told)
-    tell_warnings(chosen, quiet)
+    print_warnings(chosen, quiet)
 
 
 def plot(
@@ -95,7 +97,7 @@ def plot(
     *,
     output: Annotated[
         Path,
-        written_to(f"A {written_words('plot')} file; of --biaxial a .csv table, too."),
+        output_option(f"A {describe_writers('plot')} file; of --biaxial a .csv table, too."),
     ],
     point: Annotated[
         str | None,
@@ -122,12 +124,12 @@ def plot(
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
     scene as sines in phase. A motion by steps has none: in its place are the energies.
     """
-    job: Job = BiaxialJob(output) if biaxial else PlotJob(output, _point(point), quantity)
-    chosen = opened(scene, set_)
+    job: Job = BiaxialJob(output) if biaxial else PlotJob(output, _parse_point(point), quantity)
+    chosen = open_scene(scene, set_)
     run_job(job, chosen, "Pulling" if biaxial else "Plotting", quiet)
 
 
-def _point(text: str | None) -> list[float]:
+def _parse_point(text: str | None) -> list[float]:
     """Parse a position at rest; empty if no text is given."""
     if text is None:
         return []

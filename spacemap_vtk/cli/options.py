@@ -31,7 +31,7 @@ def flag(help: str, *names: str, **more: Any) -> Parameter:
     return Parameter(name=names or None, negative="", help=help, show_default=False, **more)
 
 
-def written_to(help: str) -> Parameter:
+def output_option(help: str) -> Parameter:
     """Declare the option for the output file."""
     return Parameter(name=["--output", "-o"], help=help)
 
@@ -81,7 +81,7 @@ Time = Annotated[
     str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
 ]
 #: Hint to the commands that accept several times.
-SEVERAL = (
+SEVERAL_TIMES_HINT = (
     'Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap storyboard", and '
     'written by "spacemap export".'
 )
@@ -91,7 +91,7 @@ Size = Annotated[
 ]
 
 
-def several_times(default: str, *names: str) -> Parameter:
+def times_option(default: str, *names: str) -> Parameter:
     """Declare an option for times, given as one list or repeatedly."""
     return flag(f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.", *names)
 
@@ -111,15 +111,15 @@ ColorBy = Annotated[
     Parameter(
         name="--color",
         help=f"What the colours show: {', '.join(COLORINGS)}.",
-        completer=completers.color_words,
+        completer=completers.color_names,
     ),
 ]
-Styled = Annotated[
+Style = Annotated[
     str | None,
     Parameter(
         name="--style",
         help=f"What it looks like: {', '.join(STYLES)}.",
-        completer=completers.style_words,
+        completer=completers.style_names,
     ),
 ]
 ScaleBar = Annotated[
@@ -131,7 +131,7 @@ Quiet = Annotated[bool, flag("No progress, no warnings.", "--quiet", "-q")]
 Json = Annotated[bool, flag("Print JSON, for programs.", "--json")]
 
 
-def opened(
+def open_scene(
     name: str,
     assignments: Sequence[str] = (),
     *,
@@ -153,7 +153,9 @@ def opened(
     for assignment in assignments:
         scene.set(assignment)
     if time is not None and "," in time:
-        raise InputError("several times", key="--time", value=time, allowed="one", cure=SEVERAL)
+        raise InputError(
+            "several times", key="--time", value=time, allowed="one", cure=SEVERAL_TIMES_HINT
+        )
     for option, section, key, value in (
         ("--time", "view", "time", time),
         ("--from", "animation", "start", start),
@@ -188,7 +190,7 @@ def opened(
     return scene
 
 
-def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
+def parse_times(given: Sequence[str], option: str = "--times") -> list[float]:
     """Parse the times of an option that may be given repeatedly."""
     text = ",".join(given)
     refused = InputError(
@@ -207,7 +209,7 @@ def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
 
 
 @contextmanager
-def naming_options() -> Iterator[None]:
+def name_options() -> Iterator[None]:
     """Replace the fields of a job by option names in its errors."""
     try:
         yield
@@ -226,12 +228,12 @@ def run_job(job: Job, scene: Scene, doing: str, quiet: bool) -> None:
 
     with progress(scene, doing, quiet) as report_progress:
         result = job.run(scene, report_progress, report_loss)
-    tell_warnings(scene, quiet, brief=job.kind == "picture")
+    print_warnings(scene, quiet, brief=job.kind == "picture")
     if not quiet and result:
         print(f"{job.output}: {result}")
 
 
-def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
+def print_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
     """Print the scene's warnings; if `brief`, at most one that comes from the draft."""
     if quiet:
         return
@@ -247,7 +249,7 @@ def tell_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
         print("spacemap: warning:", printable(text, "\n"), file=sys.stderr)
 
 
-def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
+def number_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
     """Return a table of numbers; its first columns are words."""
     from rich import box
     from rich.table import Table
@@ -290,7 +292,7 @@ def _finite(value: Any) -> Any:
 
 
 #: Seconds before a progress bar appears.
-_PATIENCE = 1.0
+_BAR_DELAY = 1.0
 
 
 @contextmanager
@@ -324,7 +326,7 @@ def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[
         for stage in (scene.stages if scene else ())
         for event in ("StartEvent", "ProgressEvent", "EndEvent")
     ]
-    timer = threading.Timer(_PATIENCE, bar.start)
+    timer = threading.Timer(_BAR_DELAY, bar.start)
     timer.daemon = True
     timer.start()
     try:

@@ -36,8 +36,8 @@ from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.io.polygons import require_work
-from spacemap_vtk.io.registry import SMALLER
+from spacemap_vtk.io.polygons import require_writer_memory
+from spacemap_vtk.io.registry import SMALLER_FILE_CURE
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Floats, Ints, Say, Singles, Tell
 from spacemap_vtk.parallel import blocks
@@ -72,7 +72,7 @@ _MANY_POINTS = 100_000
 #: Advice for a smaller file: of a still surface, and below of a motion and of modes.
 _COARSER = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
 _SMALLER = {
-    "tolerance": SMALLER,
+    "tolerance": SMALLER_FILE_CURE,
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
 #: Normal of points without a normal.
@@ -398,7 +398,9 @@ def _still(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, AnyInts]:
     """Return a surface without its motion, and the indices of its points that are written."""
-    require_work(surface, mesh_bytes(surface.GetNumberOfPoints()), "triangles with colours")
+    require_writer_memory(
+        surface, mesh_bytes(surface.GetNumberOfPoints()), "triangles with colours"
+    )
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.io.output import whole_file
+from spacemap_vtk.io.output import atomic_file
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import library
 
@@ -70,7 +70,7 @@ def draw(name: str) -> None:
     pixels = picture.draw(scene.view.time)
     picture.close()
     file_of(name).parent.mkdir(exist_ok=True)
-    with whole_file(file_of(name)) as file:
+    with atomic_file(file_of(name)) as file:
         write = writer(file, "picture").write
         write(file, pixels, quality=_QUALITY, comment=digest_of(name).encode())
 

@@ -88,12 +88,12 @@ class Stage(Algorithm):
         if not any(isinstance(data, vtkCompositeDataSet) for data in inputs):
             self.run(inputs, output, time)
             return
-        from spacemap_vtk.io.reading import leaves, merged
+        from spacemap_vtk.io.reading import leaf_blocks, merge_blocks
 
         for port, data in enumerate(inputs):
             if not isinstance(data, vtkCompositeDataSet):
                 continue
-            kinds = [leaf.GetClassName() for leaf in leaves(data)]
+            kinds = [leaf.GetClassName() for leaf in leaf_blocks(data)]
             if "cage" in self.takes[port : port + 1]:
                 if kinds != [self.inputs[port]]:
                     raise InputError(
@@ -102,9 +102,9 @@ class Stage(Algorithm):
                         cure="Join those that have a volume, by pyvista's "
                         "combine(merge_points=True) or ParaView's Merge Blocks.",
                     )
-                inputs[port] = next(leaves(data))
+                inputs[port] = next(leaf_blocks(data))
             elif self.makes == "cage":
-                inputs[port] = merged(data, "the input")
+                inputs[port] = merge_blocks(data, "the input")
         if not isinstance(inputs[0], vtkCompositeDataSet):
             self.run(inputs, output, time)
             return

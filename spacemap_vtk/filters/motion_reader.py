@@ -21,7 +21,7 @@ from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.volume import Volume, tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage, written
-from spacemap_vtk.io.series import MeshSeries, kinds, open_series
+from spacemap_vtk.io.series import MeshSeries, describe_motion_files, open_series
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
@@ -110,7 +110,7 @@ class MotionReader(Stage):
 
     def _series(self) -> MeshSeries:
         if self.file is None:
-            raise InputError("no file is named", key="file", allowed=kinds())
+            raise InputError("no file is named", key="file", allowed=describe_motion_files())
         state = self.file, written(self.file)
         if self._opened is None or self._opened[0] != state:
             self._first = None

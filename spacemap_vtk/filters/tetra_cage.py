@@ -29,7 +29,7 @@ from spacemap_vtk.embedding.holding import holding, share_filled
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
-from spacemap_vtk.io.reading import merged, read_blocks
+from spacemap_vtk.io.reading import merge_blocks, read_blocks
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -331,7 +331,7 @@ class TetraCage(Stage):
                 'method "file" needs a file', key="file", allowed=type(self).file.allowed
             )
         with naming("file"):
-            volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
+            volume = tetrahedral(merge_blocks(read_blocks(self.file), self.file), str(self.file))
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)

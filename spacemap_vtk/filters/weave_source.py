@@ -17,7 +17,7 @@ from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, key_of, repeat_of
 from spacemap_vtk.io.drafts.draft_file import read_draft
-from spacemap_vtk.io.registry import read_words, refusal
+from spacemap_vtk.io.registry import describe_readers, unreadable_reason
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
@@ -203,12 +203,12 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 value=self.pattern,
                 cure=f"Leave out the pattern, or the draft {self.draft}",
             )
-        if why := refusal(self.draft):
+        if why := unreadable_reason(self.draft):
             raise InputError(
                 why,
                 key="draft",
                 value=self.draft,
-                allowed=read_words("draft"),
+                allowed=describe_readers("draft"),
             )
         if self._read is None or self._read[0] != self._stamp:
             self._read = self._stamp, read_draft(self.draft, self.trim)

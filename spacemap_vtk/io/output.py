@@ -5,9 +5,9 @@ complete and the disk has stored it, it replaces the target. Several files and f
 one after another; the file that names the others is moved last.
 
 VTK's writers must not write to a disk. On a full disk they end the program (.vtp, .vtu), or report
-nothing and leave half a file (.ply). They write to memory instead, and `write` writes the bytes to
-the disk, because Python reports every fault. Pillow reports every fault too, and ffmpeg does so by
-its exit status.
+nothing and leave half a file (.ply). They write to memory instead, and `write_parts` writes the
+bytes to the disk, because Python reports every error. Pillow reports every error too, and ffmpeg
+does so by its exit status.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from spacemap_vtk.io.registry import writers
 from spacemap_vtk.vanishing import undisturbed, vanishing_folder
 
 #: Number of bytes at a file's end that are read back to check it.
-_END = 64
+_END_BYTES = 64
 #: Characters that XML cannot hold and VTK cannot open: control characters, and bytes that are not
 #: UTF-8.
 _UNREADABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
-_ROOM = "Make room there, or choose a folder on another disk."
-_OTHER = "Choose another folder, or see to its permissions."
+_ROOM_CURE = "Make room there, or choose a folder on another disk."
+_FOLDER_CURE = "Choose another folder, or see to its permissions."
 #: Reason and cure for each system error with which a disk refuses a file.
-_REFUSALS = {
-    getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM),
-    errno.ENOSPC: ("disk full", _ROOM),
+_DISK_ERRORS = {
+    getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM_CURE),
+    errno.ENOSPC: ("disk full", _ROOM_CURE),
     errno.EFBIG: ("no file may be so large", 'See "ulimit -f", or choose another disk.'),
     errno.EROFS: ("the disk is read-only", "Choose a folder on another disk."),
-    errno.EACCES: ("permission denied", _OTHER),
-    errno.EPERM: ("permission denied", _OTHER),
+    errno.EACCES: ("permission denied", _FOLDER_CURE),
+    errno.EPERM: ("permission denied", _FOLDER_CURE),
 }
 
 
@@ -83,8 +83,8 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
         with vanishing_folder(path.parent):
             pass
     except OSError as error:
-        why, cure = _REFUSALS.get(error.errno or 0, ("nothing can be made in it", _OTHER))
-        if cure != _ROOM:  # a small file may still fit
+        why, cure = _DISK_ERRORS.get(error.errno or 0, ("nothing can be made in it", _FOLDER_CURE))
+        if cure != _ROOM_CURE:  # a small file may still fit
             raise InputError(f"{path}: the folder {path.parent}: {why}", cure=cure) from None
 
 
@@ -111,30 +111,30 @@ def _require_file_or_nothing(path: Path) -> None:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a path to write to; the file replaces `path` when the block ends without an error."""
-    with whole_folder(path) as folder:
+    with atomic_files(path) as folder:
         yield folder / path.name
         if not (folder / path.name).is_file():
             raise SpacemapError(f"{path}: nothing was written")
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def atomic_files(path: Path) -> Iterator[Path]:
     """Yield a new folder; if the block ends without an error, its files move next to `path`."""
-    with telling_refusals(path), vanishing_folder(path.parent) as folder:
+    with explain_disk_errors(path), vanishing_folder(path.parent) as folder:
         yield folder
         if not any(folder.iterdir()):
             raise SpacemapError(f"{path}: nothing was written")
         for each in folder.rglob("*"):
-            _make_last(each)
+            _flush_to_disk(each)
         with undisturbed():
-            _move(folder, path)
-            _make_last(path.parent)
+            _move_files(folder, path)
+            _flush_to_disk(path.parent)
 
 
 @contextmanager
-def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
+def explain_disk_errors(path: Path, name: str = "") -> Iterator[None]:
     """Replace a system error about a file by an error in words for the user."""
     try:
         yield
@@ -143,43 +143,43 @@ def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
         elsewhere = isinstance(named, str) and not Path(named).is_relative_to(path.parent)
         if error.errno is None or error.errno == errno.EPIPE or elsewhere:
             raise
-        why, cure = _REFUSALS.get(error.errno, (os.strerror(error.errno).lower(), None))
+        why, cure = _DISK_ERRORS.get(error.errno, (os.strerror(error.errno).lower(), None))
         # The system error names the hidden folder, which the user does not know.
         raise SpacemapError(f"{name or path}: could not be written: {why}", cure=cure) from error
 
 
-def write(file: Path, parts: Iterable[Any]) -> None:
+def write_parts(file: Path, parts: Iterable[Any]) -> None:
     """Write a file from its parts, and check that its end was stored."""
     size, end = 0, b""
     with file.open("wb") as stream:
         for part in parts:
             size += stream.write(part)
-            end = bytes(PickleBuffer(part).raw()[-_END:]) or end  # works for any array
+            end = bytes(PickleBuffer(part).raw()[-_END_BYTES:]) or end  # works for any array
     with file.open("rb") as stream:
         stream.seek(max(0, size - len(end)))
         if stream.read(len(end) + 1) != end:
             raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
 
 
-def as_csv(rows: Iterable[Sequence[object]]) -> str:
+def format_csv(rows: Iterable[Sequence[object]]) -> str:
     """Return rows as the text of a CSV table."""
     stream = StringIO()
     csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 
-def require_room(path: Path, size: int, what: str) -> None:
+def require_disk_space(path: Path, size: int, what: str) -> None:
     """Refuse output that is larger than the free space of the disk, before it is written."""
     free = shutil.disk_usage(path.parent).free
     if size > free:
         raise SpacemapError(
             f"{path.name}: {what} take about {size / 1e6:.3g} MB more, and the disk has "
             f"{free / 1e6:.3g} MB free",
-            cure=_ROOM,
+            cure=_ROOM_CURE,
         )
 
 
-def stands_in_the_way(target: Path, folder: bool) -> bool:
+def is_foreign(target: Path, folder: bool) -> bool:
     """Return whether the target must stay; only a file, or a series of that name, is replaced."""
     if not folder or not target.is_dir():
         return target.exists() and target.is_dir() != folder
@@ -194,7 +194,7 @@ def check_folder(file: Path) -> None:
     folder, why = file.with_suffix(""), ""
     if other := next((each for each in others if each.exists()), None):
         why = f"in place of those of {other}"
-    elif stands_in_the_way(folder, folder=True):
+    elif is_foreign(folder, folder=True):
         why = "where others are"
     if why:
         raise InputError(
@@ -202,7 +202,7 @@ def check_folder(file: Path) -> None:
         )
 
 
-def _make_last(path: Path) -> None:
+def _flush_to_disk(path: Path) -> None:
     """Wait until a file is on the disk; some disks report only then that they are full."""
     # A folder is flushed too; otherwise its file names may be lost. Windows cannot open a folder.
     if path.is_dir() and os.name == "nt":
@@ -218,12 +218,12 @@ def _make_last(path: Path) -> None:
                 raise
 
 
-def _move(folder: Path, path: Path) -> None:
+def _move_files(folder: Path, path: Path) -> None:
     """Move files next to their folder, unless one would replace what belongs to another."""
     files = sorted(folder.iterdir(), key=lambda file: (file.name == path.name, file.name))
     for file in files if len(files) > 1 else ():
         target = path.parent / file.name
-        if stands_in_the_way(target, file.is_dir()):
+        if is_foreign(target, file.is_dir()):
             kind = errno.EISDIR if target.is_dir() else errno.ENOTDIR
             raise OSError(kind, "in the way", str(target))
     for file in files:

@@ -24,7 +24,7 @@ def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.diff(vtk_to_numpy(offsets)), vtk_to_numpy(corners)
 
 
-def part_of(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
+def extract_polygons(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
     """Return the chosen polygons, with only the points that they use."""
     sizes, numbers = corners_of(data)
     used, local = np.unique(numbers[np.repeat(chosen, sizes)], return_inverse=True)
@@ -37,7 +37,7 @@ def part_of(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
     return result
 
 
-def triangles_of(data: vtkPolyData) -> vtkPolyData:
+def triangulate(data: vtkPolyData) -> vtkPolyData:
     """Return polygons cut into triangles, without their data arrays."""
     bare, cutter = vtkPolyData(), vtkTriangleFilter()
     bare.SetPoints(data.GetPoints())
@@ -47,7 +47,7 @@ def triangles_of(data: vtkPolyData) -> vtkPolyData:
     return cutter.GetOutput()
 
 
-def facing(data: vtkPolyData) -> vtkPolyData:
+def orient_polygons(data: vtkPolyData) -> vtkPolyData:
     """Orient neighbouring polygons to the same side, as the readers of these files require."""
     if data.GetNumberOfPolys() + data.GetNumberOfStrips() == 0:
         return data
@@ -64,7 +64,7 @@ def triangle_count(data: vtkPolyData) -> int:
     return sum(each.GetNumberOfConnectivityIds() - 2 * each.GetNumberOfCells() for each in parts)
 
 
-def require_work(data: vtkPolyData, size: int, ending: str) -> None:
+def require_writer_memory(data: vtkPolyData, size: int, ending: str) -> None:
     """Refuse polygons if writing them needs more memory than is free."""
     require(
         size,

@@ -1,9 +1,9 @@
 """Record in a file how it was made: program, scene, job, and digests of the files that were read.
 
-Code that makes a file calls `recorded` once. Each writer stores `told` where its format has room
-for it, and a function registered by `tells` finds it there again. The record is JSON in ASCII,
-which any format can store. It contains no date, user or folder, so the same job gives the same
-bytes everywhere.
+Code that makes a file calls `attach_record` once. Each writer stores `record_text` where its format
+has room for it, and a function registered by `finds_record` finds it there again. The record is
+JSON in ASCII, which any format can store. It contains no date, user or folder, so the same job
+gives the same bytes everywhere.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class Record:
 
 
 _current: ContextVar[Record | None] = ContextVar("record", default=None)
-_tellers: dict[str, Callable[[Path], str | None]] = {}
+_finders: dict[str, Callable[[Path], str | None]] = {}
 
 
 @contextmanager
-def recorded(record: Record | None) -> Iterator[None]:
+def attach_record(record: Record | None) -> Iterator[None]:
     """Add a record to all files that are written inside the block."""
     token = _current.set(record)
     try:
@@ -67,40 +67,40 @@ def recorded(record: Record | None) -> Iterator[None]:
 
 
 @contextmanager
-def recorded_at(time: float, **more: Any) -> Iterator[None]:
+def attach_record_at(time: float, **more: Any) -> Iterator[None]:
     """Add the record of one time of a series to all files that are written inside the block."""
     record = _current.get()
     if record is not None:
         order = {**record.order, "times": [time], **more}
         record = replace(record, order=order, times=(time,))
-    with recorded(record):
+    with attach_record(record):
         yield
 
 
-def told() -> str:
+def record_text() -> str:
     """Return the record of the file that is being written, or an empty string."""
     record = _current.get()
     return "" if record is None else record.text
 
 
-def comments(sign: str) -> list[str]:
+def record_comments(sign: str) -> list[str]:
     """Return the record as lines of comment that begin with `sign`; none without a record."""
-    text = told().replace("--", "-\\u002d")  # XML allows no "--" in a comment
+    text = record_text().replace("--", "-\\u002d")  # XML allows no "--" in a comment
     parts = [text[begin : begin + _LINE] for begin in range(0, len(text), _LINE)]
     return [f"{sign} {NAME}: {part}|" for part in parts]
 
 
-def tells(*endings: str) -> Callable[[_F], _F]:
+def finds_record(*endings: str) -> Callable[[_F], _F]:
     """Register a finder of records for some endings; None or an error means no record."""
 
     def register(function: _F) -> _F:
-        _tellers.update(dict.fromkeys(endings, function))
+        _finders.update(dict.fromkeys(endings, function))
         return function
 
     return register
 
 
-def told_in_comments(path: Path) -> str | None:
+def find_record_in_comments(path: Path) -> str | None:
     """Find a record in lines of comment, whatever sign begins them."""
     with path.open("rb") as stream:
         begin = stream.read(_MOST)
@@ -108,10 +108,10 @@ def told_in_comments(path: Path) -> str | None:
     return b"".join(found).decode("ascii", "replace") or None
 
 
-def record_in(path: Path) -> Record | None:
+def read_record(path: Path) -> Record | None:
     """Return the record of a file, or None if it has none."""
     import_module("spacemap_vtk.io.formats")
-    teller = _tellers.get(path.suffix.lower())
+    teller = _finders.get(path.suffix.lower())
     try:
         text = None if teller is None else teller(path)
     except (SpacemapError, PermissionError):
@@ -119,10 +119,10 @@ def record_in(path: Path) -> Record | None:
     # These errors mean that another program made the file. SyntaxError comes from Pillow.
     except (OSError, ValueError, LookupError, TypeError, SyntaxError, RecursionError):
         return None
-    return None if text is None else _parsed(text, path)
+    return None if text is None else _parse_record(text, path)
 
 
-def _parsed(text: str, path: Path) -> Record:
+def _parse_record(text: str, path: Path) -> Record:
     # The file may come from a stranger: its form is checked, and its content is not trusted.
     try:
         if len(text) > _MOST:
@@ -145,7 +145,7 @@ def _parsed(text: str, path: Path) -> Record:
         ) from None
 
 
-def endings() -> list[str]:
+def record_endings() -> list[str]:
     """Return the endings of formats that can store a record."""
     import_module("spacemap_vtk.io.formats")
-    return sorted(_tellers)
+    return sorted(_finders)

@@ -26,8 +26,8 @@ from spacemap_vtk.datasets.arrays import add_array, copied, to_cells
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
-from spacemap_vtk.io.trial import try_in_child
+from spacemap_vtk.io.crash_check import check_in_child
+from spacemap_vtk.io.texture_atlas import Material, TexturedMesh, apply_materials, read_picture
 from spacemap_vtk.memory import require
 
 #: Bytes of one point made from an image or lattice, with one cell.
@@ -50,18 +50,18 @@ class ReadObject:
 
 def read_object(path: Path, texture: Path | None = None) -> ReadObject:
     """Read a mesh with the pictures and colours of its materials."""
-    found = registry.read(registry.existing(path), "mesh")
-    data = found.data if isinstance(found, Painted) else found
+    found = registry.read(registry.require_file(path), "mesh")
+    data = found.data if isinstance(found, TexturedMesh) else found
     notes: list[str] = []
     picture = None
-    if isinstance(found, Painted) and texture is None:
+    if isinstance(found, TexturedMesh) and texture is None:
         blocks, paint = found.materials()
-        picture = apply(blocks, paint.materials)
+        picture = apply_materials(blocks, paint.materials)
         notes = paint.notes
         data = vtkMultiBlockDataSet()
         for number, block in enumerate(blocks):
             data.SetBlock(number, block)
-    made = merged(data, path)
+    made = merge_blocks(data, path)
     if texture is not None:
         pixels = read_picture(texture)
         coordinates = made.GetPointData().GetTCoords()
@@ -72,26 +72,26 @@ def read_object(path: Path, texture: Path | None = None) -> ReadObject:
                 value=str(texture),
                 cure="Leave texture out, or give the mesh coordinates in the program it is from.",
             )
-        picture = apply([made], [Material(pixels, coordinates=coordinates.GetName())])
+        picture = apply_materials([made], [Material(pixels, coordinates=coordinates.GetName())])
     return ReadObject(made, picture, notes)
 
 
 def read_blocks(path: Path) -> Any:
     """Read a mesh file without merging its blocks."""
-    found = registry.read(registry.existing(path), "mesh")
-    return found.data if isinstance(found, Painted) else found
+    found = registry.read(registry.require_file(path), "mesh")
+    return found.data if isinstance(found, TexturedMesh) else found
 
 
 def read_with_vtk(path: Path, module: str, name: str) -> Any:
     """Read a file with one of VTK's readers, and check its cells."""
     made = vtk_reader(path, module, name).GetOutputDataObject(0)
-    check_numbers(made, path)
+    check_point_ids(made, path)
     return made
 
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
     """Return one of VTK's readers after it has read a file."""
-    try_in_child(path, f"{__name__}:read_with_vtk", module, name)
+    check_in_child(path, f"{__name__}:read_with_vtk", module, name)
     # pyvista is not used: ParaView's Python does not have it, and it would refuse a file because of
     # a harmless message.
     with quiet_vtk(path):
@@ -104,18 +104,18 @@ def vtk_reader(path: Path, module: str, name: str) -> Any:
     return reader
 
 
-def merged(data: Any, path: Path | str) -> vtkPointSet:
+def merge_blocks(data: Any, path: Path | str) -> vtkPointSet:
     """Merge all blocks of a file into one point set."""
     # An array that some blocks lack is filled with NaN or 0 there, a colour with white, so that no
     # array is lost. The cell array ``block`` numbers the blocks. If there are no cells at all, each
     # point gets one; otherwise it would be invisible.
-    blocks = [block for block in leaves(data) if block.GetNumberOfPoints()]
+    blocks = [block for block in leaf_blocks(data) if block.GetNumberOfPoints()]
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
     for block in blocks:
         if block.IsA("vtkUnstructuredGrid") and block.GetCells() is None:
             block.AllocateExact(0, 0)  # no cells in a truncated file: appending it would crash
-        _check_numbers(block, path)
+        _check_block(block, path)
         if not block.IsA("vtkPointSet"):  # an image or lattice, whose points are yet to be made
             require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
@@ -124,8 +124,10 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
         for number, block in enumerate(blocks):
             values = np.full(block.GetNumberOfCells(), number, dtype=np.int32)
             add_array(block.GetCellData(), "block", values)
-        _fill_up([(block.GetPointData(), block.GetNumberOfPoints()) for block in blocks])
-        _fill_up([(block.GetCellData(), block.GetNumberOfCells()) for block in blocks])
+        _fill_missing_arrays(
+            [(block.GetPointData(), block.GetNumberOfPoints()) for block in blocks]
+        )
+        _fill_missing_arrays([(block.GetCellData(), block.GetNumberOfCells()) for block in blocks])
     if surfaces and len(blocks) == 1:
         result = blocks[0]
     else:
@@ -137,9 +139,9 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
     if result.GetPoints() is None:  # a lattice whose extent is negative
         raise GeometryError(f"{path}: there are no points in it")
-    _name_roles(result)
+    _set_active_arrays(result)
     if result.GetNumberOfCells() == 0:
-        result = _dotted(result)
+        result = _add_vertex_cells(result)
     largest = np.abs(vtk_to_numpy(result.GetPoints().GetData())).max(axis=1)
     good = largest < _LARGEST  # False for NaN
     if not good.all():
@@ -151,23 +153,23 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
     return result
 
 
-def check_numbers(data: Any, path: Path | str) -> None:
+def check_point_ids(data: Any, path: Path | str) -> None:
     """Refuse a file in which any cell names a point that does not exist."""
     # The process that reads the file first makes this check too. Otherwise a reader might make a
     # mesh of wild memory there without a crash, and then crash this process.
-    for block in leaves(data):
+    for block in leaf_blocks(data):
         if block.GetNumberOfPoints():
-            _check_numbers(block, path)
+            _check_block(block, path)
 
 
-def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
+def _check_block(block: vtkDataSet, path: Path | str) -> None:
     """Refuse cells of points that do not exist; VTK does not check, and would read wild memory."""
     if block.IsA("vtkUnstructuredGrid"):
         parts = [block.GetCells()]
     elif block.IsA("vtkPolyData"):
         parts = [block.GetVerts(), block.GetLines(), block.GetPolys(), block.GetStrips()]
     else:
-        _check_lattice(block, path)
+        _check_grid_size(block, path)
         return
     count = block.GetNumberOfPoints()
     for part in (part for part in parts if part is not None):
@@ -184,7 +186,7 @@ def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
             )
 
 
-def _check_lattice(block: Any, path: Path | str) -> None:
+def _check_grid_size(block: Any, path: Path | str) -> None:
     """Refuse points that do not fill the lattice whose size the file states."""
     if not hasattr(block, "GetExtent"):
         return
@@ -199,7 +201,7 @@ def _check_lattice(block: Any, path: Path | str) -> None:
         raise GeometryError(f"{path}: its points do not fill the lattice of {told} that it tells")
 
 
-def _name_roles(data: vtkPointSet) -> None:
+def _set_active_arrays(data: vtkPointSet) -> None:
     """Mark normals and texture coordinates of glTF, which VTK's reader leaves as plain arrays."""
     table = data.GetPointData()
     if table.GetNormals() is None and table.HasArray("NORMAL"):
@@ -208,7 +210,7 @@ def _name_roles(data: vtkPointSet) -> None:
         table.SetActiveTCoords("TEXCOORD_0")
 
 
-def _dotted(data: vtkPointSet) -> vtkPointSet:
+def _add_vertex_cells(data: vtkPointSet) -> vtkPointSet:
     """Return the points of a mesh, each with a cell of one point."""
     result = vtkPolyData()
     result.SetPoints(data.GetPoints())
@@ -218,18 +220,18 @@ def _dotted(data: vtkPointSet) -> vtkPointSet:
     return result
 
 
-def leaves(data: Any) -> Iterator[vtkDataSet]:
+def leaf_blocks(data: Any) -> Iterator[vtkDataSet]:
     if isinstance(data, vtkCompositeDataSet):
         place = data.NewIterator()
         place.InitTraversal()
         while not place.IsDoneWithTraversal():
-            yield from leaves(place.GetCurrentDataObject())
+            yield from leaf_blocks(place.GetCurrentDataObject())
             place.GoToNextItem()
     elif isinstance(data, vtkDataSet):
         yield data
 
 
-def _fill_up(tables: list[tuple[vtkFieldData, int]]) -> None:
+def _fill_missing_arrays(tables: list[tuple[vtkFieldData, int]]) -> None:
     """Give every table every array; same-named arrays of different sizes are left unchanged."""
     patterns: dict[str, Any] = {}
     for table, _ in tables:

@@ -10,7 +10,7 @@ package they are in a module of `spacemap_vtk.io.formats`; elsewhere they may be
     @writes(".abc", label="Alphabet", holds=("surface",))
     def write_abc(file: Path, surface: vtkPolyData) -> None: ...
 
-Use `of` in place of a function that would only import and call another one.
+Use `lazy_function` in place of a function that would only import and call another one.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from spacemap_vtk.errors import InputError, MissingLibraryError, UnknownNameErro
 READ = {
     "scene": "tables of values by section",
     "draft": "a draft",
-    "mesh": "any data object of VTK's, or `texture_atlas.Painted`",
+    "mesh": "any data object of VTK's, or `texture_atlas.TexturedMesh`",
     "motion": "`series.MeshSeries`",
     "table": "times and factors",
     "column": "numbers",
 }
 #: Why a path names no file, in the cases where another name may help.
-NOT_THERE, A_FOLDER = "no such file", "a folder"
+NO_SUCH_FILE, IS_FOLDER = "no such file", "a folder"
 #: Data of a scene that can be written, in words.
 DATA = {
     "patches": "Bézier patches",
@@ -58,7 +58,7 @@ DRAWN = {
     "plot": "a figure of matplotlib's",
 }
 #: How a user makes a file of a moving surface smaller.
-SMALLER = "Raise --tolerance, take fewer times, or lower --subdivisions."
+SMALLER_FILE_CURE = "Raise --tolerance, take fewer times, or lower --subdivisions."
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -88,12 +88,12 @@ class Reader:
 
     def read(self, path: Path) -> Any:
         """Check a file and the names in it, then read it."""
-        self.named(path)
+        self.referenced_names(path)
         if self.check is not None:
             self.check(path)
         return self.function(path)
 
-    def named(self, path: Path) -> list[str]:
+    def referenced_names(self, path: Path) -> list[str]:
         """Return the words by which a file names others; refuse names on other machines."""
         from spacemap_vtk.parameters import require_near
 
@@ -143,7 +143,7 @@ def reads(*endings: str, label: str, holds: str, **more: Any) -> Callable[[_F], 
     _require_known([holds], READ)
 
     def register(function: _F) -> _F:
-        _builtin()
+        _load_builtin_formats()
         _readers.append(Reader(endings, label, holds, function, **more))
         return function
 
@@ -155,14 +155,14 @@ def writes(*endings: str, label: str, holds: tuple[str, ...], **more: Any) -> Ca
     _require_known(holds, {**DATA, **DRAWN})
 
     def register(function: _F) -> _F:
-        _builtin()
+        _load_builtin_formats()
         _writers.append(Writer(endings, label, holds, function, **more))
         return function
 
     return register
 
 
-def of(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
+def lazy_function(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
     """Return a function that imports a function of a module of `io` when called, and calls it."""
 
     def called(given: Any) -> Any:
@@ -171,7 +171,7 @@ def of(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
     return called
 
 
-def needs(package: str, module: str, cure: str) -> Callable[[Path], None]:
+def require_package(package: str, module: str, cure: str) -> Callable[[Path], None]:
     """Return a check that refuses files while a package is not installed."""
 
     def require(file: Path) -> None:
@@ -183,7 +183,7 @@ def needs(package: str, module: str, cure: str) -> Callable[[Path], None]:
     return require
 
 
-def forget(function: Callable[..., Any]) -> None:
+def unregister(function: Callable[..., Any]) -> None:
     """Remove a function from the registry."""
     _readers[:] = [reader for reader in _readers if reader.function is not function]
     _writers[:] = [writer for writer in _writers if writer.write is not function]
@@ -191,7 +191,7 @@ def forget(function: Callable[..., Any]) -> None:
 
 def readers(holds: str) -> list[Reader]:
     """Return the readers of a key of `READ`."""
-    _builtin()
+    _load_builtin_formats()
     return [reader for reader in _readers if reader.holds == holds]
 
 
@@ -211,7 +211,7 @@ def read(path: Path, holds: str) -> Any:
 
 def writers(holds: str | None = None) -> list[Writer]:
     """Return the writers of a key of `DATA` or `DRAWN`; without a key, of all data."""
-    _builtin()
+    _load_builtin_formats()
     kinds = set(DATA) if holds is None else {holds}
     return [writer for writer in _writers if kinds & set(writer.holds)]
 
@@ -222,33 +222,33 @@ def writer(path: Path, holds: str | None = None) -> Writer:
     return next(each for each in reversed(writers(holds)) if ending in each.endings)
 
 
-def endings(holds: str, common: bool = False) -> list[str]:
+def reader_endings(holds: str, common: bool = False) -> list[str]:
     """Return the endings that hold only this key of `READ`, common ones first."""
     found = [each for each in readers(holds) if not each.general and (each.common or not common)]
     found.sort(key=lambda reader: not reader.common)
-    return _once(ending for reader in found for ending in reader.endings)
+    return _unique(ending for reader in found for ending in reader.endings)
 
 
 def kind_of(path: Path) -> str | None:
     """Return "scene", "draft" or "mesh" by the file's ending, or None."""
     kinds = ("scene", "draft", "mesh")
-    return next((kind for kind in kinds if path.suffix.lower() in endings(kind)), None)
+    return next((kind for kind in kinds if path.suffix.lower() in reader_endings(kind)), None)
 
 
-def written(holds: str | None = None) -> dict[str, str]:
+def writer_endings(holds: str | None = None) -> dict[str, str]:
     """Return each ending that can be written, with its data in words; without a key, for all."""
     found: dict[str, list[str]] = {}
     for each in writers(holds):
         for ending in each.endings:
             words = each.holds if holds is None else [DATA.get(holds, each.label)]
-            found[ending] = _once([*found.get(ending, []), *words])
+            found[ending] = _unique([*found.get(ending, []), *words])
     return {ending: " or ".join(words) for ending, words in found.items()}
 
 
-def writable(holds: str) -> list[str]:
-    """Return the endings of `written` for which no library is missing."""
+def available_writer_endings(holds: str) -> list[str]:
+    """Return the endings of `writer_endings` for which no library is missing."""
     found = []
-    for ending in written(holds):
+    for ending in writer_endings(holds):
         with suppress(MissingLibraryError):
             writer(Path(f"a{ending}"), holds).check(Path(f"a{ending}"))
             found.append(ending)
@@ -259,36 +259,40 @@ def endings_with_alpha(holds: str) -> list[str]:
     """Return the endings of pictures or films that can have a transparent background."""
     kinds = ("film", "frames") if holds == "film" else (holds,)
     found = [each for kind in kinds for each in writers(kind) if each.alpha]
-    return _once(ending for each in found for ending in each.endings)
+    return _unique(ending for each in found for ending in each.endings)
 
 
-def opened_words() -> str:
+def describe_scene_files() -> str:
     """Describe in words what can be opened as a scene."""
-    meshes = ", ".join([*endings("mesh", common=True), "..."])
-    scenes, drafts = ", ".join(endings("scene")), ", ".join(endings("draft"))
+    meshes = ", ".join([*reader_endings("mesh", common=True), "..."])
+    scenes, drafts = ", ".join(reader_endings("scene")), ", ".join(reader_endings("draft"))
     return f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes})"
 
 
-def written_words(holds: str | None = None) -> str:
-    """Describe in words what `written` returns; without a key, grouped by the data."""
+def describe_writers(holds: str | None = None) -> str:
+    """Describe in words what `writer_endings` returns; without a key, grouped by the data."""
     if holds is not None:
-        return _enumerated(written(holds))
+        return _join_words(writer_endings(holds))
     by_data: dict[str, list[str]] = {}
-    for ending, data in written().items():
+    for ending, data in writer_endings().items():
         by_data.setdefault(data, []).append(ending)
-    *most, last = (f"{_enumerated(found)} ({data})" for data, found in by_data.items())
+    *most, last = (f"{_join_words(found)} ({data})" for data, found in by_data.items())
     return f"{', '.join(most)}, or {last}"
 
 
-def read_words(holds: str) -> str:
+def describe_readers(holds: str) -> str:
     """Describe in words the formats that are read for a key of `READ`."""
     return ", ".join(f"{each.label} ({', '.join(each.endings)})" for each in readers(holds))
 
 
-def opened_filters() -> str:
+def scene_dialog_filters() -> str:
     """Return the name filters of a dialog that opens scenes, drafts and meshes."""
-    first = [*endings("scene"), *endings("draft"), *endings("mesh", common=True)]
-    more = [ending for ending in endings("mesh") if ending not in first]
+    first = [
+        *reader_endings("scene"),
+        *reader_endings("draft"),
+        *reader_endings("mesh", common=True),
+    ]
+    more = [ending for ending in reader_endings("mesh") if ending not in first]
     return ";;".join(
         [
             name_filter("Scenes, drafts, meshes", first),
@@ -298,17 +302,17 @@ def opened_filters() -> str:
     )
 
 
-def draft_filters() -> str:
+def draft_dialog_filters() -> str:
     """Return the name filters of a dialog that opens drafts, including pictures and texts."""
-    found = _once(ending for reader in readers("draft") for ending in reader.endings)
+    found = _unique(ending for reader in readers("draft") for ending in reader.endings)
     return f"{name_filter('Drafts', found)};;All files (*)"
 
 
-def written_filters() -> dict[str, str]:
+def export_dialog_filters() -> dict[str, str]:
     """Return the name filters of a dialog that writes data, each with its key of `DATA`."""
     found = {}
     for data, words in DATA.items():
-        for ending in written(data):
+        for ending in writer_endings(data):
             series = ", all times" if writer(Path(f"a{ending}"), data).times else ""
             found[name_filter(f"{words}{series}", [ending])] = data
     return found
@@ -319,21 +323,21 @@ def name_filter(label: str, endings: Iterable[str]) -> str:
     return f"{label} ({' '.join(f'*{ending}' for ending in endings)})"
 
 
-def existing(path: Path, allowed: str | None = None) -> Path:
+def require_file(path: Path, allowed: str | None = None) -> Path:
     """Return the path; refuse a file that is missing or empty."""
-    if why := refusal(path):
+    if why := unreadable_reason(path):
         raise InputError(f"{path}: {why}", key="file", allowed=allowed)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")
     return path
 
 
-def damaged(path: Path, why: str) -> InputError:
+def damaged_error(path: Path, why: str) -> InputError:
     """Return the error for a damaged file."""
     return InputError(f"{path}: {why}", key="file", cure="Write the file again, whole.")
 
 
-def refusal(path: str | Path) -> str:
+def unreadable_reason(path: str | Path) -> str:
     """Return why a path cannot be read as a file, or an empty string."""
     try:
         mode = os.stat(path).st_mode
@@ -343,13 +347,13 @@ def refusal(path: str | Path) -> str:
     except PermissionError:
         return "permission denied"
     except (OSError, ValueError):  # ValueError: the name has a null character
-        return NOT_THERE
-    return A_FOLDER if stat.S_ISDIR(mode) else "a device or a pipe, no file"
+        return NO_SUCH_FILE
+    return IS_FOLDER if stat.S_ISDIR(mode) else "a device or a pipe, no file"
 
 
-def truncated(path: Path) -> InputError:
+def truncated_error(path: Path) -> InputError:
     """Return the error for a file that ends too early."""
-    return damaged(path, "truncated: it holds less than its header promises")
+    return damaged_error(path, "truncated: it holds less than its header promises")
 
 
 def _require_known(holds: Iterable[str], known: dict[str, str]) -> None:
@@ -358,16 +362,16 @@ def _require_known(holds: Iterable[str], known: dict[str, str]) -> None:
             raise UnknownNameError("no file holds that", key=name, allowed=", ".join(known))
 
 
-def _enumerated(words: Iterable[str]) -> str:
+def _join_words(words: Iterable[str]) -> str:
     *most, last = words
     return f"{', '.join(most)} or {last}" if most else last
 
 
-def _once(words: Iterable[str]) -> list[str]:
+def _unique(words: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(words))
 
 
-def _builtin() -> None:
+def _load_builtin_formats() -> None:
     # The package's own formats must be registered before any others. They are imported only when
     # formats are needed, because a program that only makes arrays needs none. While they register
     # themselves, this call does nothing.

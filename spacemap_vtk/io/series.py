@@ -19,8 +19,8 @@ from spacemap_vtk.datasets.arrays import copied
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.reading import merged, read_blocks
-from spacemap_vtk.io.trial import try_in_child
+from spacemap_vtk.io.crash_check import check_in_child
+from spacemap_vtk.io.reading import merge_blocks, read_blocks
 
 
 class MeshSeries(ABC):
@@ -60,11 +60,11 @@ class FileSeries(MeshSeries):
     def read(self, step: int) -> vtkPointSet:
         paths = self._paths[step]
         if len(paths) == 1:
-            return merged(read_blocks(paths[0]), paths[0])
+            return merge_blocks(read_blocks(paths[0]), paths[0])
         blocks = vtkMultiBlockDataSet()
         for number, path in enumerate(paths):
             blocks.SetBlock(number, read_blocks(path))
-        return merged(blocks, paths[0])
+        return merge_blocks(blocks, paths[0])
 
 
 class ReaderSeries(MeshSeries):
@@ -72,7 +72,7 @@ class ReaderSeries(MeshSeries):
 
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
         self._reader = reader
-        try_in_child(file, f"{__name__}:open_series")
+        check_in_child(file, f"{__name__}:open_series")
         with quiet_vtk(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
@@ -86,23 +86,23 @@ class ReaderSeries(MeshSeries):
         super().__init__(file, list(info.Get(key)) if info.Has(key) else [0.0])
 
     def read(self, step: int) -> vtkPointSet:
-        try_in_child(self.file, f"{__name__}:read_step", step)
+        check_in_child(self.file, f"{__name__}:read_step", step)
         with quiet_vtk(self.file):
             self._reader.UpdateTimeStep(self.times[step])
-        return merged(copied(self._reader.GetOutputDataObject(0)), self.file)
+        return merge_blocks(copied(self._reader.GetOutputDataObject(0)), self.file)
 
 
-def kinds() -> str:
+def describe_motion_files() -> str:
     """Describe in words what a motion can be read from."""
-    formats = registry.read_words("motion")
+    formats = registry.describe_readers("motion")
     return f"{formats}, one mesh such as a .vtu, or several by a pattern such as step_*.vtu"
 
 
 def open_series(file: Path) -> MeshSeries:
     """Open a time series: a file, or several by a pattern such as step_*.vtu."""
     if is_pattern(file):
-        return _pattern(file)
-    registry.existing(file, kinds())
+        return _open_pattern(file)
+    registry.require_file(file, describe_motion_files())
     reader = registry.reader(file, "motion")
     return FileSeries(file, [(0.0, [file])]) if reader is None else reader.read(file)
 
@@ -117,7 +117,7 @@ def is_pattern(file: Path) -> bool:
     return any(sign in file.name for sign in "*?[") and not os.path.isfile(file)
 
 
-def named_like(file: Path) -> list[Path]:
+def matching_files(file: Path) -> list[Path]:
     """Return the files of a folder whose names match a pattern."""
     try:  # not with glob: its ** would search all folders below
         return [file.parent / name for name in fnmatch.filter(os.listdir(file.parent), file.name)]
@@ -125,8 +125,8 @@ def named_like(file: Path) -> list[Path]:
         return []
 
 
-def _pattern(file: Path) -> MeshSeries:
-    paths = sorted(named_like(file), key=lambda p: _numbers(p.name))
+def _open_pattern(file: Path) -> MeshSeries:
+    paths = sorted(matching_files(file), key=lambda p: _number_sort_key(p.name))
     if not paths:
         raise InputError(f"{file}: no file is named like that", key="file")
     steps = []
@@ -139,6 +139,6 @@ def _pattern(file: Path) -> MeshSeries:
     return FileSeries(file, steps)
 
 
-def _numbers(name: str) -> list[Any]:
+def _number_sort_key(name: str) -> list[Any]:
     """Return a sort key that puts step_9 before step_10."""
     return [(0, int(p), "") if p.isdigit() else (1, 0, p) for p in re.split(r"(\d+)", name) if p]

@@ -51,7 +51,7 @@ class Material:
 
 
 @dataclass
-class Paint:
+class MaterialSet:
     """Materials of the blocks, and messages about pictures that were not found."""
 
     #: One material for each block.
@@ -60,12 +60,12 @@ class Paint:
     notes: list[str] = field(default_factory=list)
 
 
-class Painted(NamedTuple):
+class TexturedMesh(NamedTuple):
     """A mesh as read from a file that names materials."""
 
     data: Any
     """Any data object of VTK's."""
-    materials: Callable[[], tuple[list[vtkPolyData], Paint]]
+    materials: Callable[[], tuple[list[vtkPolyData], MaterialSet]]
     """Reads them; returns the mesh cut into blocks, each of one material."""
 
 
@@ -117,7 +117,7 @@ def pixels_of(image: vtkImageData) -> Pixels:
     return np.ascontiguousarray(values)
 
 
-def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData | None:
+def apply_materials(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData | None:
     """Give blocks texture coordinates in one combined picture, or else plain colours."""
     painted = [
         m.picture is not None and block.GetPointData().HasArray(m.coordinates)
@@ -129,12 +129,12 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
             colors_in(block.GetPointData()) for block in blocks
         ):
             for block, material in zip(blocks, materials, strict=True):
-                colors = np.tile(_bytes(material.color), (block.GetNumberOfCells(), 1))
+                colors = np.tile(_color_bytes(material.color), (block.GetNumberOfCells(), 1))
                 add_array(block.GetCellData(), "color", colors)
         return None
     if len(blocks) == 1:
         blocks[0].GetPointData().SetActiveTCoords(materials[0].coordinates)
-        return to_image(_tinted(materials[0]))
+        return to_image(_tint(materials[0]))
     tiles: dict[tuple[int, tuple[float, ...], int, int], Pixels] = {}
     used, places = [], []
     for block, material, has in zip(blocks, materials, painted, strict=True):
@@ -149,11 +149,11 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
             at, repeats = np.full((block.GetNumberOfPoints(), 2), 0.5), [1, 1]
         key = (id(material.picture) if has else 0, material.color, repeats[0], repeats[1])
         if key not in tiles:
-            tile = _tinted(material) if has else np.full((8, 8, 3), _bytes(material.color))
-            tiles[key] = _repeated(tile, repeats)
+            tile = _tint(material) if has else np.full((8, 8, 3), _color_bytes(material.color))
+            tiles[key] = _repeat_tile(tile, repeats)
         used.append(key)
         places.append(at)
-    whole, boxes = _stacked(list(tiles.values()))
+    whole, boxes = _stack_tiles(list(tiles.values()))
     for block, key, at in zip(blocks, used, places, strict=True):
         low, size = boxes[list(tiles).index(key)]
         at = low + np.clip(at, 0.0, 1.0) * size
@@ -164,11 +164,11 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
     return to_image(whole)
 
 
-def _bytes(color: tuple[float, ...]) -> Bytes:
+def _color_bytes(color: tuple[float, ...]) -> Bytes:
     return np.round(255 * np.clip(color, 0.0, 1.0)).astype(np.uint8)
 
 
-def _tinted(material: Material) -> Pixels:
+def _tint(material: Material) -> Pixels:
     picture: Any = material.picture
     if material.color == (1.0, 1.0, 1.0):
         return picture
@@ -177,14 +177,14 @@ def _tinted(material: Material) -> Pixels:
     return result
 
 
-def _repeated(tile: Pixels, repeats: list[int]) -> Pixels:
+def _repeat_tile(tile: Pixels, repeats: list[int]) -> Pixels:
     across, up = repeats
     # If the repeated picture would get too large, some of its rows and columns are left out.
     thin = ceil(max(tile.shape[1] * across, tile.shape[0] * up) / _LARGEST)
     return np.tile(tile[::thin, ::thin], (up, across, 1))
 
 
-def _stacked(tiles: list[Pixels]) -> tuple[Pixels, list[tuple[NDArray[Any], NDArray[Any]]]]:
+def _stack_tiles(tiles: list[Pixels]) -> tuple[Pixels, list[tuple[NDArray[Any], NDArray[Any]]]]:
     """Stack tiles into one picture; return it, and each tile's lowest corner and size (0 to 1)."""
     thin = ceil(sum(t.shape[0] + 2 * _GUTTER for t in tiles) / (2 * _LARGEST))
     tiles = [tile[::thin, ::thin] for tile in tiles]

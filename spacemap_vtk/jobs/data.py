@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_output, require_room
-from spacemap_vtk.io.provenance import recorded_at
-from spacemap_vtk.io.registry import DATA, writer, writers, written
+from spacemap_vtk.io.output import check_output, require_disk_space
+from spacemap_vtk.io.provenance import attach_record_at
+from spacemap_vtk.io.registry import DATA, writer, writer_endings, writers
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
@@ -113,7 +113,7 @@ class DataJob(Job):
 
 def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: Any) -> Job:
     """Return the job that writes data of a kind; by default the first kind of the file's format."""
-    if not kind and output.suffix.lower() in written():
+    if not kind and output.suffix.lower() in writer_endings():
         kind = writer(output).holds[0]
     check_data_output(output, kind, pieces)
     if pieces:
@@ -124,15 +124,15 @@ def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: An
 def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
     """Refuse an output that cannot hold data of this kind, or not in pieces."""
     ending = output.suffix.lower()
-    wanted = None if ending in written() or kind not in DATA else kind
+    wanted = None if ending in writer_endings() or kind not in DATA else kind
     numbered = is_numbered(output, kind)
-    check_output(output, written(wanted), numbered)
-    if ending not in written(kind):
+    check_output(output, writer_endings(wanted), numbered)
+    if ending not in writer_endings(kind):
         raise InputError(
             f"{ending} files do not hold that",
             key="what",
             value=kind,
-            allowed=", ".join(each for each in DATA if ending in written(each)),
+            allowed=", ".join(each for each in DATA if ending in writer_endings(each)),
         )
     if numbered:
         require_number(output, "a series needs one number in its name")
@@ -150,7 +150,7 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
 
 def is_numbered(output: Path, kind: str) -> bool:
     """Return whether each time is written into a separate file."""
-    if kind not in _MOVING_DATA or output.suffix.lower() not in written(kind):
+    if kind not in _MOVING_DATA or output.suffix.lower() not in writer_endings(kind):
         return False
     format_ = writer(output, kind)
     return not (format_.times or format_.pieces) and bool(_NUMBER.search(output.name))
@@ -188,7 +188,7 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
                 more, used = size_of(folder) - used, size_of(folder)
                 if done == 2:  # constant data may be in the first time only
                     left = (len(times) - 2) * more
-                    require_room(folder / job.output.name, left, f"{len(times)} times")
+                    require_disk_space(folder / job.output.name, left, f"{len(times)} times")
             context.progress(done, steps)
 
     with job.open_output(context.whole) as file:
@@ -197,7 +197,7 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
             for number, (time, content) in enumerate(series(file.parent)):
                 if not number:
                     report_losses(job, context, content)
-                with recorded_at(time):
+                with attach_record_at(time):
                     format_.write(file.with_name(file.name % number), content)
         else:
             format_.write(file, series(file.parent))

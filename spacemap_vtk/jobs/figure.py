@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output
-from spacemap_vtk.io.registry import written
+from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register, words
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class FigureJob(Job):
     command = "figure"
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("plot"))
+        check_output(self.output, writer_endings("plot"))
         if self.page.transparent and self.output.suffix.lower() in (".jpg", ".jpeg"):
             raise InputError(
                 f"a {self.output.suffix} has no transparency",

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_output, telling_refusals
-from spacemap_vtk.io.registry import writer, written
+from spacemap_vtk.io.output import check_output, explain_disk_errors
+from spacemap_vtk.io.registry import writer, writer_endings
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
@@ -55,7 +55,7 @@ class FilmJob(Job):
     unrecorded = ("workers", "again")
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("film") | written("frames"), self.numbered)
+        check_output(self.output, writer_endings("film") | writer_endings("frames"), self.numbered)
         writer(self.output, self._holds).check(self.output)
         if self.numbered:
             require_number(self.output, "frames need one number in their name")
@@ -70,7 +70,7 @@ class FilmJob(Job):
     @property
     def numbered(self) -> bool:
         """Whether each frame is written into a separate file."""
-        return self.output.suffix.lower() in written("frames")
+        return self.output.suffix.lower() in writer_endings("frames")
 
     @property
     def _holds(self) -> str:
@@ -109,7 +109,7 @@ class FilmJob(Job):
         # A frame that is kept is a .png already, so it is copied.
         copied = self.numbered and self.output.suffix.lower() == ".png"
         format_ = None if copied else writer(self.output, self._holds)
-        with telling_refusals(self.output, "" if whole else self.output.name), kept.held():
+        with explain_disk_errors(self.output, "" if whole else self.output.name), kept.held():
             with self.open_output(whole) as file:
                 found = write_film(
                     file, format_, scene, settings, kept, context.progress, self.workers

@@ -34,9 +34,9 @@ from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
 from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_scale, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.pictures import add_record, write_png
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import recorded_at
-from spacemap_vtk.io.registry import Writer, endings
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import attach_record_at
+from spacemap_vtk.io.registry import Writer, reader_endings
 from spacemap_vtk.ndarrays import Tell
 from spacemap_vtk.scenes.footprint import PictureRequest
 from spacemap_vtk.scenes.level_of_detail import choose_level
@@ -108,7 +108,7 @@ class FilmSettings:
         paths = set(paths_in(self.settings))
         motion = self.settings["motion"]["file"]
         if "motion" in self.given and motion is not None:
-            meshes = {*endings("mesh"), *endings("motion")}
+            meshes = {*reader_endings("mesh"), *reader_endings("motion")}
             paths |= {path for path in motion.parent.glob("*.*") if path.suffix in meshes}
         files = [(str(path), path.stat()) for path in sorted(paths) if path.is_file()]
         told = [(name, found.st_size, found.st_mtime_ns) for name, found in files]
@@ -182,7 +182,7 @@ class KeptFrames:
                 elif path != mark:
                     path.unlink()
             try:
-                write(mark, [self.digest.encode()])
+                write_parts(mark, [self.digest.encode()])
             except OSError:
                 self.remove()
                 raise
@@ -285,9 +285,9 @@ def _write(
         encoding.result()
     if format_ is None:
         for number in steps:
-            with recorded_at(settings.times[number], what="picture", framed=True):
+            with attach_record_at(settings.times[number], what="picture", framed=True):
                 png = kept.path(number).read_bytes()
-                write(file.with_name(file.name % number), add_record(png))
+                write_parts(file.with_name(file.name % number), add_record(png))
             kept.path(number).unlink()
 
 

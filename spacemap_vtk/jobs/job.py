@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import whole_file, whole_folder
-from spacemap_vtk.io.provenance import recorded
+from spacemap_vtk.io.output import atomic_file, atomic_files
+from spacemap_vtk.io.provenance import attach_record
 from spacemap_vtk.io.registry import writer
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class Job(ABC):
 
         times = self.decide_times(scene)
         asked = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
-        with recorded(record_of(scene, asked, times.span)):
+        with attach_record(record_of(scene, asked, times.span)):
             return self.write(
                 Context(scene, times.values, progress, report_loss or scene.warn, whole)
             )
@@ -136,10 +136,10 @@ class Job(ABC):
         if not whole:
             yield self.output
         elif self.in_folder:
-            with whole_folder(self.output) as folder:
+            with atomic_files(self.output) as folder:
                 yield folder / self.output.name
         else:
-            with whole_file(self.output) as file:
+            with atomic_file(self.output) as file:
                 yield file
 
     def write_output(self, context: Context, holds: str, content: Any) -> None:

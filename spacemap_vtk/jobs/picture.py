@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output
-from spacemap_vtk.io.registry import writer, written
+from spacemap_vtk.io.registry import writer, writer_endings
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
@@ -58,7 +58,7 @@ class PictureJob(Job):
     command = "render"
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("picture"))
+        check_output(self.output, writer_endings("picture"))
         self.time = None if self.time is None else float(self.time)
         self.size = picture_size(self.size)
         self.panels = words(self.panels)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from spacemap_vtk.io.output import check_output, write
-from spacemap_vtk.io.registry import written
+from spacemap_vtk.io.output import check_output, write_parts
+from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.jobs.job import Context, Job, floats, register
 
 
@@ -26,7 +26,7 @@ class PlotJob(Job):
     command = "plot"
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("plot"))
+        check_output(self.output, writer_endings("plot"))
         self.point = floats(self.point)
 
     def write(self, context: Context) -> str:
@@ -51,7 +51,7 @@ class BiaxialJob(Job):
     command = "plot --biaxial"
 
     def __post_init__(self) -> None:
-        check_output(self.output, {**written("plot"), ".csv": "table"})
+        check_output(self.output, {**writer_endings("plot"), ".csv": "table"})
 
     def write(self, context: Context) -> str:
         """Compute the tests and write them."""
@@ -61,7 +61,7 @@ class BiaxialJob(Job):
         tests = tests_of(context.scene)
         if self.output.suffix.lower() == ".csv":
             with self.open_output(context.whole) as file:
-                write(file, [tensile_table(tests).encode()])
+                write_parts(file, [tensile_table(tests).encode()])
         else:
             self.write_output(context, "plot", tensile_plot(context.scene.title, tests))
         context.progress(1, 1)

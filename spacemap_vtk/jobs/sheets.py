@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output
-from spacemap_vtk.io.registry import written
+from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
@@ -43,7 +43,7 @@ class StoryboardJob(Job):
     command = "storyboard"
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("picture"))
+        check_output(self.output, writer_endings("picture"))
         self.times = floats(self.times)
         self.size = picture_size(self.size)
         self.motions = words(self.motions)
@@ -95,7 +95,7 @@ class ShapesJob(Job):
     command = "modes"
 
     def __post_init__(self) -> None:
-        check_output(self.output, written("picture"))
+        check_output(self.output, writer_endings("picture"))
 
     def write(self, context: Context) -> str:
         """Draw the sheet and write it."""

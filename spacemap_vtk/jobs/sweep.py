@@ -23,7 +23,13 @@ from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
 from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
 from spacemap_vtk.io.formats.toml import format_scene
-from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
+from spacemap_vtk.io.output import (
+    atomic_file,
+    atomic_files,
+    explain_disk_errors,
+    format_csv,
+    write_parts,
+)
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.mechanics.linalg import blas_threads
@@ -142,7 +148,7 @@ def carry_out_sweep(
     waiting = [run for run in sweep.runs if run.name not in found]
     runs = len(waiting)
     count = 1 if cluster else process_count(runs, runs, sweep.memory, workers)
-    with telling_refusals(folder):
+    with explain_disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
     tell(len(found), len(sweep.runs))
@@ -171,7 +177,7 @@ def carry_out_sweep(
             files = {run.name: pictures_of(folder, run) for run in sweep.runs if run.name in found}
             files = {name: paths for name, paths in files.items() if name not in errors}
             sheet = contact_sheet(sweep, sweep.title, files, errors)
-            with whole_file(folder / SHEET) as file:
+            with atomic_file(folder / SHEET) as file:
                 writer(file, "picture").write(file, sheet)
     return found
 
@@ -201,7 +207,7 @@ def table(sweep: Sweep, found: Mapping[str, Result]) -> tuple[list[str], list[li
 def table_text(sweep: Sweep, found: Mapping[str, Result]) -> str:
     """Return the table as CSV."""
     headings, rows = table(sweep, found)
-    return as_csv([headings, *rows])
+    return format_csv([headings, *rows])
 
 
 def _entry(each: ValueList, value: Any) -> str:
@@ -249,17 +255,17 @@ def _kept(folder: Path, run: Run) -> Result | None:
 
 
 def _write_run(folder: Path, run: Run, result: Result) -> None:
-    with whole_folder(folder / f"{run.name}.json") as place:
+    with atomic_files(folder / f"{run.name}.json") as place:
         for path, content in zip(pictures_of(place, run), result.pictures, strict=False):
-            write(path, [content])
+            write_parts(path, [content])
         comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
         scene = format_scene(run.whole, comment)
-        write(place / f"{run.name}.toml", [scene.encode()])
+        write_parts(place / f"{run.name}.toml", [scene.encode()])
         told = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
         text = json.dumps(told, indent=1, ensure_ascii=False)
-        write(place / f"{run.name}.json", [text.encode()])
+        write_parts(place / f"{run.name}.json", [text.encode()])
 
 
 def _write(path: Path, text: str) -> None:
-    with whole_file(path) as file:
-        write(file, [text.encode()])
+    with atomic_file(path) as file:
+        write_parts(file, [text.encode()])

@@ -30,7 +30,7 @@ from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.io.reading import leaves
+from spacemap_vtk.io.reading import leaf_blocks
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview import scene_reader
 from spacemap_vtk.paraview.property_xml import command, property_of
@@ -66,7 +66,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             return self._fail(request, out_info)
         if request.Has(_REQUEST_DATA):
             output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
-            for block in leaves(output):
+            for block in leaf_blocks(output):
                 arrays_to_points(block)
                 # ParaView colours by the active scalars if nobody has chosen an array.
                 for kind in (vtkDataObject.POINT, vtkDataObject.CELL):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.io.registry import endings, readers
+from spacemap_vtk.io.registry import reader_endings, readers
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.property_xml import hint, property_name, property_of
 
@@ -78,7 +78,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
         SubElement(
             hints,
             "ReaderFactory",
-            extensions=" ".join(ending[1:] for ending in endings(file.holds)),
+            extensions=" ".join(ending[1:] for ending in reader_endings(file.holds)),
             file_description=readers(file.holds)[0].label,
         )
     return tostring(root, encoding="unicode")

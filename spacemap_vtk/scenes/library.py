@@ -43,18 +43,18 @@ def kinds() -> dict[str, list[str]]:
 def find(scene: str | Path) -> Path:
     """Return the file for a path or the name of an included scene."""
     path = Path(scene)
-    if not (why := registry.refusal(path)):
+    if not (why := registry.unreadable_reason(path)):
         return path
     if str(scene) == path.name and os.path.isfile(named := folder() / f"{scene}.toml"):
         return named
-    if why not in (registry.NOT_THERE, registry.A_FOLDER):  # suggesting names would not help
+    if why not in (registry.NO_SUCH_FILE, registry.IS_FOLDER):  # suggesting names would not help
         raise InputError(f"{path}: {why}", cure="See to its permissions, or choose another file.")
     # Imported here, because only the message needs it, and it imports numpy.
     from spacemap_vtk.parameters import suggestion
 
     raise InputError(
         f"{path}: {why}",
-        allowed=f"{registry.opened_words()}, or one of {', '.join(names())}",
+        allowed=f"{registry.describe_scene_files()}, or one of {', '.join(names())}",
         cure=suggestion(str(scene), names()),
     )
 

@@ -12,10 +12,10 @@ from typing import Any
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.formats.toml import format_scene, parsed
-from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
-from spacemap_vtk.io.series import is_pattern, named_like, open_series
+from spacemap_vtk.io.series import is_pattern, matching_files, open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
@@ -59,7 +59,7 @@ def elsewhere(scene: Scene) -> Iterator[str]:
             said = scene.file is not None and (stage.section, key) not in scene.assigned
             for path in (one for word in paths_in(value) for one in _several(word)):
                 scenes = [scene.file] if said and scene.file else []
-                for by, other in [*((each, path) for each in scenes), *named(path)]:
+                for by, other in [*((each, path) for each in scenes), *file_references(path)]:
                     place = os.path.realpath(other)
                     if not any(_is_below(place, each.parent) for each in (by, *scenes)):
                         yield f"{by} names {place}, beyond its own folder: it is read"
@@ -71,7 +71,7 @@ def _is_below(place: str, folder: Path) -> bool:
 
 def _several(path: Path) -> list[Path]:
     """Return the files that match a pattern."""
-    return named_like(path) if is_pattern(path) else [path]
+    return matching_files(path) if is_pattern(path) else [path]
 
 
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
@@ -92,7 +92,7 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
     inputs = [folder / name for name in record.inputs]
     allowed = {os.path.abspath(path) for path in inputs}
     for path in paths_in(placed(values, sections(), folder)):
-        beside = (other for each in _several(path) for _, other in named(each))
+        beside = (other for each in _several(path) for _, other in file_references(each))
         for other in [*_several(path), *filter(os.path.isfile, beside)]:
             if os.path.abspath(other) not in allowed:
                 raise InputError(
@@ -127,7 +127,7 @@ def _files(value: Any, motion: bool) -> Iterator[Path]:
             found = open_series(path).files if motion else [path]
         except SpacemapError:
             continue  # the stage that needs it raises this error
-        found += [other for each in found for _, other in named(each)]
+        found += [other for each in found for _, other in file_references(each)]
         yield from filter(os.path.isfile, found)
 
 

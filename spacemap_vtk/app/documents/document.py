@@ -19,7 +19,7 @@ from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.io.output import atomic_file, atomic_files, check_output, write_parts
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
@@ -113,10 +113,10 @@ class Document(QObject):
             if time is not None and time != self.scene.view.time:
                 self._put("view", "time", float(f"{time:.6g}"))
             self._move_from(self._folder, target.parent)
-            with whole_folder(target) as folder:
+            with atomic_files(target) as folder:
                 self._save_draft(target, folder)
                 self._scene = Scene(self.values, target)
-                write(folder / target.name, [self.text.encode()])
+                write_parts(folder / target.name, [self.text.encode()])
         except BaseException:
             self._parse(before.text)
             self._scene = Scene(self.values, self.base)
@@ -134,10 +134,10 @@ class Document(QObject):
         """Save the draft; return what the file cannot store and what remains unsaved."""
         # If the draft had no file of the user's yet, the scene refers to this file from now on.
         path = path.resolve()
-        check_output(path, registry.written("draft"))
+        check_output(path, registry.writer_endings("draft"))
         draft, format_ = self.scene.draft, registry.writer(path, "draft")
         self.remember(path)
-        with whole_file(path) as file:
+        with atomic_file(path) as file:
             format_.write(file, draft)
         if adopt or self.drafts.holds(self.scene.draft_file):
             beside = self.file is not None and path.parent == self._folder
@@ -450,7 +450,7 @@ class Document(QObject):
         while free.exists() and free != self._saved_draft:
             free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
         self.remember(free)
-        write(folder / free.name, [draft.read_bytes()])
+        write_parts(folder / free.name, [draft.read_bytes()])
         self._put("weave", "draft", free.name)
 
     def _move_from(self, old: Path, new: Path) -> None:

@@ -15,9 +15,15 @@ from spacemap_vtk.app.panels.error_bar import ErrorBar
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import check_output, whole_file
-from spacemap_vtk.io.provenance import Record, recorded
-from spacemap_vtk.io.registry import kind_of, name_filter, opened_filters, writer, written
+from spacemap_vtk.io.output import atomic_file, check_output
+from spacemap_vtk.io.provenance import Record, attach_record
+from spacemap_vtk.io.registry import (
+    kind_of,
+    name_filter,
+    scene_dialog_filters,
+    writer,
+    writer_endings,
+)
 from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.origin import record_of
 
@@ -51,7 +57,7 @@ class Files(QObject):
     def open(self) -> None:
         """Ask for a file and open it."""
         if self.may_leave():
-            name = ask_opened(self._window, "Open", opened_filters())
+            name = ask_opened(self._window, "Open", scene_dialog_filters())
             if name:
                 self.load(name)
 
@@ -105,7 +111,7 @@ class Files(QObject):
 
     def save_picture(self, view: View3D) -> None:
         """Ask for a file name and save a picture of the view."""
-        endings = written("picture")
+        endings = writer_endings("picture")
         filters, first = name_filter("Pictures", endings), next(iter(endings))
         path = ask_file(
             self._window, "Save picture", self._document.proposed(first), filters, first
@@ -115,7 +121,7 @@ class Files(QObject):
 
         def save() -> list[str]:
             check_output(path, endings)
-            with whole_file(path) as file, recorded(self._record(path, view)):
+            with atomic_file(path) as file, attach_record(self._record(path, view)):
                 writer(path, "picture").write(file, view.image())
             return []
 
@@ -182,4 +188,4 @@ class Files(QObject):
 
 def _drafts() -> list[str]:
     """Return the file endings of draft formats that can be both read and written."""
-    return [ending for ending in written("draft") if kind_of(Path(f"a{ending}")) == "draft"]
+    return [ending for ending in writer_endings("draft") if kind_of(Path(f"a{ending}")) == "draft"]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.wif_writer import format_wif
-from spacemap_vtk.io.output import write
+from spacemap_vtk.io.output import write_parts
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.vanishing import clear, hidden, hold
 
@@ -52,7 +52,7 @@ class KeptDrafts:
             path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
                 try:
-                    write(path, [data])
+                    write_parts(path, [data])
                 except OSError:
                     # An incomplete file would later be used as a complete one.
                     path.unlink(missing_ok=True)

@@ -27,7 +27,7 @@ from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.app.widgets import CountBox, column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.registry import draft_filters, kind_of
+from spacemap_vtk.io.registry import draft_dialog_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 from spacemap_vtk.textile.drafts.loom import Loom
 
@@ -112,7 +112,7 @@ class DraftTab(QWidget):
 
     def open(self) -> None:
         """Ask for a draft file and use it in this scene."""
-        name = ask_opened(self, "Open draft", draft_filters())
+        name = ask_opened(self, "Open draft", draft_dialog_filters())
         if name and self._document.opened_draft and kind_of(Path(name)) == "draft":
             self.left.emit(name)
         elif name:

@@ -28,8 +28,8 @@ from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.figure.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import check_output, whole_file, write
-from spacemap_vtk.io.registry import name_filter, writer, written
+from spacemap_vtk.io.output import atomic_file, check_output, write_parts
+from spacemap_vtk.io.registry import name_filter, writer, writer_endings
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.plots.chart import PlotCanvas
@@ -127,11 +127,11 @@ class PlotsTab(QWidget):
         figure = self.canvas.figure
 
         def save(path: Path) -> None:
-            with whole_file(path) as file:
+            with atomic_file(path) as file:
                 write = writer(path, "plot").write
                 write(file, figure, dpi=200, facecolor=figure.get_facecolor())
 
-        self._save("plots.png", written("plot"), save)
+        self._save("plots.png", writer_endings("plot"), save)
 
     def save_times(self) -> None:
         """Ask for a file name and save the curves over time."""
@@ -319,5 +319,5 @@ def _along_axes(name: str, number: int, unit: str, values: FloatArray) -> dict[s
 def _write(columns: dict[str, FloatArray], path: Path) -> None:
     stream = io.StringIO(newline="")
     csv.writer(stream).writerows([columns, *np.column_stack([*columns.values()]).tolist()])
-    with whole_file(path) as file:
-        write(file, [stream.getvalue().encode()])
+    with atomic_file(path) as file:
+        write_parts(file, [stream.getvalue().encode()])

@@ -24,7 +24,13 @@ from spacemap_vtk.app.widgets import row
 from spacemap_vtk.app.work.export_dialog import SIZES, Drawn, ExportDialog
 from spacemap_vtk.app.work.job_process import JobProcess
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
+from spacemap_vtk.io.registry import (
+    DATA,
+    available_writer_endings,
+    export_dialog_filters,
+    name_filter,
+    writer_endings,
+)
 from spacemap_vtk.jobs import make_data_job, make_job
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import PictureRequest
@@ -65,12 +71,12 @@ class Exports(QObject):
 
     def picture(self) -> None:
         """Ask for the file and size of a picture, and write it."""
-        self._drawn("picture", name_filter("Pictures", written("picture")), ".png")
+        self._drawn("picture", name_filter("Pictures", writer_endings("picture")), ".png")
 
     def film(self) -> None:
         """Ask for the file and size of a film, and write it."""
-        endings = writable("film")
-        frames = name_filter("Numbered frames", written("frames"))
+        endings = available_writer_endings("film")
+        frames = name_filter("Numbered frames", writer_endings("frames"))
         filters = f"{name_filter('Films', endings)};;{frames}"
         self._drawn("film", filters, endings[0])
 
@@ -78,7 +84,7 @@ class Exports(QObject):
         """Ask for a data file, and write what its format stores."""
         if not self._free():
             return
-        filters = written_filters()
+        filters = export_dialog_filters()
         if not self._document.scene.has_draft:
             filters = {text: kind for text, kind in filters.items() if kind != "draft"}
         name, chosen = QFileDialog.getSaveFileName(
@@ -91,12 +97,16 @@ class Exports(QObject):
             return
         kind = filters.get(chosen, "patches")
         ending = re.search(r"\*(\.\w+)", chosen)
-        path = ended(self._window, Path(name), ending[1] if ending else next(iter(written(kind))))
+        path = ended(
+            self._window, Path(name), ending[1] if ending else next(iter(writer_endings(kind)))
+        )
         if path is None:
             return
         QSettings().setValue(_FOLDER, str(path.parent))
-        if path.suffix.lower() not in written(kind):
-            kind = next((other for other in DATA if path.suffix.lower() in written(other)), kind)
+        if path.suffix.lower() not in writer_endings(kind):
+            kind = next(
+                (other for other in DATA if path.suffix.lower() in writer_endings(other)), kind
+            )
         scene = self._document.scene
         try:
             asks_times = scene.moves and make_data_job(path, kind).is_series
@@ -236,5 +246,5 @@ def _shortened(name: str) -> str:
 
 def _numbered(kind: str, path: Path) -> Path:
     """Return the path of the output; for a film of single files, with ``%04d`` in the name."""
-    frames = kind == "film" and path.suffix.lower() in written("frames")
+    frames = kind == "film" and path.suffix.lower() in writer_endings("frames")
     return path.with_name(f"{path.stem}-%04d.png") if frames and "%" not in path.name else path

@@ -15,7 +15,7 @@ from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, QTimer, Signa
 
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import whole_folder
+from spacemap_vtk.io.output import atomic_files
 from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.jobs.worker import error_from_json, request
 
@@ -45,7 +45,7 @@ class JobProcess(QObject):
         #: Final path of the output file.
         self.target = job.output.absolute()
         self._files = ExitStack()
-        folder = self._files.enter_context(whole_folder(job.output))
+        folder = self._files.enter_context(atomic_files(job.output))
         self._job = replace(job, output=folder / job.output.name)  # type: ignore[type-var]
         self._error: SpacemapError | None = None
         self._result = ""

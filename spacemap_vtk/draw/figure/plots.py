@@ -14,7 +14,7 @@ from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.io.output import as_csv
+from spacemap_vtk.io.output import format_csv
 from spacemap_vtk.mechanics.response.cage_response import Motion, Response
 from spacemap_vtk.mechanics.response.energy import EnergyBalance, balance_energies
 from spacemap_vtk.ndarrays import Floats
@@ -233,7 +233,7 @@ def tensile_table(tests: list[Tensile]) -> str:
         for test in tests
         for values in zip(*test.extension, *test.force, *test.strain, strict=True)
     ]
-    return as_csv([_COLUMNS, *rows])
+    return format_csv([_COLUMNS, *rows])
 
 
 def tensile_plot(title: str, tests: list[Tensile]) -> Figure:

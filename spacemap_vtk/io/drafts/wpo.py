@@ -33,7 +33,7 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.draft_bytes import check_size, content, loose_notes
-from spacemap_vtk.io.registry import truncated
+from spacemap_vtk.io.registry import truncated_error
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
 
@@ -53,7 +53,7 @@ def read_wpo(path: Path) -> Draft:
     try:
         return _read(_Bytes(data), path.stem)
     except IndexError:
-        raise truncated(path) from None
+        raise truncated_error(path) from None
 
 
 class _Bytes:

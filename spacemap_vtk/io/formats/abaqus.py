@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import comments, tells, told_in_comments
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import find_record_in_comments, finds_record, record_comments
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _left_out(analysis: InputDeck) -> list[str]:
 def write_inp(file: Path, analysis: InputDeck) -> None:
     """Write mesh, materials, supports and loads, and the steps that compute modes and statics."""
 
-    write(file, (f"{line}\n".encode() for line in _lines(analysis)))
+    write_parts(file, (f"{line}\n".encode() for line in _lines(analysis)))
 
 
 def _lines(analysis: InputDeck) -> Iterator[str]:
@@ -60,7 +60,7 @@ def _lines(analysis: InputDeck) -> Iterator[str]:
 
     model = analysis.model
     yield f"** {' '.join(analysis.title.split())} (spacemap_vtk)"
-    yield from comments("**")
+    yield from record_comments("**")
     yield "** Units: m, kg, s, N, Pa; frequencies in 1/s. x is the weft, y the warp, z upwards."
     yield from (f"** Note: {text}." for text in _left_out(analysis))
     yield "*NODE, NSET=ALL"
@@ -148,4 +148,4 @@ def _row(values: Any) -> str:
     return ", ".join(f"{value:.13g}" for value in values)
 
 
-tells(".inp")(told_in_comments)
+finds_record(".inp")(find_record_in_comments)

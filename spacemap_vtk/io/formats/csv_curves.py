@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import NAME, tells, told
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ def write_csv(file: Path, curves: YarnCurves | None) -> None:
 
     if curves is None:
         raise InputError("there are no yarns to write", key="what", cure="Write a .vtu.")
-    write(file, (f"{text}\n".encode() for text in _texts(curves)))
-    if told():
-        about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: told()}
-        write(_beside(file), [json.dumps(about, indent=1).encode()])
+    write_parts(file, (f"{text}\n".encode() for text in _texts(curves)))
+    if record_text():
+        about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: record_text()}
+        write_parts(_beside(file), [json.dumps(about, indent=1).encode()])
 
 
 def _texts(curves: YarnCurves) -> Iterator[str]:
@@ -52,7 +52,7 @@ def _beside(file: Path) -> Path:
     return file.with_name(f"{file.name}-metadata.json")
 
 
-@tells(".csv")
+@finds_record(".csv")
 def told_beside(path: Path) -> str | None:
     """Find the record in the file that describes a table."""
     found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import comments, tells, told_in_comments
-from spacemap_vtk.io.registry import of, reads, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import find_record_in_comments, finds_record, record_comments
+from spacemap_vtk.io.registry import lazy_function, reads, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.textile.drafts.draft import Draft
@@ -15,32 +15,35 @@ if TYPE_CHECKING:
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".tiff")
 
 reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
-    of("drafts.wif", "read_wif")
+    lazy_function("drafts.wif", "read_wif")
 )
 reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
-    of("drafts.draft_file", "read_rows")
+    lazy_function("drafts.draft_file", "read_rows")
 )
 reads(*_PICTURES, label="Black-and-white picture", holds="draft", general=True)(
-    of("drafts.draft_file", "read_picture")
+    lazy_function("drafts.draft_file", "read_picture")
 )
-tells(".wif")(told_in_comments)
+finds_record(".wif")(find_record_in_comments)
 
 
 @writes(".wif", label="Weaver's draft", holds=("draft",))
 def write_wif(file: Path, draft: Draft) -> None:
     """Write a Weaving Information File."""
-    write(
+    write_parts(
         file,
         [
-            of("drafts.wif_writer", "format_wif")(draft),
-            *(f"{line}\r\n".encode() for line in comments(";")),
+            lazy_function("drafts.wif_writer", "format_wif")(draft),
+            *(f"{line}\r\n".encode() for line in record_comments(";")),
         ],
     )
 
 
 @writes(
-    ".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("drafts.draft_file", "rows_lose")
+    ".txt",
+    label="Rows of 0 and 1",
+    holds=("draft",),
+    loses=lazy_function("drafts.draft_file", "rows_lose"),
 )
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a drawdown as text, with a row for each pick."""
-    write(file, [of("drafts.draft_file", "format_rows")(draft)])
+    write_parts(file, [lazy_function("drafts.draft_file", "format_rows")(draft)])

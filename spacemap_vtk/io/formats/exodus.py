@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import of, reads, truncated
+from spacemap_vtk.io.registry import lazy_function, reads, truncated_error
 
 if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
@@ -23,16 +23,22 @@ def _check(path: Path) -> None:
     if magic[:3] != b"CDF" and magic != b"\x89HDF":
         raise InputError(f"{path}: no Exodus file: neither netCDF nor HDF5", key="file")
     if is_cut_off(path):
-        raise truncated(path)
+        raise truncated_error(path)
 
 
 # As a mesh, only the first step is read.
 reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)(
-    of("formats.other_programs", "read_with_pyvista")
+    lazy_function("formats.other_programs", "read_with_pyvista")
 )
 
 
-@reads(*_ENDINGS, label="Exodus", holds="motion", check=_check, names=of("named", "in_hdf"))
+@reads(
+    *_ENDINGS,
+    label="Exodus",
+    holds="motion",
+    check=_check,
+    names=lazy_function("file_references", "names_in_hdf"),
+)
 def open_exodus(path: Path) -> MeshSeries:
     """Open a file with all its steps."""
     from vtkmodules.vtkIOExodus import vtkExodusIIReader

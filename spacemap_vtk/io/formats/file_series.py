@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_folder, write
-from spacemap_vtk.io.provenance import comments, recorded_at, tells, told_in_comments
-from spacemap_vtk.io.registry import of, reads, writer, writes
+from spacemap_vtk.io.output import check_folder, write_parts
+from spacemap_vtk.io.provenance import (
+    attach_record_at,
+    find_record_in_comments,
+    finds_record,
+    record_comments,
+)
+from spacemap_vtk.io.registry import lazy_function, reads, writer, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet
@@ -19,7 +24,12 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
 
 
-@reads(".pvd", label="ParaView collection", holds="motion", names=of("named", "in_xml"))
+@reads(
+    ".pvd",
+    label="ParaView collection",
+    holds="motion",
+    names=lazy_function("file_references", "names_in_xml"),
+)
 def open_collection(file: Path) -> MeshSeries:
     """Open the files that a ParaView collection names."""
     from xml.etree import ElementTree
@@ -54,17 +64,17 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
     for number, (time, data) in enumerate(steps):
         ending = ".vtp" if data.IsA("vtkPolyData") else ".vtu"
         one = folder / f"{folder.name}_{number:04d}{ending}"
-        with recorded_at(time):
+        with attach_record_at(time):
             writer(one).write(one, data)
         name = quoteattr(f"{folder.name}/{one.name}")
         lines.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={name}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-    record = comments("    ")
+    record = record_comments("    ")
     lines += ["  <!--\n", *(f"{line}\n" for line in record), "  -->\n"] if record else []
-    write(file, [f"{head}{''.join(lines)}  </Collection>\n</VTKFile>\n".encode()])
+    write_parts(file, [f"{head}{''.join(lines)}  </Collection>\n</VTKFile>\n".encode()])
 
 
-tells(".pvd")(told_in_comments)
+finds_record(".pvd")(find_record_in_comments)
 
 
 def _names(file: Path) -> list[str]:

@@ -14,7 +14,7 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
-from spacemap_vtk.io.provenance import NAME, tells, told
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -72,7 +72,9 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     # The whole film uses one palette, made of the first frame's colours; a palette for each frame
     # would make still parts flicker. GIF counts time in hundredths of a second.
     palette = first.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    about: dict[str, Any] = {"comment": f"{NAME}: {told()}".encode()} if told() else {}
+    about: dict[str, Any] = (
+        {"comment": f"{NAME}: {record_text()}".encode()} if record_text() else {}
+    )
     rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     palette.save(
         file,
@@ -102,7 +104,7 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     fps = Fraction(rate).limit_denominator()
     raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps} -i -"
     kind = "-an -c:v libx264 -crf 10 -pix_fmt yuv420p -y"
-    words = ["-metadata", f"comment={NAME}: {told()}"] if told() else []
+    words = ["-metadata", f"comment={NAME}: {record_text()}"] if record_text() else []
     with TemporaryFile() as said:
         process = subprocess.Popen(
             [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), *words, str(file)],
@@ -150,8 +152,8 @@ def _try_on(file: Path) -> None:
         os.fsync(torn.fileno())
 
 
-@tells(".gif", ".mp4")
-def told_in_film(path: Path) -> str | None:
+@finds_record(".gif", ".mp4")
+def find_record_in_film(path: Path) -> str | None:
     """Find the record in a film's comment."""
     if path.suffix.lower() == ".gif":
         from PIL import Image

@@ -14,8 +14,8 @@ from pathlib import Path
 from struct import pack
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import NAME, tells, told
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -82,7 +82,10 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         "asset": {
             "version": "2.0",
             "generator": "spacemap_vtk",
-            "extras": {**moving.about, **({NAME: json.loads(told())} if told() else {})},
+            "extras": {
+                **moving.about,
+                **({NAME: json.loads(record_text())} if record_text() else {}),
+            },
         },
         "scene": 0,
         "scenes": [{"name": moving.title or "scene", "nodes": [0]}],
@@ -107,7 +110,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     text += b" " * (-len(text) % 4)
     head = pack("<4s3I4s", b"glTF", 2, 28 + len(text) + buffer.size, len(text), b"JSON")
     chunks = [head, text, pack("<I4s", buffer.size, b"BIN\0")]
-    write(file, chain(chunks, (part() for part in buffer.parts)))
+    write_parts(file, chain(chunks, (part() for part in buffer.parts)))
 
 
 class _Buffer:
@@ -162,8 +165,8 @@ def _packed(values: NDArray[Any], rows: NDArray[Any] | None) -> NDArray[Any]:
     return np.pad(table, ((0, 0), (0, 1))) if table.dtype.kind == "i" else table
 
 
-@tells(".glb")
-def told_in_glb(path: Path) -> str | None:
+@finds_record(".glb")
+def find_record_in_glb(path: Path) -> str | None:
     """Find the record in the extras of the asset."""
     with path.open("rb") as stream:
         head = stream.read(20)

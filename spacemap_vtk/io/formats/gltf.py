@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import damaged, reads, truncated
+from spacemap_vtk.io.registry import damaged_error, reads, truncated_error
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-    from spacemap_vtk.io.texture_atlas import Paint, Painted
+    from spacemap_vtk.io.texture_atlas import MaterialSet, TexturedMesh
 
 
 def _named(path: Path) -> list[dict[str, Any]]:
@@ -25,14 +25,14 @@ def _named(path: Path) -> list[dict[str, Any]]:
         if content[:4] != b"glTF":
             raise InputError(f"{path}: no binary glTF: it does not begin with that word")
         if len(content) < 20 or len(content) < int.from_bytes(content[8:12], "little"):
-            raise truncated(path)
+            raise truncated_error(path)
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     try:
         described: dict[str, Any] = json.loads(content)
         named = [*described.get("buffers", []), *described.get("images", [])]
         return [part for part in named if not str(part.get("uri", "data:")).startswith("data:")]
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise damaged(path, f"no glTF, or cut off: {error}") from None
+        raise damaged_error(path, f"no glTF, or cut off: {error}") from None
 
 
 def _names(path: Path) -> list[str]:
@@ -54,30 +54,30 @@ def _check(path: Path) -> None:
 
             read_picture(file)
         elif file.stat().st_size < _number(part["byteLength"]):
-            raise truncated(file)
+            raise truncated_error(file)
 
 
 @reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check, names=_names)
-def read_gltf(path: Path) -> Painted:
+def read_gltf(path: Path) -> TexturedMesh:
     """Read a file; its materials are read when they are requested."""
-    from spacemap_vtk.io.reading import leaves, vtk_reader
-    from spacemap_vtk.io.texture_atlas import Painted
+    from spacemap_vtk.io.reading import leaf_blocks, vtk_reader
+    from spacemap_vtk.io.texture_atlas import TexturedMesh
 
     reader = vtk_reader(path, "vtkIOGeometry", "vtkGLTFReader")
     data = reader.GetOutputDataObject(0)
 
-    def materials() -> tuple[list[vtkPolyData], Paint]:
-        blocks: Any = [block for block in leaves(data) if block.GetNumberOfPoints()]
+    def materials() -> tuple[list[vtkPolyData], MaterialSet]:
+        blocks: Any = [block for block in leaf_blocks(data) if block.GetNumberOfPoints()]
         return blocks, _materials(blocks, reader)
 
-    return Painted(data, materials)
+    return TexturedMesh(data, materials)
 
 
-def _materials(blocks: list[vtkPolyData], reader: Any) -> Paint:
+def _materials(blocks: list[vtkPolyData], reader: Any) -> MaterialSet:
     """Return the materials of a file's blocks."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    from spacemap_vtk.io.texture_atlas import Material, Paint, pixels_of
+    from spacemap_vtk.io.texture_atlas import Material, MaterialSet, pixels_of
 
     # glTF counts v downwards, VTK upwards.
     pictures = [
@@ -99,7 +99,7 @@ def _materials(blocks: list[vtkPolyData], reader: Any) -> Paint:
             made.coordinates = f"TEXCOORD_{number}"
         _color_points(block, made.color)
         materials.append(made)
-    return Paint(materials)
+    return MaterialSet(materials)
 
 
 def _color_points(block: vtkPolyData, factor: tuple[float, float, float]) -> None:

@@ -17,9 +17,9 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import SMALLER, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
+from spacemap_vtk.io.registry import SMALLER_FILE_CURE, writes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,9 +49,9 @@ def write_html(file: Path, moving: MovingSurface) -> None:
     require(
         (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
         "a page of {1} points in {0} shapes".format(*moving.targets.shape),
-        cure=SMALLER,
+        cure=SMALLER_FILE_CURE,
     )
-    record = json.loads(told() or "{}")
+    record = json.loads(record_text() or "{}")
     generator = f"spacemap_vtk {record.get('version', '')}".rstrip()
     title = moving.title or file.stem
     content, arrays = _content(moving)
@@ -66,7 +66,7 @@ def write_html(file: Path, moving: MovingSurface) -> None:
     }
     page = (_PAGE / "page.html").read_text(encoding="utf-8").split("{{data}}")
     head, tail = (re.sub(r"\{\{(\w+)\}\}", lambda found: words[found[1]], part) for part in page)
-    write(file, chain([head.encode()], _elements(arrays), [tail.encode()]))
+    write_parts(file, chain([head.encode()], _elements(arrays), [tail.encode()]))
 
 
 def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -186,8 +186,8 @@ def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     yield b""
 
 
-@tells(".html")
-def told_in_page(path: Path) -> str | None:
+@finds_record(".html")
+def find_record_in_page(path: Path) -> str | None:
     """Find the record in the page's description of its scene, which precedes the data."""
     with path.open("rb") as stream:
         begin = stream.read(2**24)

@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io import named
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import comments, tells, told_in_comments
+from spacemap_vtk.io import file_references
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import find_record_in_comments, finds_record, record_comments
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface, Shade
-    from spacemap_vtk.io.texture_atlas import Material, Paint, Painted
+    from spacemap_vtk.io.texture_atlas import Material, MaterialSet, TexturedMesh
 
 #: Rows whose text is made at once.
 _AT_ONCE = 2**14
@@ -29,7 +29,7 @@ def _names(path: Path) -> list[str]:
     """Return the material libraries of a file, and the pictures that these name."""
     from spacemap_vtk.parameters import require_near
 
-    found = named.words(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
+    found = file_references.pattern_names(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
     for library in list(found):
         require_near(library, path)
         file = path.parent / library
@@ -45,34 +45,38 @@ def _said(library: Path) -> list[list[str]]:
 
 
 @reads(".obj", label="Wavefront OBJ", holds="mesh", names=_names)
-def read_obj(path: Path) -> Painted:
+def read_obj(path: Path) -> TexturedMesh:
     """Read a file; its materials are read when they are requested."""
     from spacemap_vtk.io.reading import read_with_vtk
-    from spacemap_vtk.io.texture_atlas import Painted
+    from spacemap_vtk.io.texture_atlas import TexturedMesh
 
     data = read_with_vtk(path, "vtkIOGeometry", "vtkOBJReader")
-    return Painted(data, lambda: _materials(data, path))
+    return TexturedMesh(data, lambda: _materials(data, path))
 
 
-def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Paint]:
+def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], MaterialSet]:
     """Return a file's mesh, cut into one block per material, and the materials."""
     import numpy as np
 
-    from spacemap_vtk.io.polygons import part_of
-    from spacemap_vtk.io.texture_atlas import Material, Paint
+    from spacemap_vtk.io.polygons import extract_polygons
+    from spacemap_vtk.io.texture_atlas import Material, MaterialSet
 
     libraries, faces = _used(path)
-    paint = Paint([])
+    paint = MaterialSet([])
     known: dict[str, Material] = {}
     for library in libraries:
         known |= _library(path.parent / library, paint)
     names = list(dict.fromkeys(faces))
     whole = len(faces) != data.GetNumberOfPolys() or data.GetNumberOfLines()
     if not known or whole or not faces:
-        return [data], Paint([Material()], paint.notes)
+        return [data], MaterialSet([Material()], paint.notes)
     order = {name: i for i, name in enumerate(names)}
     of_face = np.array([order[name] for name in faces])
-    blocks = [data] if len(names) == 1 else [part_of(data, of_face == i) for i in range(len(names))]
+    blocks = (
+        [data]
+        if len(names) == 1
+        else [extract_polygons(data, of_face == i) for i in range(len(names))]
+    )
     for name, block in zip(names, blocks, strict=True):
         made, table = known.get(name, Material()), block.GetPointData()
         # VTK names the texture coordinates after the material.
@@ -102,7 +106,7 @@ def _picture(words: list[str]) -> str:
     return name.replace("\\", "/")
 
 
-def _library(path: Path, paint: Paint) -> dict[str, Material]:
+def _library(path: Path, paint: MaterialSet) -> dict[str, Material]:
     from spacemap_vtk.io.texture_atlas import Material, read_picture
 
     if not os.path.isfile(path):
@@ -145,8 +149,8 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
         color = surface.colors[shade.points][0] / 255.0
         shares = [1.0, 1.0, 1.0] if surface.painted else color.tolist()
         looks += [f"newmtl {_look(shade)}", "Kd " + " ".join(f"{x:.6g}" for x in shares), ""]
-    write(library, ["\n".join(looks).encode()])
-    write(file, (f"{text}\n".encode() for text in _texts(surface, library.name)))
+    write_parts(library, ["\n".join(looks).encode()])
+    write_parts(file, (f"{text}\n".encode() for text in _texts(surface, library.name)))
 
 
 def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
@@ -155,7 +159,7 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
 
     from spacemap_vtk.parallel import blocks
 
-    yield "\n".join(["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library}"])
+    yield "\n".join(["# by spacemap_vtk; lengths in m", *record_comments("#"), f"mtllib {library}"])
     if "colors" in surface.about:
         yield f"# colours: {surface.about['colors']}"
     points = len(surface.points)
@@ -182,4 +186,4 @@ def _look(shade: Shade) -> str:
     return shade.name.replace(" ", "_").replace("#", "")  # a "#" begins a comment
 
 
-tells(".obj")(told_in_comments)
+finds_record(".obj")(find_record_in_comments)

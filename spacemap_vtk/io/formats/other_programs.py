@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError, MissingLibraryError
-from spacemap_vtk.io.named import in_hdf, in_xml, words
-from spacemap_vtk.io.registry import endings, reads, truncated
+from spacemap_vtk.io.file_references import names_in_hdf, names_in_xml, pattern_names
+from spacemap_vtk.io.registry import reader_endings, reads, truncated_error
 
 #: Patterns of file names in text formats. The last word of an EnSight line often names no file,
 #: which does no harm.
@@ -32,16 +32,16 @@ _XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 def _names(path: Path) -> list[str]:
     ending = path.suffix.lower()
-    found = words(_NAMING[ending])(path) if ending in _NAMING else []
+    found = pattern_names(_NAMING[ending])(path) if ending in _NAMING else []
     if ending in _XML:
-        found = in_xml(path)
+        found = names_in_xml(path)
     if ending == ".inp":  # a name is looked up in the working folder first
         found += [str(Path(word).absolute()) for word in found if os.path.isfile(word)]
     if ending in _BESIDE:
         found += [f"{path.stem}{_BESIDE[ending]}"]
     if ending == ".foam":
         found += [str(each.relative_to(path.parent)) for each in _case(path.parent)]
-    return found + in_hdf(path)
+    return found + names_in_hdf(path)
 
 
 def _case(folder: Path) -> list[Path]:
@@ -64,8 +64,8 @@ def _case(folder: Path) -> list[Path]:
 def read_with_pyvista(path: Path) -> Any:
     """Read a file; raise clear errors in place of what pyvista and meshio print."""
     from spacemap_vtk.datasets.quiet import quiet_vtk
-    from spacemap_vtk.io.reading import check_numbers, read_with_vtk
-    from spacemap_vtk.io.trial import try_in_child
+    from spacemap_vtk.io.crash_check import check_in_child
+    from spacemap_vtk.io.reading import check_point_ids, read_with_vtk
 
     other = _other_format(path)
     if path.suffix.lower() in (".xdmf", ".xmf") and not other:
@@ -79,7 +79,7 @@ def read_with_pyvista(path: Path) -> Any:
         ) from None
     said = StringIO()
     try:
-        try_in_child(path, f"{__name__}:read_with_pyvista")
+        check_in_child(path, f"{__name__}:read_with_pyvista")
         # meshio prints messages, and ends the program if it cannot read a file
         with (
             quiet_vtk(path),
@@ -98,7 +98,7 @@ def read_with_pyvista(path: Path) -> Any:
     except (Exception, SystemExit) as error:
         # pyvista and meshio raise many types: for unknown endings, broken headers, missing parts
         why = said.getvalue() if isinstance(error, SystemExit) else str(error)
-        meshes = endings("mesh")
+        meshes = reader_endings("mesh")
         raise InputError(
             f"{path}: cannot be read: {' '.join(why.split())[:200]}"
             if path.suffix.lower() in meshes
@@ -107,8 +107,8 @@ def read_with_pyvista(path: Path) -> Any:
             allowed="a whole file of a format that pyvista reads: " + ", ".join(meshes),
         ) from None
     if "not closed" in said.getvalue():  # meshio continues with what it has read
-        raise truncated(path)
-    check_numbers(made, path)
+        raise truncated_error(path)
+    check_point_ids(made, path)
     return made
 
 
@@ -121,10 +121,10 @@ def read_scene(path: Path) -> Any:
     """Read the surfaces of a scene, also where no window can be opened."""
     # pyvista would open a plotter, which crashes where there are no OpenGL libraries.
     from spacemap_vtk.datasets.quiet import quiet_vtk
-    from spacemap_vtk.io.reading import check_numbers
-    from spacemap_vtk.io.trial import try_in_child
+    from spacemap_vtk.io.crash_check import check_in_child
+    from spacemap_vtk.io.reading import check_point_ids
 
-    try_in_child(path, f"{__name__}:read_scene")
+    check_in_child(path, f"{__name__}:read_scene")
     with quiet_vtk(path):
         from vtkmodules import vtkIOImport
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
@@ -144,7 +144,7 @@ def read_scene(path: Path) -> Any:
             mapper = actors.GetNextActor().GetMapper()
             mapper.Update()
             made.SetBlock(number, mapper.GetInput())
-    check_numbers(made, path)
+    check_point_ids(made, path)
     return made
 
 

@@ -13,8 +13,8 @@ from struct import pack
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import NAME, tells, told
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
     else:
         made, kind = BytesIO(), file.suffix[1:].lower().replace("jpg", "jpeg")
         Image.fromarray(image).save(made, kind, **{"extra": _comments(), **more})
-        write(file, [made.getbuffer()])
+        write_parts(file, [made.getbuffer()])
 
 
 def write_png(file: Path, image: NDArray[np.uint8]) -> None:
@@ -61,7 +61,7 @@ def write_png(file: Path, image: NDArray[np.uint8]) -> None:
     head = pack(">IIBBBBB", width, height, 8, 2 if depth == 3 else 6, 0, 0, 0)
     data = zlib.compress(lines.data, _COMPRESSION)
     parts = [*_chunk(b"IHDR", head), *_text_chunk(), *_chunk(b"IDAT", data), *_chunk(b"IEND", b"")]
-    write(file, [b"\x89PNG\r\n\x1a\n", *parts])
+    write_parts(file, [b"\x89PNG\r\n\x1a\n", *parts])
 
 
 def _chunk(kind: bytes, data: bytes) -> list[bytes]:
@@ -70,12 +70,12 @@ def _chunk(kind: bytes, data: bytes) -> list[bytes]:
 
 def _text_chunk() -> list[bytes]:
     """Return the record as a chunk of a PNG, or nothing without a record."""
-    return _chunk(b"tEXt", f"{NAME}\0{told()}".encode("latin-1")) if told() else []
+    return _chunk(b"tEXt", f"{NAME}\0{record_text()}".encode("latin-1")) if record_text() else []
 
 
 def _comments() -> bytes:
     """Return the record as comments of a JPEG, in as many segments as it needs."""
-    text = told().encode()
+    text = record_text().encode()
     parts = [text[begin : begin + _SEGMENT] for begin in range(0, len(text), _SEGMENT)]
     heads = [b"\xff\xfe" + (2 + len(NAME) + 1 + len(part)).to_bytes(2, "big") for part in parts]
     return b"".join(h + NAME.encode() + b"\0" + p for h, p in zip(heads, parts, strict=True))
@@ -113,8 +113,8 @@ def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
         ) from None
 
 
-@tells(".png", ".jpg", ".jpeg")
-def told_in_picture(path: Path) -> str | None:
+@finds_record(".png", ".jpg", ".jpeg")
+def find_record_in_picture(path: Path) -> str | None:
     """Find the record among a picture's texts or comments."""
     from PIL import Image
 
@@ -144,7 +144,7 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     from matplotlib import rc_context
 
     # The figure is made in memory, because matplotlib leaves a file open that it cannot write.
-    ending, made, record = file.suffix[1:].lower(), BytesIO(), told()
+    ending, made, record = file.suffix[1:].lower(), BytesIO(), record_text()
     if ending in ("jpg", "jpeg"):
         more["pil_kwargs"] = {"extra": _comments()}
     elif ending == "png":
@@ -155,11 +155,11 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     # Text stays text, so that it can be found, read aloud and edited.
     with rc_context({"svg.hashsalt": NAME, "svg.fonttype": "none", "pdf.fonttype": 42}):
         figure.savefig(made, format=ending, **more)
-    write(file, [made.getbuffer()])
+    write_parts(file, [made.getbuffer()])
 
 
-@tells(".svg", ".pdf")
-def told_in_figure(path: Path) -> str | None:
+@finds_record(".svg", ".pdf")
+def find_record_in_figure(path: Path) -> str | None:
     """Find the record in a drawing's description or a document's keywords."""
     content, name = path.read_bytes(), NAME.encode()
     if path.suffix.lower() == ".svg":

@@ -10,9 +10,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import comments, tells, told_in_comments
-from spacemap_vtk.io.registry import damaged, of, reads, truncated, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import find_record_in_comments, finds_record, record_comments
+from spacemap_vtk.io.registry import damaged_error, lazy_function, reads, truncated_error, writes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +39,7 @@ def _check(path: Path) -> None:
     header, end, body = content.partition(b"end_header")
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
-        raise damaged(path, "no PLY file: its header is missing or cut off")
+        raise damaged_error(path, "no PLY file: its header is missing or cut off")
     # For each element: its number, and the types of its properties. A list has two types.
     elements: list[tuple[int, list[list[str]]]] = []
     named: list[tuple[str, ...]] = []
@@ -55,7 +55,7 @@ def _check(path: Path) -> None:
         kinds = [len(each) in (1, 2) and _TYPES.keys() >= set(each) for each in properties]
         if count < 0 or not kinds or not all(kinds) or len(set(named)) < len(named):
             why = "its header has an element without its number or properties, or one twice"
-            raise damaged(path, f"no PLY file: {why}")
+            raise damaged_error(path, f"no PLY file: {why}")
     if ["format", "ascii", "1.0"] in lines:
         short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
             count for count, _ in elements
@@ -64,7 +64,7 @@ def _check(path: Path) -> None:
         big = ["format", "binary_big_endian", "1.0"] in lines
         short = _ply_end(body.partition(b"\n")[2], elements, ">" if big else "<") is None
     if short:
-        raise truncated(path)
+        raise truncated_error(path)
 
 
 def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: str) -> int | None:
@@ -116,7 +116,7 @@ def _ply_row(
 
 
 reads(".ply", label="PLY", holds="mesh", check=_check)(
-    of("reading", "read_with_vtk", "vtkIOPLY", "vtkPLYReader")
+    lazy_function("reading", "read_with_vtk", "vtkIOPLY", "vtkPLYReader")
 )
 
 
@@ -126,11 +126,11 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    from spacemap_vtk.io.polygons import corners_of, facing, require_work
+    from spacemap_vtk.io.polygons import corners_of, orient_polygons, require_writer_memory
 
     corners = surface.GetPolys().GetNumberOfConnectivityIds()
-    require_work(surface, _POINT * surface.GetNumberOfPoints() + _CORNER * corners, ".ply")
-    polygons = facing(surface)
+    require_writer_memory(surface, _POINT * surface.GetNumberOfPoints() + _CORNER * corners, ".ply")
+    polygons = orient_polygons(surface)
     counts, numbers = corners_of(polygons)
     data, given = polygons.GetPointData(), []
     for names, array in (
@@ -149,7 +149,7 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     size = "u1" if counts.max(initial=0) < 256 else "<i4"
     properties = [f"property float {name}" for name in columns]
     head = _head(len(vertices), properties, len(counts), size)
-    write(file, [head, vertices, _faces(counts, numbers, size)])
+    write_parts(file, [head, vertices, _faces(counts, numbers, size)])
 
 
 # This writer is registered last, so it is used if nothing else is requested.
@@ -173,7 +173,7 @@ def write_painted_ply(file: Path, surface: MovingSurface) -> None:
     faces = surface.triangles.astype("<i4")
     words = surface.about.get("colors")
     head = _head(len(vertices), properties, len(faces), "u1", f"colours: {words}" if words else "")
-    write(file, [head, vertices, _alike(faces, "u1")])
+    write_parts(file, [head, vertices, _alike(faces, "u1")])
 
 
 def _head(vertices: int, properties: list[str], faces: int, size: str, note: str = "") -> bytes:
@@ -181,7 +181,7 @@ def _head(vertices: int, properties: list[str], faces: int, size: str, note: str
         "ply",
         "format binary_little_endian 1.0",
         "comment by spacemap_vtk",
-        *comments("comment"),
+        *record_comments("comment"),
         *([f"comment {note}"] if note else []),
         f"element vertex {vertices}",
         *properties,
@@ -219,4 +219,4 @@ def _alike(corners: NDArray[Any], size: str) -> NDArray[Any]:
     return faces
 
 
-tells(".ply")(told_in_comments)
+finds_record(".ply")(find_record_in_comments)

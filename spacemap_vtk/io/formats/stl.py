@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.registry import of, reads, truncated, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.registry import lazy_function, reads, truncated_error, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -30,14 +30,14 @@ def _check(path: Path) -> None:
             if b"facet" in begin:  # text
                 file.seek(max(0, path.stat().st_size - 1000))
                 if b"endsolid" not in file.read():
-                    raise truncated(path)
+                    raise truncated_error(path)
                 return
     if len(head) < 84 or path.stat().st_size < 84 + 50 * int.from_bytes(head[80:84], "little"):
-        raise truncated(path)
+        raise truncated_error(path)
 
 
 reads(".stl", label="STL", holds="mesh", check=_check)(
-    of("reading", "read_with_vtk", "vtkIOGeometry", "vtkSTLReader")
+    lazy_function("reading", "read_with_vtk", "vtkIOGeometry", "vtkSTLReader")
 )
 
 
@@ -49,15 +49,15 @@ def write_stl(file: Path, surface: vtkPolyData) -> None:
     from spacemap_vtk.datasets.arrays import points_of
     from spacemap_vtk.io.polygons import (
         corners_of,
-        facing,
-        require_work,
+        orient_polygons,
+        require_writer_memory,
         triangle_count,
-        triangles_of,
+        triangulate,
     )
 
     size = _POINT * surface.GetNumberOfPoints() + _TRIANGLE * triangle_count(surface)
-    require_work(surface, size, ".stl")
-    triangles = facing(triangles_of(surface))
+    require_writer_memory(surface, size, ".stl")
+    triangles = orient_polygons(triangulate(surface))
     _, numbers = corners_of(triangles)
     kinds: Any = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")]
     records = np.zeros(len(numbers) // 3, kinds)
@@ -70,4 +70,4 @@ def write_stl(file: Path, surface: vtkPolyData) -> None:
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         part["normal"] = np.divide(normals, lengths, out=normals, where=lengths > 0)
     head = b"Binary STL by spacemap_vtk".ljust(80, b"\0")  # "solid" would mean a text file
-    write(file, [head, np.array(len(records), "<u4"), records])
+    write_parts(file, [head, np.array(len(records), "<u4"), records])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import endings, reads
+from spacemap_vtk.io.registry import reader_endings, reads
 
 #: Most bytes of a scene, and most names in one dotted key; parsing longer ones takes hours.
 _LONGEST, _NAMES = 2**24, 16
@@ -43,7 +43,9 @@ def read_scene(path: Path) -> dict[str, Any]:
         if path.suffix.lower() != ".toml":
             raise InputError(
                 f"{path}: neither a scene nor a draft nor a mesh, by its ending",
-                allowed=", ".join(e for kind in ("scene", "draft", "mesh") for e in endings(kind)),
+                allowed=", ".join(
+                    e for kind in ("scene", "draft", "mesh") for e in reader_endings(kind)
+                ),
             ) from None
         why, cure = str(error), 'Mend that line; strings need quotes, as in "0.3 mm".'
         if isinstance(error, UnicodeDecodeError):

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import SMALLER, needs, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
+from spacemap_vtk.io.registry import SMALLER_FILE_CURE, require_package, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.datasets.moving_surface import MovingSurface, YarnCurves
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 _ROUGHNESS = 0.75
 #: Bytes of a layer per point, and per point of each target (place and normal).
 _POINT, _OF_TARGET = 110, 24
-_require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb.")
+_require = require_package(
+    "usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb."
+)
 
 
 @writes(
@@ -43,7 +45,7 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     require(
         (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
         "a layer of {1} points in {0} shapes".format(*moving.targets.shape),
-        cure=SMALLER,
+        cure=SMALLER_FILE_CURE,
     )
     layer = Sdf.Layer.CreateAnonymous(file.suffix)
     _fill(Usd.Stage.Open(layer), moving)
@@ -57,7 +59,7 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
             raise SpacemapError(f"{file.name}: usd-core could not make it in {folder}")
         del layer  # frees the memory of the whole file
         with made.open("rb") as stream:
-            write(file, iter(partial(stream.read, 2**24), b""))
+            write_parts(file, iter(partial(stream.read, 2**24), b""))
 
 
 def _vectors(values: Any) -> Any:
@@ -80,7 +82,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     stage.SetDefaultPrim(root.GetPrim())
     stage.GetRootLayer().customLayerData = {
         key: value for key, value in moving.about.items() if not isinstance(value, list)
-    } | ({NAME: told()} if told() else {})
+    } | ({NAME: record_text()} if record_text() else {})
     mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
     mesh.CreatePointsAttr(_vectors(moving.points))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(moving.triangles), 3))
@@ -200,8 +202,8 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
             UsdGeom.Imageable(stage.GetPrimAtPath(hidden)).MakeInvisible()
 
 
-@tells(".usdc", ".usda")
-def told_in_usd(path: Path) -> str | None:
+@finds_record(".usdc", ".usda")
+def find_record_in_usd(path: Path) -> str | None:
     """Find the record in the layer's metadata."""
     _require(path)
     from pxr import Sdf, Tf

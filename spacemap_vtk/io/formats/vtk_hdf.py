@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import needs, of, reads, writes
+from spacemap_vtk.io.provenance import NAME, finds_record, record_text
+from spacemap_vtk.io.registry import lazy_function, reads, require_package, writes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,15 +27,25 @@ if TYPE_CHECKING:
 _CELLS = {"Vertices": "Verts", "Lines": "Lines", "Polygons": "Polys", "Strips": "Strips"}
 #: Data that may change with time; cells may not.
 _MOVING = ("Points", "PointData/", "CellData/")
-_require = needs("h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.")
-
-
-reads(".vtkhdf", label="VTK HDF5", holds="mesh", names=of("named", "in_hdf"))(
-    of("reading", "read_with_vtk", "vtkIOHDF", "vtkHDFReader")
+_require = require_package(
+    "h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd."
 )
 
 
-@reads(".vtkhdf", label="VTK HDF5", holds="motion", names=of("named", "in_hdf"))
+reads(
+    ".vtkhdf",
+    label="VTK HDF5",
+    holds="mesh",
+    names=lazy_function("file_references", "names_in_hdf"),
+)(lazy_function("reading", "read_with_vtk", "vtkIOHDF", "vtkHDFReader"))
+
+
+@reads(
+    ".vtkhdf",
+    label="VTK HDF5",
+    holds="motion",
+    names=lazy_function("file_references", "names_in_hdf"),
+)
 def open_hdf(path: Path) -> MeshSeries:
     """Open a file with all its steps."""
     from vtkmodules.vtkIOHDF import vtkHDFReader
@@ -54,8 +64,8 @@ def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     with _Sink(file, "w+") as sink:
         try:
             with h5py.File(sink, "w") as made:
-                if told():  # not in the field data: a text there crashes VTK's reader
-                    made[NAME] = np.bytes_(told())
+                if record_text():  # not in the field data: a text there crashes VTK's reader
+                    made[NAME] = np.bytes_(record_text())
                 _fill(made, file.name, steps, sink)
         finally:
             sink.check()  # the first error is the cause of all later ones
@@ -205,8 +215,8 @@ def _cells(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]
     yield f"{place}Connectivity", corners
 
 
-@tells(".vtkhdf")
-def told_in_hdf(path: Path) -> str | None:
+@finds_record(".vtkhdf")
+def find_record_in_hdf(path: Path) -> str | None:
     """Find the record next to the data."""
     _require(path)
     import h5py

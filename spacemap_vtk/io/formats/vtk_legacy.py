@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import of, reads, truncated
+from spacemap_vtk.io.registry import lazy_function, reads, truncated_error
 
 #: Bytes of each type. VTK's ids are written as four; "long" has four on Windows, eight elsewhere.
 _BYTES = {
@@ -30,11 +30,11 @@ _PLAIN = {"DATASET", "DIMENSIONS", "SPACING", "ORIGIN", "ASPECT_RATIO"}
 
 def _check(path: Path) -> None:
     if is_cut_off(path):
-        raise truncated(path)
+        raise truncated_error(path)
 
 
 reads(".vtk", label="VTK legacy", holds="mesh", check=_check)(
-    of("reading", "read_with_vtk", "vtkIOLegacy", "vtkGenericDataObjectReader")
+    lazy_function("reading", "read_with_vtk", "vtkIOLegacy", "vtkGenericDataObjectReader")
 )
 
 

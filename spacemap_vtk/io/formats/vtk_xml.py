@@ -8,9 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import check_folder, write
-from spacemap_vtk.io.provenance import NAME, comments, recorded, tells, told, told_in_comments
-from spacemap_vtk.io.registry import of, reads, writes
+from spacemap_vtk.io.output import check_folder, write_parts
+from spacemap_vtk.io.provenance import (
+    NAME,
+    attach_record,
+    find_record_in_comments,
+    finds_record,
+    record_comments,
+    record_text,
+)
+from spacemap_vtk.io.registry import lazy_function, reads, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
@@ -39,7 +46,13 @@ _READERS = {
 _NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".vtpd")
 
 
-@reads(*_NAMING, label="VTK XML in files", holds="mesh", common=False, names=of("named", "in_xml"))
+@reads(
+    *_NAMING,
+    label="VTK XML in files",
+    holds="mesh",
+    common=False,
+    names=lazy_function("file_references", "names_in_xml"),
+)
 @reads(".vts", ".vtr", ".vti", label="Other VTK XML", holds="mesh", common=False)
 @reads(".vtu", ".vtp", label="VTK XML", holds="mesh")
 def read_xml(path: Path) -> Any:
@@ -80,7 +93,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
     folder.mkdir()
     lines: list[str] = []
     names: list[str] = []
-    with recorded(None):  # a single piece cannot be made again from a record
+    with attach_record(None):  # a single piece cannot be made again from a record
         for number, piece in enumerate(pieces):
             if not piece.GetNumberOfCells():
                 continue  # more pieces than yarns; an empty one lacks the others' arrays
@@ -89,7 +102,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
             names.append(quoteattr(f"{folder.name}/{one.name}"))
             lines = lines or list(_described(piece))
     kind = "PPolyData" if ending == ".vtp" else "PUnstructuredGrid"
-    record = comments("  ")
+    record = record_comments("  ")
     text = [
         '<?xml version="1.0"?>',
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32">',
@@ -100,7 +113,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
         f"  </{kind}>",
         "</VTKFile>\n",
     ]
-    write(file, ["\n".join(text).encode()])
+    write_parts(file, ["\n".join(text).encode()])
 
 
 def _described(data: vtkDataSet) -> Iterator[str]:
@@ -130,7 +143,7 @@ def _described(data: vtkDataSet) -> Iterator[str]:
     yield "    </PPoints>"
 
 
-tells(".pvtp", ".pvtu")(told_in_comments)
+finds_record(".pvtp", ".pvtu")(find_record_in_comments)
 
 
 def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
@@ -157,7 +170,7 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
 
         why = vtkErrorCode.GetStringFromErrorCode(fault)
         raise SpacemapError(f"VTK has not made the {file.suffix.lower()} file: {why}")
-    write(file, [made])
+    write_parts(file, [made])
 
 
 def _text_bytes(data: vtkDataSet) -> int:
@@ -186,17 +199,17 @@ def _with_record(data: vtkDataSet) -> vtkDataSet:
 
     from spacemap_vtk.datasets.arrays import add_array, copied
 
-    if not (data.GetFieldData().HasArray(NAME) or told()):
+    if not (data.GetFieldData().HasArray(NAME) or record_text()):
         return data
     copy = copied(data)
     copy.GetFieldData().RemoveArray(NAME)  # of the file from which an object was read
-    if told():
-        add_array(copy.GetFieldData(), NAME, np.frombuffer(told().encode(), np.uint8))
+    if record_text():
+        add_array(copy.GetFieldData(), NAME, np.frombuffer(record_text().encode(), np.uint8))
     return copy
 
 
-@tells(".vtu", ".vtp")
-def told_in_xml(path: Path) -> str | None:
+@finds_record(".vtu", ".vtp")
+def find_record_in_xml(path: Path) -> str | None:
     """Find the record in the field data."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

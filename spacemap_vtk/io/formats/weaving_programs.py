@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from zipfile import ZipFile
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.registry import of, reads, writes
+from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.io.registry import lazy_function, reads, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.textile.drafts.draft import Draft
@@ -16,14 +16,19 @@ if TYPE_CHECKING:
 #: Name of the file with the WIF in a .twa, which is a ZIP archive.
 _WIF_IN_TWA = "twamain.waf"
 
-reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("drafts.dtx", "read_dtx"))
-reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("drafts.wpo", "read_wpo"))
+reads(".dtx", label="Draft of Fiberworks", holds="draft")(lazy_function("drafts.dtx", "read_dtx"))
+reads(".wpo", label="Draft of WeavePoint", holds="draft")(lazy_function("drafts.wpo", "read_wpo"))
 
 
-@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("drafts.dtx", "losses"))
+@writes(
+    ".dtx",
+    label="Draft of Fiberworks",
+    holds=("draft",),
+    loses=lazy_function("drafts.dtx", "losses"),
+)
 def write_dtx(file: Path, draft: Draft) -> None:
     """Write a Fiberworks draft."""
-    write(file, [of("drafts.dtx", "format_dtx")(draft)])
+    write_parts(file, [lazy_function("drafts.dtx", "format_dtx")(draft)])
 
 
 @reads(".twa", label="Draft of TempoWeave", holds="draft")

@@ -18,13 +18,13 @@ from spacemap_vtk.cli.options import (
     SetLists,
     Size,
     flag,
-    listed_times,
-    numbers_table,
-    opened,
+    number_table,
+    open_scene,
+    output_option,
+    parse_times,
+    print_warnings,
     progress,
-    several_times,
-    tell_warnings,
-    written_to,
+    times_option,
 )
 from spacemap_vtk.errors import InputError, SpacemapError
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 #: Beginnings of the headings of figures that are printed first if they differ between runs. The
 #: table's file contains all figures.
-_FIRST = (
+_FIRST_COLUMNS = (
     *("sag", "drape coefficient", "warp crimp [", "weft crimp [", "areal mass", "cover ["),
     *("mode 1 [", "largest displacement", "largest rotation", "thickness"),
     *("least clearance", "deformed clearance", "sheet bending length"),
@@ -49,12 +49,12 @@ def sweep(
     *,
     output: Annotated[
         Path,
-        written_to("A folder; it is made where it is not there."),
+        output_option("A folder; it is made where it is not there."),
     ],
     set_: SetLists = (),
     paired: Paired = False,
     time: Annotated[
-        tuple[str, ...], several_times("by default the scene's", "--time", "--times")
+        tuple[str, ...], times_option("by default the scene's", "--time", "--times")
     ] = (),
     size: Size = None,
     color: ColorBy = None,
@@ -107,8 +107,8 @@ def sweep(
             value=workers,
             allowed="at least 1, and no --cluster",
         )
-    times = listed_times(time, "--time")
-    chosen = opened(scene, size=size, color=color)
+    times = parse_times(time, "--time")
+    chosen = open_scene(scene, size=size, color=color)
     fixed: list[tuple[str, str, Any]] = []
     if times:
         fixed.append(("view", "time", times[0]))
@@ -125,10 +125,10 @@ def sweep(
             asked, output, tell, workers=workers, cluster=cluster or "", again=again
         )
     if not quiet:
-        _print(asked, found)
+        _print_table(asked, found)
         print(f"{output / TABLE}, {output / SHEET}")
-        tell_warnings(chosen, quiet)
-        _tell_warnings(found)
+        print_warnings(chosen, quiet)
+        _print_run_warnings(found)
     failed = [run for run in asked.runs if found[run.name].error]
     if failed:
         first = f"{', '.join(failed[0].labels)}: " if failed[0].labels else ""
@@ -138,14 +138,14 @@ def sweep(
         )
 
 
-def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
+def _print_table(sweep: Sweep, found: Mapping[str, Result]) -> None:
     """Print the values and the figures that differ, as many as fit the width."""
     from rich.console import Console
 
     from spacemap_vtk.jobs.sweep import table
 
     headings, rows = table(sweep, found)
-    rows = [[_short(cell) for cell in row] for row in rows]
+    rows = [[_round_number(cell) for cell in row] for row in rows]
     last = len(headings) - 2  # the column of seconds; the message follows
     columns = list(range(1, 1 + len(sweep.axes)))
     differ = [
@@ -153,23 +153,25 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
         for k in range(columns[-1] + 1 if columns else 1, last)
         if len({row[k] for row in rows if not row[-1]}) > 1
     ]
-    first = [k for name in _FIRST for k in differ if headings[k].startswith(name)]
+    first = [k for name in _FIRST_COLUMNS for k in differ if headings[k].startswith(name)]
     console = Console(markup=False)
     room = console.width - 2
     shown = []
     for k in (*columns, last, *dict.fromkeys((*first, *differ))):
-        room -= 2 + max(len(word) for word in (*_wrapped(headings[k]), *(row[k] for row in rows)))
+        room -= 2 + max(
+            len(word) for word in (*_wrap_heading(headings[k]), *(row[k] for row in rows))
+        )
         if room > 0 or k in columns or k == last:
             shown.append(k)
     shown.sort()
-    told = numbers_table(("\n".join(_wrapped(headings[k])) for k in shown), title=sweep.title)
+    told = number_table(("\n".join(_wrap_heading(headings[k])) for k in shown), title=sweep.title)
     for row in rows:
         cells = [row[k] or "–" for k in shown]
         told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
     console.print(told)
 
 
-def _short(entry: str) -> str:
+def _round_number(entry: str) -> str:
     """Round a number to four digits; return words unchanged."""
     try:
         return f"{float(entry):.4g}" if "." in entry else entry
@@ -177,14 +179,14 @@ def _short(entry: str) -> str:
         return entry
 
 
-def _wrapped(heading: str) -> list[str]:
+def _wrap_heading(heading: str) -> list[str]:
     """Split a heading into short lines, the unit in the last."""
     name, bracket, unit = heading.partition(" [")
     words = name.replace(".", ". ").replace("_", "_ ").replace(" ", "\n").split("\n")
     return [*words, *([bracket.strip() + unit] if unit else [])]
 
 
-def _tell_warnings(found: Mapping[str, Result]) -> None:
+def _print_run_warnings(found: Mapping[str, Result]) -> None:
     """Print the stages' warnings; of those that differ only in numbers, the first."""
     alike: dict[str, list[str]] = {}
     for result in found.values():

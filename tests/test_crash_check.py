@@ -15,7 +15,7 @@ import h5py
 import pytest
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.io import trial
+from spacemap_vtk.io import crash_check
 from spacemap_vtk.io.reading import read_object
 from spacemap_vtk.io.series import open_series
 
@@ -119,9 +119,9 @@ def test_a_lattice_that_ends_before_it_begins_has_no_points(tmp_path: Path) -> N
 
 
 def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(trial, "_SECONDS", 1)
+    monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
-        trial.try_in_child(tmp_path, f"{__name__}:busy")
+        crash_check.check_in_child(tmp_path, f"{__name__}:busy")
 
 
 def busy(path: Path) -> None:
@@ -133,20 +133,20 @@ def test_who_gives_up_leaves_no_process_and_no_pipe(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Python tells what is left as a warning, which is an error here."""
-    monkeypatch.setattr(trial, "_child", None)
-    trial.try_in_child(tmp_path, "os:stat")
-    monkeypatch.setattr(trial, "_SECONDS", 1)
+    monkeypatch.setattr(crash_check, "_child", None)
+    crash_check.check_in_child(tmp_path, "os:stat")
+    monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
     # As Ctrl-C does, it ends the wait for an answer: that would come after this second.
     stop = threading.Timer(0.5, signal.pthread_kill, (threading.get_ident(), signal.SIGINT))
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     stop.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            trial.try_in_child(tmp_path, f"{__name__}:busy")
+            crash_check.check_in_child(tmp_path, f"{__name__}:busy")
     finally:
         stop.join()
         signal.signal(signal.SIGINT, usual)
-    assert trial._child is None
+    assert crash_check._child is None
     gc.collect()
 
 
@@ -155,11 +155,11 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
 ) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
     asked = []
-    monkeypatch.setattr(trial, "_ask", asked.append)
+    monkeypatch.setattr(crash_check, "_run_in_child", asked.append)
     file = tmp_path / "a.obj"
     file.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     for known in ({"this process"}, {"the cache"}):
-        trial._sound.clear()
+        crash_check._checked.clear()
         assert read_object(file).data.GetNumberOfPoints() == 3
         assert read_object(file).data.GetNumberOfPoints() == 3
         assert len(asked) == 1, known
@@ -176,7 +176,7 @@ def test_a_file_is_tried_again_when_one_that_it_names_has_changed(
     (tmp_path / "a.node").write_text("4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n")
     assert read_object(tmp_path / "a.ele").data.GetNumberOfCells() == 1
     (tmp_path / "a.node").write_text("# a file without an end")
-    monkeypatch.setattr(trial, "_SECONDS", 1)
+    monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
         read_object(tmp_path / "a.ele")
 

@@ -13,8 +13,8 @@ import pytest
 import pyvista as pv
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.again import told
 from spacemap_vtk.cli.main import app, main
+from spacemap_vtk.cli.remake import describe_record
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.provenance import NAME, Record
 from spacemap_vtk.jobs import job_from_json
@@ -135,7 +135,7 @@ def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
 )
 def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
     times = tuple(asked.get("times", (0.1,) if asked["what"] == "picture" else ()))
-    said = told(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
+    said = describe_record(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
     words = shlex.split(said.removeprefix("as by spacemap "))
     _, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     assert "a b.toml" in bound.args

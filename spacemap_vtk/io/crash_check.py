@@ -19,21 +19,21 @@ from typing import Any
 
 from spacemap_vtk import cache, workers
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.named import named
-from spacemap_vtk.io.registry import damaged
+from spacemap_vtk.io.file_references import file_references
+from spacemap_vtk.io.registry import damaged_error
 from spacemap_vtk.memory import available
 
 #: Seconds of processor time that any file may need.
-_SECONDS = 10
+_MOST_SECONDS = 10
 #: Seconds added for each byte of the file.
 _SECONDS_PER_BYTE = 1e-6
 
 _lock = threading.Lock()
 _child: subprocess.Popen[bytes] | None = None
-_sound: set[str] = set()
+_checked: set[str] = set()
 
 
-def try_in_child(path: Path, function: str, *more: Any) -> None:
+def check_in_child(path: Path, function: str, *more: Any) -> None:
     """Call "module:name" with a path in another process; refuse a file that ends that process."""
     # ParaView runs VTK's readers itself, and its Python has no interpreter that can be started.
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
@@ -45,24 +45,24 @@ def try_in_child(path: Path, function: str, *more: Any) -> None:
             f"{path}: its name is no UTF-8", key="file", cure="Rename it, or the folder it is in."
         ) from None
     # The damage may be in another file that this one names.
-    states = [_state(each) for each in (path, *(other for _, other in named(path)))]
+    states = [_file_state(each) for each in (path, *(other for _, other in file_references(path)))]
     key = f"sound-{hashlib.sha256(repr((states, function, more)).encode()).hexdigest()[:40]}"
-    if key in _sound or cache.load(key) is not None:
+    if key in _checked or cache.load(key) is not None:
         return
-    seconds = int(_SECONDS + _SECONDS_PER_BYTE * sum(size for _, size, *_ in states))
+    seconds = int(_MOST_SECONDS + _SECONDS_PER_BYTE * sum(size for _, size, *_ in states))
     with _lock:
-        answer = _ask((function, path, more, seconds, available()))
+        answer = _run_in_child((function, path, more, seconds, available()))
     if isinstance(answer, workers.EndedError):
         how = answer.message.partition("ended by ")[2]
-        raise damaged(path, f"damaged, or too large: what reads it ends by {how}")
+        raise damaged_error(path, f"damaged, or too large: what reads it ends by {how}")
     if isinstance(answer, InputError):
         raise answer
     if answer is None:  # any other error will occur in this process too
-        _sound.add(key)
+        _checked.add(key)
         cache.store(key)
 
 
-def _state(path: Path) -> tuple[str, int, int, int]:
+def _file_state(path: Path) -> tuple[str, int, int, int]:
     """Return the path, size, time of change and inode of a file."""
     size, changed, number = 0, 0, 0
     with suppress(OSError, ValueError):  # the reader reports a file that is missing
@@ -71,13 +71,13 @@ def _state(path: Path) -> tuple[str, int, int, int]:
     return os.path.abspath(path), size, changed, number
 
 
-def _ask(task: Any) -> Any:
+def _run_in_child(task: Any) -> Any:
     """Return the child's answer to a task; start the child for the first task."""
     global _child
     if _child is None:
         quiet = subprocess.DEVNULL  # hides what libraries print about damaged files
         try:
-            _child = workers.start(f"{__name__}:attempt", os.environ, stderr=quiet)
+            _child = workers.start(f"{__name__}:run_check", os.environ, stderr=quiet)
         except OSError:  # no more processes are allowed: the file is read in this one only
             return None
     child = _child
@@ -85,29 +85,29 @@ def _ask(task: Any) -> Any:
         answer, _child = workers.ask(child, task)
     except BaseException:  # Ctrl-C: a late answer would be taken for that of the next file
         child.kill()
-        _end_child()
+        _stop_child()
         raise
     if answer is not None:
-        _end_child()  # a damaged file may have damaged its memory
+        _stop_child()  # a damaged file may have damaged its memory
     return answer
 
 
 @atexit.register
-def _end_child() -> None:
+def _stop_child() -> None:
     global _child
     if _child is not None:
         workers.end(_child)
         _child = None
 
 
-def attempt(task: tuple[str, Path, tuple[Any, ...], int, int | None]) -> None:
+def run_check(task: tuple[str, Path, tuple[Any, ...], int, int | None]) -> None:
     """Read a file within limits of time and memory; runs in the child."""
     function, path, more, seconds, free = task
-    _limit(seconds, free)
+    _limit_resources(seconds, free)
     workers.named(function)(path, *more)
 
 
-def _limit(seconds: int, free: int | None) -> None:
+def _limit_resources(seconds: int, free: int | None) -> None:
     """Limit the further processor time (s) and memory (bytes) of this process."""
     with suppress(ImportError, ValueError, OSError):
         import resource  # not on Windows

@@ -17,13 +17,13 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SceneName,
     Set,
-    numbers_table,
-    opened,
+    number_table,
+    open_scene,
     print_json,
     print_labelled,
     print_plain,
+    print_warnings,
     progress,
-    tell_warnings,
 )
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError, MissingLibraryError, printable
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
 #: Largest number of a cage's pieces that are listed.
-_MOST_PIECES = 8
+_MOST_LISTED_PIECES = 8
 
 
 def info(
@@ -66,11 +66,11 @@ def info(
     arrays and the faults of its surface; of its cage, the pieces and what lies outside. Of a
     picture, a film or data: version, order and scene that it was made by, see "spacemap again".
     """
-    if _told_origin(Path(scene), json_):
+    if _print_record(Path(scene), json_):
         return
-    chosen = opened(scene, set_, time=time)
+    chosen = open_scene(scene, set_, time=time)
     if chosen.woven is None:
-        _tell_object(chosen, json_, quiet)
+        _print_object(chosen, json_, quiet)
         return
     from spacemap_vtk.scenes import figure_list, report
 
@@ -88,10 +88,10 @@ def info(
         table.add_row(warp.label, warp.told, weft.told)
     print_plain(table)
     print_labelled((figure.label, figure.told) for figure in figure_list.cloth_figures(figures))
-    tell_warnings(chosen, quiet)
+    print_warnings(chosen, quiet)
 
 
-def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
+def _print_object(scene: Scene, json: bool, quiet: bool) -> None:
     """Print the figures of an object, or of a textile that is not woven, and of its cage."""
     from spacemap_vtk.scenes.anatomy import body
     from spacemap_vtk.scenes.figure_list import textile_figures
@@ -104,11 +104,11 @@ def _tell_object(scene: Scene, json: bool, quiet: bool) -> None:
     print_plain(scene.title)
     if scene.textile is not None:
         print_labelled((f.label, f.told) for f in textile_figures(scene.textile))
-    print_labelled(_rows(figures))
-    tell_warnings(scene, quiet)
+    print_labelled(_object_rows(figures))
+    print_warnings(scene, quiet)
 
 
-def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
+def _object_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     kinds = ", ".join(f"{count} {name}" for name, count in figures["cell_types"].items())
     faults = figures["open_edges"], figures["branching_edges"]
     surface = "{} open and {} branching edges".format(*faults) if any(faults) else "closed"
@@ -130,7 +130,9 @@ def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     cage = figures["cage"]
     if cage:
         sizes = cage["pieces"]
-        listed = ", ".join(map(str, sizes[:_MOST_PIECES])) + ", ..." * (len(sizes) > _MOST_PIECES)
+        listed = ", ".join(map(str, sizes[:_MOST_LISTED_PIECES])) + ", ..." * (
+            len(sizes) > _MOST_LISTED_PIECES
+        )
         percent = f" ({100 * cage['points_outside'] / figures['points']:.3g} %)"
         distance = f"{percent}, by up to {_length(cage['largest_distance'])}"
         share = f", {100 * cage['filled']:.3g} % of it filled" * (cage["filled"] != 1.0)
@@ -154,11 +156,11 @@ def _length(value: float) -> str:
     return format_quantity(value, "m", 5)
 
 
-def _told_origin(file: Path, json_: bool) -> bool:
+def _print_record(file: Path, json_: bool) -> bool:
     """Print a file's record, if it has one; return whether nothing else can be printed."""
     opens = registry.kind_of(file) is not None
     try:
-        record = None if registry.refusal(file) else provenance.record_in(file)
+        record = None if registry.unreadable_reason(file) else provenance.read_record(file)
     except MissingLibraryError:  # the library that reads the record
         if not opens:
             raise
@@ -166,9 +168,9 @@ def _told_origin(file: Path, json_: bool) -> bool:
     if record is None:
         return False
     if not json_:
-        from spacemap_vtk.cli.again import told
+        from spacemap_vtk.cli.remake import describe_record
 
-        print(printable("\n".join(told(record, file)), "\n"))
+        print(printable("\n".join(describe_record(record, file)), "\n"))
         if not opens:
             print("\n" + printable(record.scene, "\n"), end="")
     elif not opens:
@@ -182,9 +184,9 @@ def validate(scene: SceneName, /, *, set_: Set = (), quiet: Quiet = False) -> No
     Every value, the draft, the cage's material, and that the fabric is feasible; a draft by itself
     is valid, with a warning, where its yarns have no room.
     """
-    chosen = opened(scene, set_)
+    chosen = open_scene(scene, set_)
     chosen.check()
-    tell_warnings(chosen, quiet)
+    print_warnings(chosen, quiet)
     if not quiet:
         print(f"{chosen.file}: valid")
 
@@ -249,7 +251,7 @@ def materials(*, json_: Json = False) -> None:
     if json_:
         print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMPTIONS)})
         return
-    table = numbers_table(
+    table = number_table(
         [
             *("\nmaterial", "\ng/m²", "\nC11", "\nC12", "\nC22", "\nC33"),
             *("B\nweft", "B\nbias", "B\nwarp", "c\nweft", "c\nwarp", "\nplate"),
@@ -260,8 +262,8 @@ def materials(*, json_: Json = False) -> None:
         table.add_row(
             name,
             f"{1e3 * fabric.areal_mass:g}",
-            *(_short(value) for value in fabric.stiffness),
-            *(_short(1e6 * value) for value in fabric.bending),
+            *(_format_short(value) for value in fabric.stiffness),
+            *(_format_short(1e6 * value) for value in fabric.bending),
             *(f"{1e3 * rows[name][f'bending_length_{way}']:.0f}" for way in ("weft", "warp")),
             f"{1e3 * fabric.plate:.2f}",
         )
@@ -290,7 +292,7 @@ def _print_paragraph(text: str) -> None:
     print("\n" + textwrap.fill(text, 78))
 
 
-def _short(value: float) -> str:
+def _format_short(value: float) -> str:
     """Format a number with three digits, or all before the point."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
@@ -317,14 +319,14 @@ def keys(
         summary = (known[name].__doc__ or "").strip().splitlines()[0]
         print(f"[{name}]  {summary}\n")
         for key, parameter in known[name].parameters.items():
-            print(f"{key} = {as_toml(parameter)}")
+            print(f"{key} = {format_default(parameter)}")
             when = f" Counts where {parameter.counts}." if parameter.counts else ""
             print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()
 
 
-def as_toml(parameter: Any) -> str:
+def format_default(parameter: Any) -> str:
     """Format a parameter's default as in a scene file, with the meaning of "auto"."""
     from spacemap_vtk.parameters import AUTOMATIC
 

@@ -18,7 +18,7 @@ _DEEPEST = 8
 _ATTRIBUTES = ("file", "source", "filename", "href")
 
 
-def words(pattern: bytes) -> Callable[[Path], list[str]]:
+def pattern_names(pattern: bytes) -> Callable[[Path], list[str]]:
     """Return a function that finds file names in a file by a pattern with one group."""
 
     def found(path: Path) -> list[str]:
@@ -28,7 +28,7 @@ def words(pattern: bytes) -> Callable[[Path], list[str]]:
     return found
 
 
-def in_xml(path: Path) -> list[str]:
+def names_in_xml(path: Path) -> list[str]:
     """Return the file names in XML attributes, and in text such as "mesh.h5:/points"."""
     found: list[str] = []
 
@@ -52,7 +52,7 @@ def in_xml(path: Path) -> list[str]:
     return found
 
 
-def in_hdf(path: Path) -> list[str]:
+def names_in_hdf(path: Path) -> list[str]:
     """Return the files that an HDF5 file links to or stores its data in; none without h5py."""
     with path.open("rb") as file:
         if file.read(8) != b"\x89HDF\r\n\x1a\n":
@@ -77,29 +77,29 @@ def in_hdf(path: Path) -> list[str]:
     return found
 
 
-def named(path: Path) -> Iterator[tuple[Path, Path]]:
+def file_references(path: Path) -> Iterator[tuple[Path, Path]]:
     """Yield pairs (file, file that it names), recursively, beginning with a mesh or motion."""
     # A file that cannot be read counts as naming none; its reader reports the reason.
     seen, wait = {path}, [path]
     for _ in range(_DEEPEST):
         by, wait = wait, []
         for one in by:
-            for other in _of(one):
+            for other in _referenced_files(one):
                 if other not in seen:
                     seen.add(other)
                     wait.append(other)
                     yield one, other
 
 
-def _of(path: Path) -> tuple[Path, ...]:
+def _referenced_files(path: Path) -> tuple[Path, ...]:
     with suppress(OSError, SpacemapError):
         state = path.stat()
-        return _read(path, state.st_mtime_ns, state.st_size)
+        return _read_references(path, state.st_mtime_ns, state.st_size)
     return ()
 
 
 @lru_cache(10_000)
-def _read(path: Path, _changed: int, _size: int) -> tuple[Path, ...]:
+def _read_references(path: Path, _changed: int, _size: int) -> tuple[Path, ...]:
     found = {kind: registry.reader(path, kind) for kind in ("motion", "mesh")}
-    names = (word for each in found.values() if each for word in each.named(path))
+    names = (word for each in found.values() if each for word in each.referenced_names(path))
     return tuple(dict.fromkeys(path.parent / word for word in names))

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.options import Quiet, Set, flag, progress, tell_warnings, written_to
+from spacemap_vtk.cli.options import Quiet, Set, flag, output_option, print_warnings, progress
 from spacemap_vtk.errors import InputError, SpacemapError, printable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.io.provenance import Record
@@ -19,10 +19,10 @@ from spacemap_vtk.jobs import JOBS, DataJob, job_from_json
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: Fields of picture and film jobs that only the window sets; there are no options for them.
-_UNSAID = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
+_WINDOW_FIELDS = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
 
 
-def again(
+def remake(
     file: Annotated[
         Path,
         Parameter(
@@ -33,7 +33,9 @@ def again(
     *,
     output: Annotated[
         Path | None,
-        written_to("What is written; by default beside the file, as cloth-again.png of cloth.png."),
+        output_option(
+            "What is written; by default beside the file, as cloth-again.png of cloth.png."
+        ),
     ] = None,
     set_: Set = (),
     check: Annotated[
@@ -63,18 +65,18 @@ def again(
     """
     from spacemap_vtk.scenes.origin import places, scene_of
 
-    record = provenance.record_in(registry.existing(file))
+    record = provenance.read_record(registry.require_file(file))
     if record is None:
         raise InputError(
             f"{file}: it does not say how it was made",
-            allowed=f"a file that this program has written: {', '.join(provenance.endings())}",
+            allowed=f"a file made by this program: {', '.join(provenance.record_endings())}",
         )
     target = output or file.with_name(f"{file.stem}-again{file.suffix}")
-    if output is None and not check and not force and (there := _in_the_way(target)):
+    if output is None and not check and not force and (there := _existing_output(target)):
         raise InputError(f"{there} is there already", cure="Name an --output, or give --force.")
     scene, inputs = scene_of(record, places(file, folder))
     if not quiet:
-        for line in (*told(record, file), *(f"reads {path}" for path in inputs)):
+        for line in (*describe_record(record, file), *(f"reads {path}" for path in inputs)):
             print(printable(line, "\n"))
         print("writes nothing" if check else f"writes {target}", flush=True)
     if target.resolve() in [path.resolve() for path in inputs]:
@@ -85,14 +87,14 @@ def again(
         made = room / file.name if check else target
         with progress(scene, "Making", quiet) as tell:
             job_from_json(record.order, made).run(scene, tell)
-        tell_warnings(scene, quiet)
-        if check and (found := list(differences(file, made))):
+        print_warnings(scene, quiet)
+        if check and (found := list(compare_files(file, made))):
             raise SpacemapError(f"{file}: made anew it is another: {'; '.join(found)}")
     if check and not quiet:
         print(f"{file}: made anew it is the same")
 
 
-def told(record: Record, file: Path) -> list[str]:
+def describe_record(record: Record, file: Path) -> list[str]:
     """Describe a record for people."""
     here = "" if record.version == __version__ else f" (this is {__version__})"
     what = str(record.order.get("what"))
@@ -103,7 +105,7 @@ def told(record: Record, file: Path) -> list[str]:
     words += "".join(f" --set {shlex.quote(str(each))}" for each in asked.pop("lists", ()))
     asked.pop("page", None)
     pictured = what in ("picture", "film")
-    unsaid = [name for key, name in _UNSAID.items() if pictured and asked.pop(key, None)]
+    unsaid = [name for key, name in _WINDOW_FIELDS.items() if pictured and asked.pop(key, None)]
     words += " --raytrace" if "samples" in asked else ""
     if "width" in asked:
         asked["width"] = f"{asked['width']:g}mm"
@@ -127,37 +129,37 @@ def told(record: Record, file: Path) -> list[str]:
     ]
 
 
-def _in_the_way(target: Path) -> Path | None:
+def _existing_output(target: Path) -> Path | None:
     """Return the first path that would be overwritten: the file, or one written along with it."""
     beside = (target.with_suffix(".mtl"), target.with_suffix(""))
     named = target, *beside, target.with_name(f"{target.name}-metadata.json")
     return next((path for path in named if path.exists()), None)
 
 
-def differences(one: Path, other: Path) -> Iterator[str]:
+def compare_files(one: Path, other: Path) -> Iterator[str]:
     """Yield how the contents of two files differ, in words; their records are ignored."""
     if one.read_bytes() == other.read_bytes() and not one.with_suffix("").is_dir():
         return  # no other file belongs to them that could differ
     ending = one.suffix.lower()
-    if ending in registry.written("picture"):
-        yield from _pixels(one, other)
+    if ending in registry.writer_endings("picture"):
+        yield from _compare_pixels(one, other)
         return
     # An analysis is more than its mesh, and a moving surface more than its motion: compare lines.
     held = {kind for each in registry.writers() if ending in each.endings for kind in each.holds}
-    read = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
+    read = [kind for kind in ("motion", "mesh") if ending in registry.reader_endings(kind)]
     found = []
     if read and "analysis" not in held:
-        found = list((_steps if read[0] == "motion" else _arrays)(one, other))
+        found = list((_compare_steps if read[0] == "motion" else _compare_arrays)(one, other))
     yield from found
     if not found and (not read or held & {"analysis", "moving"}):
-        lines = [_lines(path) for path in (one, other)]
+        lines = [_content_lines(path) for path in (one, other)]
         count = sum(a != b for a, b in zip(*lines, strict=False))
         count += abs(len(lines[0]) - len(lines[1]))
         if count:
             yield f"{count} of {len(lines[0])} lines differ"
 
 
-def _lines(path: Path) -> list[bytes]:
+def _content_lines(path: Path) -> list[bytes]:
     name = provenance.NAME.encode()
     content = path.read_bytes()
     if content.startswith(b"glTF"):  # its JSON is a single line, which includes the record
@@ -167,7 +169,7 @@ def _lines(path: Path) -> list[bytes]:
     return [line for line in content.splitlines() if name not in line]
 
 
-def _pixels(one: Path, other: Path) -> Iterator[str]:
+def _compare_pixels(one: Path, other: Path) -> Iterator[str]:
     import numpy as np
     from PIL import Image
 
@@ -184,7 +186,7 @@ def _pixels(one: Path, other: Path) -> Iterator[str]:
         yield f"{share:.2%} of the pixels differ, by up to {off.max()} of 255"
 
 
-def _steps(one: Path, other: Path) -> Iterator[str]:
+def _compare_steps(one: Path, other: Path) -> Iterator[str]:
     from spacemap_vtk.io.series import open_series
 
     series = open_series(one), open_series(other)
@@ -192,17 +194,17 @@ def _steps(one: Path, other: Path) -> Iterator[str]:
         yield "the times are others"
         return
     for number, time in enumerate(series[0].times):
-        for text in _compared(*(each.read(number) for each in series)):
+        for text in _compare_meshes(*(each.read(number) for each in series)):
             yield f"at {time:g} s {text}"
 
 
-def _arrays(one: Path, other: Path) -> Iterator[str]:
-    from spacemap_vtk.io.reading import merged, read_blocks
+def _compare_arrays(one: Path, other: Path) -> Iterator[str]:
+    from spacemap_vtk.io.reading import merge_blocks, read_blocks
 
-    yield from _compared(*(merged(read_blocks(path), path) for path in (one, other)))
+    yield from _compare_meshes(*(merge_blocks(read_blocks(path), path) for path in (one, other)))
 
 
-def _compared(was: Any, made: Any) -> Iterator[str]:
+def _compare_meshes(was: Any, made: Any) -> Iterator[str]:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
