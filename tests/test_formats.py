@@ -33,7 +33,7 @@ from pathlib import Path
 import numpy as np
 
 from spacemap_vtk.errors import MissingLibraryError
-from spacemap_vtk.io.registry import reads, truncated, writes
+from spacemap_vtk.io.registry import reads, truncated_error, writes
 
 
 @reads(".bits", label="Toy draft", holds="draft")
@@ -46,7 +46,7 @@ def read_bits(path):
 
 def whole(path):
     if not path.read_text().endswith("end"):
-        raise truncated(path)
+        raise truncated_error(path)
 
 
 @reads(".dots", label="Toy mesh", holds="mesh", check=whole)
