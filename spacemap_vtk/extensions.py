@@ -47,7 +47,7 @@ OWN = {
     },
     "maps": {"smooth": "spacemap_vtk.embedding.smooth:SmoothInterpolation"},
     "data": {"analysis": "spacemap_vtk.scenes.for_solvers:analysis_of"},
-    "renderers": {"raytrace": "spacemap_vtk.draw.raytrace:raytraced"},
+    "renderers": {"raytrace": "spacemap_vtk.draw.raytrace:raytrace"},
 }
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import measure
-from spacemap_vtk.draw.actors.surface_actor import natural_span, scale_share
+from spacemap_vtk.draw.actors.color_values import color_values
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share, natural_span
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.detail.cloth_sheet import Sheet
+from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
@@ -114,10 +114,10 @@ def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
             **(MOVING if moves else {}),
         }
     )
-    sheet = Sheet(scene)
+    sheet = ClothSheet(scene)
     sheet.update(0.05)
     scene.update(0.05)
-    numbers = measure(scene.polygons, "clearance")
+    numbers = color_values(scene.polygons, "clearance")
     assert numbers is not None
     # The scale is that of all yarns.
     assert sheet.ends is not None
@@ -157,7 +157,7 @@ def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) 
         picture = Picture(Scene(values), [0.01], (side, side), ["fabric"], place)
         image = picture.draw(0.01).astype(np.float64)
         picture.close()
-        column = round(side * (1 - scale_share((side, side))) / 2)
+        column = round(side * (1 - color_bar_share((side, side))) / 2)
         wide = side // 6
         image = image[side // 3 : -side // 3, column - wide : column + wide]
         return reduced(image, 1)[0, 0], picture
@@ -190,7 +190,7 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     bounds = scene.polygons.GetBounds()
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     scene = Scene(values)
-    sheet = Sheet.if_many(scene)
+    sheet = ClothSheet.if_many(scene)
     assert sheet is not None
     assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
     assert (
@@ -248,7 +248,7 @@ def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:
 def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
     values = {"weave": {"ends": 6, "picks": 6}, "response": {"gravity": [0, 0, -9.8]}}
     scene = Scene(values)
-    sheet = Sheet(scene)
+    sheet = ClothSheet(scene)
     flat = sheet.place(0.0).GetBounds()
     assert sheet.place(0.3).GetBounds() != flat
     scene.adopt({}, {"weave"})  # as the window switches the motion off

@@ -14,16 +14,16 @@ from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.actors.surface_actor import (
     RAMP,
     SurfaceActor,
-    fit_scale,
+    color_bar_share,
+    color_bar_title,
+    fit_color_bar,
+    make_color_bar,
     natural_span,
     rgb,
-    scale_bar,
-    scale_share,
-    scale_title,
 )
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
@@ -54,7 +54,7 @@ def test_velocity_is_the_slope_of_the_displacement() -> None:
     carried = vtk_to_numpy(scene.patches.GetPointData().GetArray("velocity"))
     assert np.abs(slope).max() > 1e-3
     np.testing.assert_allclose(carried, slope, atol=2e-4 * np.abs(slope).max())
-    shown = measure(scene.polygons, "velocity")
+    shown = color_values(scene.polygons, "velocity")
     assert shown is not None
     assert abs(shown.max() / np.linalg.norm(slope, axis=1).max() - 1) < 0.1
 
@@ -162,12 +162,12 @@ def test_a_wrong_colour_names_the_option(capsys: pytest.CaptureFixture[str]) -> 
 def test_a_scale_is_read_whole(
     size: tuple[int, int], color: str, unit: str, span: tuple[float, float]
 ) -> None:
-    bar, table = scale_bar(), vtkLookupTable()
+    bar, table = make_color_bar(), vtkLookupTable()
     table.SetTableRange(*span)
     bar.SetLookupTable(table)
-    bar.SetTitle(scale_title(color, unit))
+    bar.SetTitle(color_bar_title(color, unit))
     bar.SetVisibility(True)
-    fit_scale(bar, size, (0, 0, 0))
+    fit_color_bar(bar, size, (0, 0, 0))
     prepare_offscreen()
     plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
     plotter.set_background("black")
@@ -177,7 +177,7 @@ def test_a_scale_is_read_whole(
     columns = np.flatnonzero((pixels > 60).any(axis=(0, 2)))
     # Nothing is cut off by the edge, and nothing lies over the cloth.
     assert columns[-1] < size[0] - 1
-    assert columns[0] >= size[0] * (1.0 - scale_share(size)) - 1
+    assert columns[0] >= size[0] * (1.0 - color_bar_share(size)) - 1
 
 
 def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ def test_what_hangs_shows_how_far_and_how_strongly_it_is_pulled() -> None:
     for color in ("displacement", "equilibrium", "stress", "principal_stress", "strain"):
         scene.set(f"view.color={color}")
         scene.update(0.0)
-        values = measure(scene.polygons, color)
+        values = color_values(scene.polygons, color)
         assert values is not None
         found[color] = values
     # At rest it is where it hangs, and the scale of the displacement begins there.
@@ -270,7 +270,7 @@ def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
     added = {"crimp", "yarn_strain", "contact_force", "jammed"}
     assert set(scene.colorings) - plain == added
     scene.update(time=0.0)
-    crimp = measure(scene.polygons, "crimp")
+    crimp = color_values(scene.polygons, "crimp")
     assert crimp is not None
     assert crimp == pytest.approx(scene.woven.cloth.families[0].crimp.crimp, rel=1e-4)
     actor = SurfaceActor()

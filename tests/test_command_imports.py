@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from spacemap_vtk.draw.actors.shading import STRIP, blurred, contact_shade
+from spacemap_vtk.draw.actors.contact_shadows import STRIP, blur, contact_shadows
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 #: What takes a tenth of a second to import, or more.
@@ -107,19 +107,19 @@ def test_the_blur_is_scipys() -> None:
     image = np.random.default_rng(1).random((3 * STRIP // 2, 2 * STRIP + 1), dtype=np.float32)
     for sigma in (0.7, 3.3, 21.8):
         known = ndimage.gaussian_filter(image, sigma, mode="nearest", truncate=2.5)
-        np.testing.assert_array_equal(blurred(image, sigma), known)
+        np.testing.assert_array_equal(blur(image, sigma), known)
 
 
 def test_a_shade_knows_no_strips() -> None:
     rows, columns = np.mgrid[: 2 * STRIP + 8, : STRIP + 4]
     depth = (1.0 + 1e-3 * np.sin(rows / 9) * np.cos(columns / 7)).astype(np.float32)
     depth[rows < columns / 3] = np.nan
-    shade = contact_shade(depth, 1e-3, 12.0)
+    shade = contact_shadows(depth, 1e-3, 12.0)
     # Of a surface seen from its other side, strips end elsewhere.
-    np.testing.assert_allclose(shade[::-1], contact_shade(depth[::-1], 1e-3, 12.0), atol=1e-3)
+    np.testing.assert_allclose(shade[::-1], contact_shadows(depth[::-1], 1e-3, 12.0), atol=1e-3)
     assert shade[np.isnan(depth)].min() == 1.0
     assert shade.min() < 0.9
     # Twice as large is as dark: what is blurred is reduced further there.
-    shade = contact_shade(depth, 1e-3, 36.0)
-    large = contact_shade(np.kron(depth, np.ones((2, 2), np.float32)), 1e-3, 72.0)
+    shade = contact_shadows(depth, 1e-3, 36.0)
+    large = contact_shadows(np.kron(depth, np.ones((2, 2), np.float32)), 1e-3, 72.0)
     np.testing.assert_allclose(large[::2, ::2], shade, atol=0.03)

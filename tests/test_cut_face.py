@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkMassProperties, vtkT
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk.datasets.arrays import points_of, to_array
-from spacemap_vtk.draw.actors.cut_face import BRIGHT, cut_face
+from spacemap_vtk.draw.actors.cut_face import BRIGHT, compute_cut_face
 from spacemap_vtk.draw.actors.surface_actor import FAMILIES
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
@@ -44,7 +44,7 @@ def ball(radius: float, inward: bool = False) -> vtkPolyData:
 @pytest.mark.parametrize("height", [0.0, 0.3])
 def test_a_ball_shows_a_disc(normal: tuple[float, ...], height: float) -> None:
     way = np.array(normal) / np.linalg.norm(normal)
-    face = cut_face(ball(1.0), (tuple(way.tolist()), tuple((height * way).tolist())))
+    face = compute_cut_face(ball(1.0), (tuple(way.tolist()), tuple((height * way).tolist())))
     assert area(face) == pytest.approx(np.pi * (1 - height**2), rel=3e-3)
     np.testing.assert_allclose(points_of(face) @ way, height, atol=1e-5)
 
@@ -54,13 +54,13 @@ def test_a_hollow_ball_shows_a_ring() -> None:
     both.AddInputData(ball(1.0))
     both.AddInputData(ball(0.6, inward=True))
     both.Update()
-    face = cut_face(both.GetOutput(), ((0.1, 0.2, 1.0), (0.0, 0.0, 0.01)))
+    face = compute_cut_face(both.GetOutput(), ((0.1, 0.2, 1.0), (0.0, 0.0, 0.01)))
     assert area(face) == pytest.approx(np.pi * (1 - 0.36), rel=3e-3)
 
 
 def test_what_is_not_cut_or_empty_has_no_face() -> None:
-    assert cut_face(ball(1.0), ((0, 0, 1), (0, 0, 2))).GetNumberOfCells() == 0
-    assert cut_face(vtkPolyData(), ((0, 0, 1), (0, 0, 0))).GetNumberOfCells() == 0
+    assert compute_cut_face(ball(1.0), ((0, 0, 1), (0, 0, 2))).GetNumberOfCells() == 0
+    assert compute_cut_face(vtkPolyData(), ((0, 0, 1), (0, 0, 0))).GetNumberOfCells() == 0
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -83,7 +83,7 @@ def test_the_faces_through_a_weave_add_up_to_its_volume(axis: int, pattern: str)
         origin[axis] = low + (k + 0.5) / count * (high - low)
         normal = [0.0, 0.0, 0.0]
         normal[axis] = 1.0
-        total += area(cut_face(surface, (tuple(normal), tuple(origin))))  # type: ignore[arg-type]
+        total += area(compute_cut_face(surface, (tuple(normal), tuple(origin))))  # type: ignore[arg-type]
     assert total * (high - low) / count == pytest.approx(volume.GetVolume(), rel=0.02)
 
 
@@ -93,7 +93,7 @@ def test_a_face_has_the_yarns_numbers_and_what_lies_on_its_outline() -> None:
     surface = vtkPolyData()
     surface.ShallowCopy(scene.polygons)
     surface.GetPointData().AddArray(to_array(points_of(surface)[:, 1].copy(), "shown"))
-    face = cut_face(surface, ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    face = compute_cut_face(surface, ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     family = vtk_to_numpy(face.GetCellData().GetArray("family"))
     yarn = vtk_to_numpy(face.GetCellData().GetArray("yarn"))
     # The three picks, and the middle end lengthwise.

@@ -10,7 +10,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import PatchTessellator
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Seen, Viewpoint, pixels_of, pixels_per_metre, projected
+from spacemap_vtk.draw.camera import (
+    CameraView,
+    Viewpoint,
+    pixels_per_metre,
+    pixels_per_metre_at_focus,
+    project_points,
+)
 from spacemap_vtk.draw.detail.facets import choose_facets
 from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
 from spacemap_vtk.scenes.level_of_detail import (
@@ -33,20 +39,20 @@ def cloth(**weave: Any) -> Scene:
     return scene
 
 
-def close_up(scene: Scene, near: float, flat: bool = False, size: Any = SIZE_4K) -> Seen:
+def close_up(scene: Scene, near: float, flat: bool = False, size: Any = SIZE_4K) -> CameraView:
     """Look slantwise at the middle from so many widths of the cloth."""
     points = points_of(scene.source.output).astype(float)
     middle, width = points.mean(axis=0), float(np.ptp(points[:, 0]))
     way = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
     scale = 0.2 * near * width if flat else 0.0
-    return Seen(
+    return CameraView(
         Viewpoint(tuple(middle + near * width * way), tuple(middle), (0.0, 1.0, 0.0), scale),
         0.0,
         size,
     )
 
 
-def chosen_for(scene: Scene, seen: Seen) -> PatchTessellator:
+def chosen_for(scene: Scene, seen: CameraView) -> PatchTessellator:
     """Return what makes the facets that are seen."""
     stage, grid = PatchTessellator(), scene.source.output
     stage.SetInputDataObject(grid)
@@ -57,7 +63,7 @@ def chosen_for(scene: Scene, seen: Seen) -> PatchTessellator:
     return stage
 
 
-def surface_of(scene: Scene, seen: Seen) -> PatchTessellator:
+def surface_of(scene: Scene, seen: CameraView) -> PatchTessellator:
     stage = chosen_for(scene, seen)
     stage.update()
     return stage
@@ -74,7 +80,7 @@ def patches_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return points_of(grid).astype(float), table
 
 
-def outline_error(scene: Scene, stage: PatchTessellator, seen: Seen) -> float:
+def outline_error(scene: Scene, stage: PatchTessellator, seen: CameraView) -> float:
     """Return how many pixels the facets at outlines are off the patches, at most."""
     points, patches = patches_of(scene)
     sides, camera = sides_of(stage, patches, points), seen.camera
@@ -106,9 +112,9 @@ def outline_error(scene: Scene, stage: PatchTessellator, seen: Seen) -> float:
             sight = exact - eye if not camera.GetParallelProjection() else ahead
             sight = np.broadcast_to(sight, exact.shape)
             aside = np.abs((sight * normal).sum(-1)) < _ASIDE * np.linalg.norm(sight, axis=-1)
-            x, y, _, w = projected(camera, exact.reshape(-1, 3), seen.size[0] / seen.size[1]).T
+            x, y, _, w = project_points(camera, exact.reshape(-1, 3), seen.size[0] / seen.size[1]).T
             inside = ((np.abs(x) < w) & (np.abs(y) < w)).reshape(aside.shape)
-            scale = np.full(aside.shape, pixels_of(camera, seen.size[1]))
+            scale = np.full(aside.shape, pixels_per_metre_at_focus(camera, seen.size[1]))
             if not camera.GetParallelProjection():
                 scale *= camera.GetDistance() / ((exact - eye) @ ahead)
             off = np.abs(((flat - exact) * normal).sum(-1)) * scale
@@ -146,7 +152,7 @@ def test_only_what_is_in_sight_has_more_facets() -> None:
     sides = sides_of(stage, patches, points)
     assert sides.max() > MOST_SIDES
     assert (sides <= LEAST_SIDES).mean() > 0.9
-    x, y, _, w = projected(seen.camera, points, 16 / 9).T
+    x, y, _, w = project_points(seen.camera, points, 16 / 9).T
     seen_any = ((np.abs(x) < w) & (np.abs(y) < w))[patches].any(axis=1)
     assert (sides[seen_any] > LEAST_SIDES).all()
     quads = stage.output.GetNumberOfCells()
@@ -239,10 +245,10 @@ def test_plies_near_the_camera_are_as_smooth() -> None:
         exact = many[:, ::2, ::2, 2]  # the middle of each facet
         normal, sight = normals[exact], drawn[1][exact] - camera.GetPosition()
         depth = sight @ np.array(camera.GetDirectionOfProjection())
-        x, y, _, w = projected(camera, drawn[1][exact].reshape(-1, 3), 16 / 9).T
+        x, y, _, w = project_points(camera, drawn[1][exact].reshape(-1, 3), 16 / 9).T
         inside = ((np.abs(x) < w) & (np.abs(y) < w)).reshape(depth.shape)
         aside = np.abs((sight * normal).sum(-1)) < _ASIDE * np.linalg.norm(sight, axis=-1)
         off = np.abs(((drawn[0][few].mean(axis=3) - drawn[1][exact]) * normal).sum(-1))
-        off *= pixels_of(camera, 720) * camera.GetDistance() / depth
+        off *= pixels_per_metre_at_focus(camera, 720) * camera.GetDistance() / depth
         worst = max(worst, float(off[inside & aside].max(initial=0.0)))
     assert 0.0 < worst < 0.5

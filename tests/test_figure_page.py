@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.actors.coloring import round_numbers
-from spacemap_vtk.draw.annotate.measuring import round_length
+from spacemap_vtk.draw.actors.color_values import round_ticks
+from spacemap_vtk.draw.annotate.view_scale import round_length
 
 
 def run(*arguments: object) -> int:
@@ -103,8 +103,8 @@ def test_pictures_of_a_row_that_is_not_full_are_as_large(tmp_path: Path) -> None
 def test_round_numbers_and_lengths() -> None:
     assert round_length(0.0341) == pytest.approx(0.02)
     assert round_length(0.05) == pytest.approx(0.05)
-    assert round_numbers(-3.1, 4.2) == [-2.0, 0.0, 2.0, 4.0]
-    assert round_numbers(0.0, 0.8) == [0.0, 0.2, 0.4, 0.6, 0.8]
+    assert round_ticks(-3.1, 4.2) == [-2.0, 0.0, 2.0, 4.0]
+    assert round_ticks(0.0, 0.8) == [0.0, 0.2, 0.4, 0.6, 0.8]
 
 
 def test_what_no_figure_can_be_is_refused(

@@ -10,8 +10,8 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, points_of
-from spacemap_vtk.draw.actors.glyphs import GhostActor, LoadActor, cut_of, rest_of
-from spacemap_vtk.draw.actors.load_arrows import KINDS, load_arrows
+from spacemap_vtk.draw.actors.glyphs import GhostActor, LoadActor, cut_of, rest_points
+from spacemap_vtk.draw.actors.load_arrows import ARROW_COLORS, load_arrows
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.scene import Scene
@@ -67,7 +67,7 @@ def test_the_ghost_is_where_the_fabric_was() -> None:
     rest = points_of(scene.polygons).copy()
     scene.update(0.02)
     assert np.abs(points_of(scene.polygons) - rest).max() > 1e-4
-    np.testing.assert_allclose(rest_of(scene.polygons), rest, atol=1e-9)
+    np.testing.assert_allclose(rest_points(scene.polygons), rest, atol=1e-9)
     # Pale: what the moved fabric leaves free is a little darker than the background.
     plain, pale = drawn(show="fabric", ghost=False), drawn(show="fabric", ghost=True)
     assert plain.shape == pale.shape
@@ -115,7 +115,7 @@ def test_the_plane_goes_through_the_middle_at_rest_or_a_point() -> None:
     scene.set("view.clip_normal=[0, 0, 1]")
     normal, origin = cut_of(scene.view, scene.polygons) or ((), ())
     assert normal == (0.0, 0.0, 1.0)
-    rest = rest_of(scene.polygons)
+    rest = rest_points(scene.polygons)
     np.testing.assert_allclose(origin, (rest.min(axis=0) + rest.max(axis=0)) / 2)
     scene.set('view.clip_origin=["1 mm", 0, 0]')
     assert cut_of(scene.view, scene.polygons) == ((0.0, 0.0, 1.0), (0.001, 0.0, 0.0))
@@ -140,7 +140,7 @@ def test_an_arrow_is_in_sight_at_its_strongest_whenever_the_picture_is_of() -> N
     scene = Scene({**VALUES, "response": response, "view": {"loads": True, "camera": "side"}})
     # Nothing acts any more at the time that the camera is aimed for.
     picture = Picture(scene, [0.02], (240, 180))
-    arrow = near(picture.draw(0.0).astype(int), KINDS["force"], 90)
+    arrow = near(picture.draw(0.0).astype(int), ARROW_COLORS["force"], 90)
     picture.close()
     assert arrow.sum() > 20
     for edge in (arrow[0], arrow[-1], arrow[:, 0], arrow[:, -1]):
@@ -213,7 +213,7 @@ def test_an_arrow_behind_the_cloth_shines_through() -> None:
         picture.close()
     changed = np.abs(images[0] - images[1]).max(axis=2) > 24
     assert changed.sum() > 40
-    ink = list(bytes.fromhex(KINDS["force"][1:]))
+    ink = list(bytes.fromhex(ARROW_COLORS["force"][1:]))
     before, after = (
         np.abs(image - ink).sum(axis=1) for image in (images[1][changed], images[0][changed])
     )

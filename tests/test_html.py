@@ -16,8 +16,8 @@ from test_moving import SMALL, changed, farthest
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import measure
-from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.draw.actors.color_values import color_values
+from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer
 
@@ -31,7 +31,7 @@ TIME = "spacemap.time"
 def written(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, Any]:
     scene = changed("plain_weave", *SMALL, *more)
     scene.title = TITLE
-    made = moving(scene, times, TOLERANCE, lambda done, of: None, numbers=True)
+    made = make_moving_surface(scene, times, TOLERANCE, lambda done, of: None, numbers=True)
     writer(file).write(file, made)
     return scene, made
 
@@ -53,7 +53,9 @@ def test_it_turns_plays_and_scrubs_as_the_scene_moves(tmp_path: Path) -> None:
     scene, _ = written(file)
     dark = ("view.background=#101418", "view.background_top=#202428")
     written(colored, "view.color=stress", *dark, times=TIMES[:3])
-    shapes = mode_shapes(changed("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None)
+    shapes = make_mode_surface(
+        changed("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None
+    )
     writer(modes).write(modes, shapes)
     text = file.read_text("utf-8")
     assert text.count("</script>") == text.count("<script")
@@ -149,7 +151,7 @@ def test_colours_stand_for_the_numbers_of_each_time(tmp_path: Path) -> None:
         scene.update(time)
         found = numbers.values + numbers.weights[number] @ numbers.changes
         there = made.points + np.tensordot(made.clips[0].weights[number], made.targets, 1)
-        right = measure(scene.polygons, "stress")
+        right = color_values(scene.polygons, "stress")
         nearest = near(there, scene.polygons)
         step = numbers.span[1] / 512
         assert abs(found - right[nearest]).max() <= 1.01 * step
@@ -166,4 +168,4 @@ def test_what_a_browser_cannot_hold_is_refused(tmp_path: Path) -> None:
     scene = changed("plain_weave", *SMALL)
     for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
         with pytest.raises(SizeError, match=rf"^{what} do not fit .*subdivisions"):
-            moving(scene, TIMES, TOLERANCE, lambda done, of: None, most=most)
+            make_moving_surface(scene, TIMES, TOLERANCE, lambda done, of: None, most=most)

@@ -18,9 +18,9 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import array_of, points_of
-from spacemap_vtk.draw import moving as moving_module
-from spacemap_vtk.draw.frame import add_shape, copied
-from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.draw import morph_surface
+from spacemap_vtk.draw.frame import apply_mode_shape, copied
+from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import level_of_detail
@@ -71,10 +71,10 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     more: tuple[str, ...], short: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if short:  # as of a surface with many points
-        monkeypatch.setattr(moving_module, "_MANY_POINTS", 2)
+        monkeypatch.setattr(morph_surface, "_MANY_POINTS", 2)
     scene, file = changed("plain_weave", *SMALL, *more), tmp_path / "a.glb"
     times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
-    made = moving(scene, times, tolerance, lambda done, of: None, sides=2)
+    made = make_moving_surface(scene, times, tolerance, lambda done, of: None, sides=2)
     assert 2 <= len(made.targets) < 12
     assert (made.short is not None) == short
     assert made.about["largest_error"] <= tolerance
@@ -100,11 +100,11 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", 1000)
-    monkeypatch.setattr(moving_module, "_MANY_POINTS", 200)
-    monkeypatch.setattr(moving_module, "_LARGE", 1)
-    monkeypatch.setattr(moving_module, "_OF_YARN", 4e-6)
+    monkeypatch.setattr(morph_surface, "_MANY_POINTS", 200)
+    monkeypatch.setattr(morph_surface, "_LARGE", 1)
+    monkeypatch.setattr(morph_surface, "_OF_YARN", 4e-6)
     scene, said = changed("plain_weave", *SMALL), list[str]()
-    made = moving(
+    made = make_moving_surface(
         scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, say=said.append
     )
     assert "subdivided by 1, not by 2" in said[0]
@@ -114,7 +114,7 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     # How far it is off is told, and is no more.
     assert 0.0 < made.about["largest_error"] <= made.tolerance < 1e-6
     scene = changed("plain_weave", *SMALL)
-    asked = moving(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
+    asked = make_moving_surface(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
     assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
 
 
@@ -123,7 +123,7 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
     flat = {f"warp_{key}": value for key, value in warp.items()}
     flat |= {f"weft_{key}": value for key, value in weft.items()}
     scene = Scene({"weave": {"ends": 3, "picks": 4, "warp_spacing": "0.7 mm", **flat}})
-    curves = moving(scene, [0.0], None, lambda *_: None).curves
+    curves = make_moving_surface(scene, [0.0], None, lambda *_: None).curves
     assert curves is not None
     areas = []
     for family in (1, 0):  # a cut along a pick goes across the ends
@@ -134,7 +134,7 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
 
 def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     scene, file = changed("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
-    writer(file).write(file, mode_shapes(scene, lambda done, of: None))
+    writer(file).write(file, make_mode_surface(scene, lambda done, of: None))
     told = played(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
     solver = scene.stage("solver")
     assert solver is not None
@@ -142,14 +142,14 @@ def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     frequencies = array_of(cage.GetFieldData(), "frequencies", "")
     assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
     for found, share in zip(told["played"], (0.0, 0.1), strict=True):
-        add_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
+        apply_mode_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
         assert farthest(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
 
 
 def test_what_nothing_moves_is_no_animation(tmp_path: Path) -> None:
     weave = {"ends": 3, "picks": 3}
     scene = Scene({"weave": weave, "cage": {"divisions": [2, 2, 1]}, "modal": {}, "response": {}})
-    made = moving(scene, [0.0, 0.02], None, lambda *_: None)
+    made = make_moving_surface(scene, [0.0, 0.02], None, lambda *_: None)
     assert (len(made.targets), len(made.clips)) == (0, 1)
     file = tmp_path / "a.glb"
     writer(file).write(file, made)
@@ -199,16 +199,19 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
 
 def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 6, "picks": 6}})
-    usual = len(moving(scene, [0.0], None, lambda *_: None).points)
+    usual = len(make_moving_surface(scene, [0.0], None, lambda *_: None).points)
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", usual / 3)
     said: list[str] = []
-    few = moving(scene, [0.0], None, lambda *_: None, say=said.append)
+    few = make_moving_surface(scene, [0.0], None, lambda *_: None, say=said.append)
     assert len(few.points) < usual / 2
     assert "patches are subdivided by 2, not by 4" in said[0]
     # as many as are asked for, and of a .ply as the scene says
     for sides in (4, None):
         scene = Scene({"weave": {"ends": 6, "picks": 6}})
-        assert len(moving(scene, [0.0], None, lambda *_: None, sides=sides).points) == usual
+        assert (
+            len(make_moving_surface(scene, [0.0], None, lambda *_: None, sides=sides).points)
+            == usual
+        )
 
 
 @pytest.mark.parametrize("limit", ["memory", "file"])
@@ -221,5 +224,5 @@ def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
     else:
         most = 2**27
     with pytest.raises(SizeError, match=r"million points.*memory|points do not fit into a file"):
-        moving(scene, [0.0], None, lambda *_: None, most=most, sides=4)
+        make_moving_surface(scene, [0.0], None, lambda *_: None, most=most, sides=4)
     assert scene.source.executions == 0

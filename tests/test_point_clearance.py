@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk import WeaveSource
-from spacemap_vtk.draw.actors.coloring import largest_principal, measure, unit_of
+from spacemap_vtk.draw.actors.color_values import color_values, largest_principal, scale_unit
 from spacemap_vtk.draw.actors.surface_actor import natural_span
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
@@ -64,7 +64,7 @@ def test_a_cloth_as_woven_touches_and_an_open_one_does_not() -> None:
     values = {"weave": {"ends": 4, "picks": 4}, "surface": {"subdivisions": 12}}
     scene = Scene(values)
     scene.update()
-    found = measure(scene.polygons, "clearance")
+    found = color_values(scene.polygons, "clearance")
     assert found is not None
     diameter = scene.woven.cloth.diameter_sum / 2
     weave = WeaveSource(ends=4, picks=4)
@@ -101,7 +101,7 @@ def test_the_largest_principal_value_is_numpys() -> None:
     ],
 )
 def test_a_scale_has_a_handy_unit(color: str, largest: float, unit: str) -> None:
-    name, size = unit_of(color, largest)
+    name, size = scale_unit(color, largest)
     assert name == unit
     assert 0.1 <= largest / size < 1000
     assert color in COLORINGS

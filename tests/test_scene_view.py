@@ -13,11 +13,11 @@ import pytest
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of
 from spacemap_vtk.draw.actors.glyphs import CageActor, cut_of, moved_points
 from spacemap_vtk.draw.actors.surface_actor import Span
-from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.camera import aim_camera
 from spacemap_vtk.draw.frame import Frame, frame_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
+from spacemap_vtk.draw.offscreen import OffscreenWindow
+from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.scenes.scene import Scene
 
@@ -35,12 +35,16 @@ class Shown:
     """A view of a scene in a window that nobody sees."""
 
     def __init__(self, scene: Scene) -> None:
-        self.window = Offscreen(SIZE, samples=4)
+        self.window = OffscreenWindow(SIZE, samples=4)
         self.view = SceneView(self.window.renderer, shades=True)
         self.scene = scene
-        aim(self.window.camera, moved_points(scene.deformed_cage), 4 / 3, "three-quarter", 1.0)
+        aim_camera(
+            self.window.camera, moved_points(scene.deformed_cage), 4 / 3, "three-quarter", 1.0
+        )
 
-    def image(self, frame: Frame, look: Look, span: Span | None = None, **view: Any) -> np.ndarray:
+    def image(
+        self, frame: Frame, look: ViewOptions, span: Span | None = None, **view: Any
+    ) -> np.ndarray:
         self.scene.view.configure(**view)
         self.view.fit(self.scene.view, SIZE, 1.0, 1.0)
         cut = cut_of(self.scene.view, frame.surface)
@@ -67,15 +71,15 @@ def test_what_was_shown_leaves_nothing_behind() -> None:
     with opened() as shown:
         scene = shown.scene
         plain = frame_of(scene, 0.02)
-        before = shown.image(plain, Look(cage=False), **PLAIN)
+        before = shown.image(plain, ViewOptions(cage=False), **PLAIN)
         count = shown.window.renderer.GetViewProps().GetNumberOfItems()
         scene.set("view.color=displacement")
         scene.update(0.05)
         busy = frame_of(scene, 0.05)
-        look = Look(wireframe=True)
+        look = ViewOptions(wireframe=True)
         assert np.abs(shown.image(busy, look, (0.0, 1e-3), **BUSY) - before).max() > 60
         assert shown.view.room > 0.0
-        np.testing.assert_array_equal(shown.image(plain, Look(cage=False), **PLAIN), before)
+        np.testing.assert_array_equal(shown.image(plain, ViewOptions(cage=False), **PLAIN), before)
         assert shown.view.room == 0.0
         # Brought up to date in place: no actor has come.
         assert shown.window.renderer.GetViewProps().GetNumberOfItems() == count
@@ -85,7 +89,9 @@ def test_what_was_shown_leaves_nothing_behind() -> None:
 def test_each_thing_is_another_picture(name: str) -> None:
     with opened() as shown:
         frame = frame_of(shown.scene, 0.02)
-        images = [shown.image(frame, Look(), **{**PLAIN, name: on[name]}) for on in (PLAIN, BUSY)]
+        images = [
+            shown.image(frame, ViewOptions(), **{**PLAIN, name: on[name]}) for on in (PLAIN, BUSY)
+        ]
         assert np.abs(images[1] - images[0]).max() > 20
 
 
@@ -93,8 +99,10 @@ def test_a_plane_moves_without_a_new_frame() -> None:
     with opened() as shown:
         frame = frame_of(shown.scene, 0.02)
         for origin in ((0.0, 0.0, 0.0), (4e-4, 0.0, 0.0)):
-            whole = shown.image(frame, Look(), clip_normal=(1.0, 0.0, 0.0), clip_origin=origin)
-        shown.image(frame, Look(), clip_normal=(0.0, 1.0, 0.0))
+            whole = shown.image(
+                frame, ViewOptions(), clip_normal=(1.0, 0.0, 0.0), clip_origin=origin
+            )
+        shown.image(frame, ViewOptions(), clip_normal=(0.0, 1.0, 0.0))
         shown.view.cut_open(((1.0, 0.0, 0.0), (4e-4, 0.0, 0.0)))
         np.testing.assert_array_equal(shown.window.draw(), whole)
 
@@ -105,7 +113,7 @@ def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
         assert frame.closed
         view = SceneView(shown.window.renderer, shades=False)
         for closed in (True, False):
-            view.show(replace(frame, closed=closed), shown.scene.view, Look())
+            view.show(replace(frame, closed=closed), shown.scene.view, ViewOptions())
             assert view.surface.GetProperty().GetBackfaceCulling() == closed
 
 

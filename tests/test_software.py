@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 from test_cli import run
 
-from spacemap_vtk.draw.actors.surface_actor import scale_share
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share
 from spacemap_vtk.draw.figure.sheets import mode_sheet
-from spacemap_vtk.draw.graphics import VARIABLE, prepare_offscreen
+from spacemap_vtk.draw.graphics import OPENGL_VARIABLE, prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -64,10 +64,10 @@ def test_the_picture_is_that_of_opengl(name: str, monkeypatch: pytest.MonkeyPatc
     view, most = VIEWS[name]
     scene = Scene({**SWING, "view": view})
     expected = picture(scene)
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     made = picture(scene)
     if "color" in view:  # a scale at the right has letters and strip in much the same places
-        share = round((1.0 - scale_share(SIZE)) * SIZE[0])
+        share = round((1.0 - color_bar_share(SIZE)) * SIZE[0])
         assert np.abs(made - expected)[:, share:].mean() < 20.0
         made, expected = made[:, :share], expected[:, :share]
     # That it draws the cloth at all: half of a difference would be that of an empty picture.
@@ -89,7 +89,7 @@ def test_a_painted_object_is_that_of_opengl(
     values = {"file": str(tmp_path / "a.obj"), "texture": str(tmp_path / "a.png")}
     scene = Scene({"object": values})
     expected = picture(scene)
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     assert np.abs(picture(scene) - expected).mean() < 0.5
 
 
@@ -97,7 +97,7 @@ def test_shapes_of_modes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     scene = Scene({**SWING, "modal": {"modes": 1}})
     expected = mode_sheet(scene, lambda *_: None).astype(int)
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     assert np.abs(mode_sheet(scene, lambda *_: None) - expected).mean() < 0.8
 
 
@@ -109,7 +109,7 @@ def test_a_bare_machine_draws_and_says_so(
     def crash() -> None:
         raise AssertionError("VTK's window would end this process")
 
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     monkeypatch.setattr(offscreen, "vtkRenderWindow", crash)
     file = tmp_path / "a.png"
     assert run("render", "twill_2_2", "-o", str(file), "--size", "320x240") == 0
@@ -128,7 +128,7 @@ def test_a_face_of_thin_yarns_is_drawn_yarn_by_yarn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With OpenGL it is a sheet, which is not drawn without."""
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     file, words = tmp_path / "a.png", ["--set", "weave.ends=60", "--set", "weave.picks=60"]
     face = ["--set", "view.camera=face", "--size", "80x80"]
     assert run("render", "twill_2_2", "-o", str(file), *words, *face) == 0
@@ -140,7 +140,7 @@ def test_a_sheet_names_what_it_needs(
 ) -> None:
     prepare_offscreen()
     monkeypatch.setattr("spacemap_vtk.scenes.level_of_detail.MANY_PATCHES", 1)
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     file = tmp_path / "a.png"
     words = ["--set", "weave.ends=60", "--set", "weave.picks=60", "--size", "80x60"]
     assert run("render", "twill_2_2", "-o", str(file), *words) == 1
@@ -151,7 +151,7 @@ def test_a_sheet_names_what_it_needs(
 
 
 def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "never")
+    monkeypatch.setenv(OPENGL_VARIABLE, "never")
     file, words = tmp_path / "a.gif", ["--set", "animation.stop=0.02", "--workers", "1"]
     small = ["--size", "80x60", "--set", "weave.ends=3", "--set", "weave.picks=3"]
     assert run("animate", "plain_weave", "-o", str(file), *small, *words) == 0

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes.scene import Scene
 
@@ -54,7 +54,7 @@ def curve_samples(stage: Any, second: float) -> np.ndarray:
 def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
     values = {**SMALL, "modal": {"youngs_modulus": 500}, "response": {}}
     scene, times = Scene(values), np.linspace(0.0, 0.1, 6)
-    made = moving(scene, times.tolist(), 1e-6, lambda done, of: None)
+    made = make_moving_surface(scene, times.tolist(), 1e-6, lambda done, of: None)
     for file in (tmp_path / "a.usdc", tmp_path / "a.usda"):
         writer(file).write(file, made)
         stage = usd.Stage.Open(str(file))
@@ -74,7 +74,7 @@ def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
 
 def test_each_mode_is_a_variant(tmp_path: Path) -> None:
     scene = Scene({**SMALL, "modal": {"modes": 3}, "response": {}, "view": {"camera": "lying"}})
-    made, file = mode_shapes(scene, lambda done, of: None), tmp_path / "a.usdc"
+    made, file = make_mode_surface(scene, lambda done, of: None), tmp_path / "a.usdc"
     writer(file).write(file, made)
     stage = usd.Stage.Open(str(file))
     choice = stage.GetDefaultPrim().GetVariantSet("motion")
@@ -89,7 +89,7 @@ def test_each_mode_is_a_variant(tmp_path: Path) -> None:
 def test_plies_and_fibres_are_splines_inside_their_yarns(tmp_path: Path) -> None:
     weave = {"ends": 2, "picks": 3, "warp_plies": 2, "warp_twist": "S 900", "weft_twist": "Z 400"}
     scene = Scene({"weave": weave, "surface": {"subdivisions": 2}})
-    axes = moving(scene, [0.0], None, lambda done, of: None).curves
+    axes = make_moving_surface(scene, [0.0], None, lambda done, of: None).curves
     assert axes is not None
     u = np.linspace(0.0, 1.0, 257)
     bezier = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
@@ -98,7 +98,7 @@ def test_plies_and_fibres_are_splines_inside_their_yarns(tmp_path: Path) -> None
         for line in np.split(axes.points[0], np.cumsum(axes.counts)[:-1])
     ]
     for strands, strength in (("plies", [2, 2, 1, 1, 1]), ("40", [40] * 5)):
-        made = moving(scene, [0.0], None, lambda done, of: None, strands=strands)
+        made = make_moving_surface(scene, [0.0], None, lambda done, of: None, strands=strands)
         writer(file := tmp_path / f"{strands}.usdc").write(file, made)
         stage = usd.Stage.Open(str(file))
         curves = usd_geom.BasisCurves(stage.GetPrimAtPath("/Cloth/Yarns"))

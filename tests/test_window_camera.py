@@ -13,7 +13,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.draw.actors.surface_actor import scale_share  # noqa: E402
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.settings import CAMERAS  # noqa: E402
 
@@ -125,7 +125,7 @@ def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> 
     wait_until(lambda: settled(window))
     size = window.view.size_of_view
     assert clear(0.0)
-    assert clear(1.0 - scale_share(size) - 2 / size[0])
+    assert clear(1.0 - color_bar_share(size) - 2 / size[0])
     camera = window.view.plotter.renderer.GetActiveCamera()
     camera.Azimuth(10.0)
     before = camera.GetPosition()

@@ -15,7 +15,7 @@ require_display()
 from spacemap_vtk.app.work import pipeline  # noqa: E402
 from spacemap_vtk.app.work.job import Job, Pull, Swing  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
-from spacemap_vtk.draw.camera import Seen, Viewpoint, projected  # noqa: E402
+from spacemap_vtk.draw.camera import CameraView, Viewpoint, project_points  # noqa: E402
 from spacemap_vtk.draw.detail import yarn_parts  # noqa: E402
 from spacemap_vtk.draw.frame import Frame  # noqa: E402
 from spacemap_vtk.scenes import level_of_detail  # noqa: E402
@@ -121,7 +121,9 @@ def test_yarns_in_sight_move_as_all_together_do(
     values = {"weave": {"ends": 9, "picks": 9}, "cage": {}, "response": {"gravity": [0, 0, 9.8]}}
     scene = Scene({**values, "view": {"color": "velocity"}, "yarns": {}})
     settings = {name: part.settings for name, part in scene.parts.items()}
-    seen = Seen(Viewpoint((0.0, 0.0, 0.03), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.0, (300, 300))
+    seen = CameraView(
+        Viewpoint((0.0, 0.0, 0.03), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.0, (300, 300)
+    )
     given = {**values, "view": {"color": "velocity"}, "yarns": {}}
     job = Job(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
 
@@ -217,7 +219,7 @@ def test_a_sheet_lies_flat_again_without_its_motion(
     wait_until(lambda: settled(window) and view.frame.cage is None)
     assert view.frame.surface.GetBounds() == flat
     # The view is not left empty.
-    x, y, _, w = projected(
+    x, y, _, w = project_points(
         view.plotter.camera, points_of(view.frame.surface), view.width() / view.height()
     ).T
     assert (abs(x) <= w).all()

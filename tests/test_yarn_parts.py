@@ -11,9 +11,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.detail.clearance_tiles import measured_tile
+from spacemap_vtk.draw.detail.clearance_tiles import measure_tile
 from spacemap_vtk.draw.detail.part_stages import PartStages
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.filters.base import Stage
@@ -118,11 +118,11 @@ def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> 
     stages.surface.choose(2)
     if moves:
         stages.move_by(scene.deformed_cage)
-    whole = rows_of(scene.polygons, measure(scene.polygons, "clearance"))
+    whole = rows_of(scene.polygons, color_values(scene.polygons, "clearance"))
     found = []
     for ends in (slice(0, 5), slice(5, 11), slice(11, 15)):
         for picks in (slice(0, 7), slice(7, 13)):
-            tile = measured_tile(stages, ends, picks, 0.02, None)
+            tile = measure_tile(stages, ends, picks, 0.02, None)
             assert tile is not None
             found.append(rows_of(tile.cut, tile.found))
     parts = np.concatenate(found)

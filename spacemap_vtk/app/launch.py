@@ -14,7 +14,7 @@ from PySide6.QtGui import QOpenGLContext
 from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
 from spacemap_vtk.app.requirements import application
-from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER
+from spacemap_vtk.draw.graphics import INSTALL_DRIVERS, NO_DRIVER
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.vanishing import ENDING
 
@@ -68,7 +68,7 @@ def _require_drawing() -> None:
     finally:
         qInstallMessageHandler(usual)
     if not able:
-        raise MissingLibraryError(NO_DRIVER, cure=DRIVERS)
+        raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)
 
 
 def _prepare(_frame: object) -> None:

@@ -47,7 +47,7 @@ from spacemap_vtk.app.work.job import Pull
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.scene_view import Look
+from spacemap_vtk.draw.scene_view import ViewOptions
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.chain import sections, words_of
@@ -84,7 +84,7 @@ class MainWindow(QMainWindow):
         self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
-        self.look = Look(handled=True)
+        self.look = ViewOptions(handled=True)
         #: The last value of ``view.show`` that showed both fabric and cage.
         self._both = "both"
         self.view = View3D(self.look)

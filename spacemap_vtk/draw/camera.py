@@ -17,12 +17,12 @@ _POLE = 0.01
 VIEW_ANGLE = 24.0
 
 
-def upward(name: str) -> int:
+def camera_up_axis(name: str) -> int:
     """Return the index of the up axis for a named camera."""
     return 2 if name == "lying" else 1
 
 
-def seen_from(name: str, up: int) -> Floats:
+def camera_directions(name: str, up: int) -> Floats:
     """Return the direction to a named camera and its up direction, for an up axis, (2, 3)."""
     way = np.array(CAMERAS[name])
     if up == 2 and name not in ("lying", FLAT):
@@ -30,7 +30,7 @@ def seen_from(name: str, up: int) -> Floats:
     return way
 
 
-def stand_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -> None:
+def keep_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -> None:
     """Align a camera with the up axis, like a turntable; a turn over a pole is undone."""
     axis = np.eye(3)[up]
     if before is not None and np.dot(camera.GetViewUp(), axis) < _POLE:
@@ -83,7 +83,7 @@ class Viewpoint(NamedTuple):
         return self._replace(parallel_scale=factor * self.parallel_scale, angle=angle)
 
 
-class Seen(NamedTuple):
+class CameraView(NamedTuple):
     """The viewpoint and size of a view."""
 
     place: Viewpoint
@@ -93,7 +93,7 @@ class Seen(NamedTuple):
     size: tuple[int, int]
 
     @classmethod
-    def through(cls, camera: vtkCamera, size: tuple[int, int]) -> Seen:
+    def through(cls, camera: vtkCamera, size: tuple[int, int]) -> CameraView:
         """Return the view of a picture with a size, through a camera."""
         return cls(Viewpoint.of(camera), camera.GetWindowCenter()[0], size)
 
@@ -120,7 +120,7 @@ LIGHTS = (
 )
 
 
-def lit_renderer() -> vtkRenderer:
+def make_renderer() -> vtkRenderer:
     """Return a renderer with lights."""
     renderer = vtkRenderer()
     add_lights(renderer)
@@ -146,7 +146,7 @@ def set_background(renderer: vtkRenderer, below: Sequence[int], above: Sequence[
     renderer.SetBackground2(*(part / 255 for part in above))
 
 
-def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
+def add_front_renderer(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
     """Return a renderer that draws in front of another one, with the same camera."""
     front = vtkRenderer()
     front.AutomaticLightCreationOff()
@@ -158,14 +158,14 @@ def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
     return front
 
 
-def aim(
+def aim_camera(
     camera: vtkCamera, points: Floats, aspect: float, name: str | None, zoom: float, axis: int = 1
 ) -> None:
     """Place a camera so that the points just fill the picture; `axis` is up for a named camera."""
     if name is None:
         ways = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
-        ways = tuple(seen_from(name, axis))
+        ways = tuple(camera_directions(name, axis))
     direction, up = (np.array(v) / np.linalg.norm(v) for v in ways)
     right = np.cross(up, direction)
     right /= np.linalg.norm(right)
@@ -192,10 +192,10 @@ def aim(
     camera.SetViewUp(*up.tolist())
     camera.SetViewAngle(VIEW_ANGLE)
     if name == FLAT:
-        _flatten(camera, points[:, :2], aspect, zoom)
+        _use_parallel_projection(camera, points[:, :2], aspect, zoom)
 
 
-def nearer(camera: vtkCamera, factor: float) -> None:
+def zoom_in(camera: vtkCamera, factor: float) -> None:
     """Move a camera nearer by a factor, or zoom in by it without perspective."""
     if camera.GetParallelProjection():
         camera.SetParallelScale(camera.GetParallelScale() / factor)
@@ -208,7 +208,7 @@ def half_height(camera: vtkCamera) -> float:
     return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
-def _flatten(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> None:
+def _use_parallel_projection(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> None:
     """Switch to parallel projection, with a smaller margin."""
     across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     half = 0.5 * float((np.ptp(seen, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
@@ -218,7 +218,7 @@ def _flatten(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> Non
     camera.SetParallelScale(half / zoom)
 
 
-def metres_from(camera: vtkCamera, depths: Singles) -> Singles:
+def depths_to_metres(camera: vtkCamera, depths: Singles) -> Singles:
     """Convert OpenGL's depths to distances from the camera [m]; NaN where nothing is drawn."""
     near, far = camera.GetClippingRange()
     distance = depths * np.float32(far - near)
@@ -231,7 +231,7 @@ def metres_from(camera: vtkCamera, depths: Singles) -> Singles:
     return distance
 
 
-def pixels_of(camera: vtkCamera, height: float) -> float:
+def pixels_per_metre_at_focus(camera: vtkCamera, height: float) -> float:
     """Return the pixels per metre at the camera's focus, in a picture of some height."""
     flat = camera.GetParallelProjection()
     return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
@@ -240,20 +240,20 @@ def pixels_of(camera: vtkCamera, height: float) -> float:
 def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
     """Return the pixels per metre at the nearest of some points, in a picture of some height."""
     if camera.GetParallelProjection():
-        return pixels_of(camera, height)
+        return pixels_per_metre_at_focus(camera, height)
     away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
     near = max(float(away.min()), 1e-3 * camera.GetDistance())
-    return pixels_of(camera, height) * camera.GetDistance() / near
+    return pixels_per_metre_at_focus(camera, height) * camera.GetDistance() / near
 
 
-def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
+def project_points(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
     """Return clip coordinates of points, (n, 4); points in the picture have |x| and |y| <= w."""
     matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
     table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
     return np.column_stack([points, np.ones(len(points))]) @ table.T
 
 
-def refitted(
+def refit_viewpoint(
     place: Viewpoint, things: Sequence[tuple[AnyFloats, Ints]], aspect: float, other: float
 ) -> Viewpoint:
     """Return a viewpoint that shows the same content in a picture of another aspect ratio."""
@@ -266,7 +266,7 @@ def refitted(
     for points, first in things:
         if not len(points):
             continue
-        at = projected(camera, points, aspect)
+        at = project_points(camera, points, aspect)
         w = at[:, 3:]
         # Corners behind the camera count as beyond all edges of the picture.
         xy = np.where(w > 0.0, at[:, :2] / np.where(w > 0.0, w, 1.0), [[np.inf, np.inf]])

@@ -14,13 +14,15 @@ from spacemap_vtk.ndarrays import Bytes, Singles
 
 Background = Image.Image
 #: Rows and columns of a part of a picture, from the top, and factors for the light of its pixels.
-Shaded = tuple[tuple[slice, slice], Singles]
+Shadows = tuple[tuple[slice, slice], Singles]
 #: Ordered dither: thresholds as shares of a step between two colours, without a visible pattern
 #: (Bayer 1973).
 _DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
 
 
-def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) -> Background:
+def gradient_background(
+    size: tuple[int, int], below: Sequence[int], above: Sequence[int]
+) -> Background:
     """Return a background that changes from one colour at the bottom to another at the top."""
     width, height = size
     share = (np.arange(height)[::-1, None, None] + 0.5) / height
@@ -29,7 +31,7 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
     return Image.fromarray((colors + pattern).astype(np.uint8))
 
 
-def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> Bytes:
+def compose(pixels: Bytes, behind: Background, shade: Shadows | None = None) -> Bytes:
     """Return a picture with the background's size; with coverage if the background is RGBA."""
     # The colours in `pixels` are premultiplied by the fourth number, the coverage of a pixel.
     size = pixels.shape[1], pixels.shape[0]
@@ -44,18 +46,18 @@ def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> 
     drawn = Image.frombuffer("RGBX", size, turned, "raw", "RGBX", 0, 1)
     small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
     if behind.mode == "RGBA":  # the picture will be placed over an unknown background
-        return _uncovered(np.asarray(small))
+        return _unpremultiply(np.asarray(small))
     red, green, blue, cover = small.split()
     left = Image.composite(Image.new("RGB", behind.size), behind, cover)
     return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), left))
 
 
-def nothing(size: tuple[int, int]) -> Background:
+def transparent_background(size: tuple[int, int]) -> Background:
     """Return a transparent background, for pictures that are placed over something else."""
     return Image.new("RGBA", size)
 
 
-def _uncovered(pixels: Bytes) -> Bytes:
+def _unpremultiply(pixels: Bytes) -> Bytes:
     """Divide premultiplied colours by their coverage."""
     cover = pixels[..., 3:].astype(np.uint16)
     colors = (pixels[..., :3] * np.uint16(255) + cover // 2) // np.maximum(cover, 1)

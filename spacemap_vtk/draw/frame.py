@@ -13,9 +13,9 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstruct
 from spacemap_vtk.datasets.arrays import add_array, array_of, copied
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.draw.actors.coloring import add_measure
+from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.load_arrows import Arrows, load_arrows
-from spacemap_vtk.draw.camera import Seen
+from spacemap_vtk.draw.camera import CameraView
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
@@ -70,7 +70,7 @@ class Frame:
     #: The rest of the sheet around these yarns.
     around: vtkPolyData | None = None
     #: The view for which `yarns`, or the facets of all yarns, were chosen.
-    seen: Seen | None = None
+    seen: CameraView | None = None
     #: Pixels per metre up to which a view needs no more facets than yarns out of sight have; 0 if
     #: facets do not depend on the view.
     enough: float = 0.0
@@ -95,7 +95,7 @@ def frame_of(
     if cage is None and scene.moves:
         cage = copied(scene.deformed_cage)
     drawn = copied(scene.polygons if surface is None else surface)
-    add_measure(drawn, scene.view.color)
+    add_color_values(drawn, scene.view.color)
     return Frame(
         time,
         drawn,
@@ -139,7 +139,7 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     return load_arrows(mover, scene.deformed_cage, time, dead)
 
 
-def add_shape(
+def apply_mode_shape(
     scene: Scene, cage: vtkUnstructuredGrid, mode: int, largest: float, angle: float | None = None
 ) -> None:
     """Displace a cage by a mode shape, scaled to a largest displacement [m] or rotation [rad]."""

@@ -11,7 +11,7 @@ from spacemap_vtk.parallel import loops
 
 #: Message for a machine whose OpenGL library has no working driver, and its cure.
 NO_DRIVER = "OpenGL draws nothing here: no driver of its library works"
-DRIVERS = (
+INSTALL_DRIVERS = (
     'On Debian or Ubuntu: "apt-get install libgl1-mesa-dri"; on Fedora: "dnf install '
     'mesa-dri-drivers": these draw without a graphics card, too.'
 )
@@ -24,17 +24,17 @@ _INSTALL = (
     'on Fedora: "dnf install mesa-libEGL mesa-libGL".'
 )
 #: Environment variable; with the value "never", this program draws without OpenGL.
-VARIABLE = "SPACEMAP_OPENGL"
+OPENGL_VARIABLE = "SPACEMAP_OPENGL"
 
 
 def missing_libraries() -> list[str]:
     """Return the names of missing OpenGL libraries; an empty list if OpenGL can draw."""
-    if os.environ.get(VARIABLE) == "never":
+    if os.environ.get(OPENGL_VARIABLE) == "never":
         return list(_LIBRARIES)
     if not sys.platform.startswith("linux"):
         return []
     missing = [name for name in _LIBRARIES if not can_load(name)]
-    return [] if missing and _osmesa() else missing
+    return [] if missing and _has_osmesa() else missing
 
 
 def prepare_offscreen() -> None:
@@ -64,7 +64,7 @@ def require_opengl(what: str) -> None:
         )
 
 
-def draws_without_opengl() -> bool:
+def uses_software_renderer() -> bool:
     """Test whether pictures are drawn without OpenGL; raise an error if nothing can draw."""
     if (
         missing_libraries()
@@ -82,7 +82,7 @@ WITHOUT_OPENGL = (
 )
 
 
-def _osmesa() -> bool:
+def _has_osmesa() -> bool:
     return can_load("libOSMesa.so.8") or can_load("libOSMesa.so")
 
 

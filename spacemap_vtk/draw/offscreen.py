@@ -12,12 +12,12 @@ from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
 from spacemap_vtk.datasets.quiet import silent_vtk
-from spacemap_vtk.draw.camera import front_of, lit_renderer
+from spacemap_vtk.draw.camera import add_front_renderer, make_renderer
 from spacemap_vtk.draw.graphics import (
-    DRIVERS,
+    INSTALL_DRIVERS,
     NO_DRIVER,
-    draws_without_opengl,
     prepare_offscreen,
+    uses_software_renderer,
 )
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.ndarrays import Bytes, Singles
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
 
 def open_offscreen(
     size: tuple[int, int], samples: int = 0, pixels: int = 1
-) -> Offscreen | SoftwareWindow:
+) -> OffscreenWindow | SoftwareWindow:
     """Open an offscreen window; it draws without OpenGL if OpenGL's libraries are missing."""
-    if draws_without_opengl():
+    if uses_software_renderer():
         from spacemap_vtk.draw.software.window import SoftwareWindow
 
         return SoftwareWindow(size, samples, pixels)
-    return Offscreen(size, samples, pixels)
+    return OffscreenWindow(size, samples, pixels)
 
 
-class Offscreen:
+class OffscreenWindow:
     """An offscreen window that draws one renderer with lights."""
 
     def __init__(self, size: tuple[int, int], samples: int = 0, pixels: int = 1) -> None:
         prepare_offscreen()
-        self.renderer = lit_renderer()
+        self.renderer = make_renderer()
         self.size = size
-        self.render_window = _window(size, samples, pixels)
+        self.render_window = _make_window(size, samples, pixels)
         self.render_window.AddRenderer(self.renderer)
         # The arrays are reused: new memory for each frame would have to be cleared first.
         self._pixels, self._depths = vtkUnsignedCharArray(), (vtkFloatArray(), vtkFloatArray())
@@ -54,7 +54,7 @@ class Offscreen:
     def add_in_front(self, prop: vtkProp) -> None:
         """Add a prop that is drawn in front of everything else."""
         if self.front is None:
-            self.front = front_of(self.render_window, self.renderer)
+            self.front = add_front_renderer(self.render_window, self.renderer)
         self.front.AddViewProp(prop)
 
     def leave_background(self) -> None:
@@ -113,11 +113,11 @@ class Offscreen:
         self.render_window.Finalize()
 
 
-def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
+def _make_window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
     with silent_vtk() as said:
         window = vtkRenderWindow()
     if "OSMesa not found" in said.GetOutput():  # VTK's last attempt failed, and it would crash
-        raise MissingLibraryError(NO_DRIVER, cure=DRIVERS)
+        raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)
     window.SetOffScreenRendering(True)
     if hasattr(window, "SetConnectContextToNSView"):
         # On macOS, a window would be created otherwise, although it is never shown.

@@ -11,27 +11,33 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import measure
-from spacemap_vtk.draw.actors.glyphs import cut_of, moved_points, rest_of
-from spacemap_vtk.draw.actors.shading import contact_shade, part_with
-from spacemap_vtk.draw.actors.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.draw.actors.color_values import color_values
+from spacemap_vtk.draw.actors.contact_shadows import contact_shadows, covered_part
+from spacemap_vtk.draw.actors.glyphs import cut_of, moved_points, rest_points
+from spacemap_vtk.draw.actors.surface_actor import Span, color_bar_share, natural_span
 from spacemap_vtk.draw.camera import (
-    Seen,
+    CameraView,
     Viewpoint,
-    aim,
-    metres_from,
-    pixels_of,
+    aim_camera,
+    camera_up_axis,
+    depths_to_metres,
     pixels_per_metre,
-    upward,
+    pixels_per_metre_at_focus,
 )
-from spacemap_vtk.draw.compose import Background, Shaded, composed, gradient, nothing
-from spacemap_vtk.draw.detail.cloth_sheet import Sheet
+from spacemap_vtk.draw.compose import (
+    Background,
+    Shadows,
+    compose,
+    gradient_background,
+    transparent_background,
+)
+from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import choose_facets
-from spacemap_vtk.draw.detail.yarn_parts import DrawnPieces
+from spacemap_vtk.draw.detail.yarn_parts import YarnPieces
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
-from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
-from spacemap_vtk.draw.offscreen import Offscreen, open_offscreen
-from spacemap_vtk.draw.scene_view import Look, SceneView
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
+from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
+from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
@@ -69,9 +75,9 @@ _USUAL, _LEAST = 960, 0.6
 class _Panel(NamedTuple):
     """A part of the picture with its window and contents."""
 
-    window: Offscreen | SoftwareWindow
+    window: OffscreenWindow | SoftwareWindow
     shown: SceneView
-    look: Look
+    look: ViewOptions
     #: Whether contact shadows are drawn.
     shaded: bool
     #: Background of the picture.
@@ -97,7 +103,7 @@ class Picture:
         Placement of the camera; by default the scene's.
     extent : tuple, optional
         Points that the camera shows and the ends of the scale, for more than this motion of the
-        scene; see `over_motion`.
+        scene; see `motion_extent`.
     bare : bool
         Whether the picture is for a page, which has a scale for all pictures. Then there is no
         background and no scale, and pixels have a fourth value, their coverage.
@@ -127,7 +133,7 @@ class Picture:
         wireframe: bool = False,
     ) -> None:
         # Checked first, so that a machine that cannot draw does not solve the scene in vain.
-        opengl = not draws_without_opengl()
+        opengl = not uses_software_renderer()
         if not opengl:
             scene.warn(WITHOUT_OPENGL)
         self._wireframe = wireframe
@@ -139,15 +145,15 @@ class Picture:
         #: Level of detail of the yarns.
         self.level = choose_level(scene, self._request, opengl=opengl)
         #: The cloth as a sheet; None if all yarns fit into memory together.
-        self.sheet = Sheet(scene) if self.level.has_sheet else None
-        choose = partial(choose_scale, scene, (width, height), show, place, bare)
-        room, self._span = extent or over_motion(scene, times, self.sheet, choose)
+        self.sheet = ClothSheet(scene) if self.level.has_sheet else None
+        choose = partial(choose_picture_facets, scene, (width, height), show, place, bare)
+        room, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
-        self.pieces: DrawnPieces | None = None
+        self.pieces: YarnPieces | None = None
         self._choose_form(room)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
@@ -157,8 +163,8 @@ class Picture:
         cloth = DrawnCloth.of(scene)
         if cloth is None:
             return
-        seen = Seen.through(panel.window.camera, panel.size)
-        self.level = _at_camera(scene, cloth, self.level, room, seen)
+        seen = CameraView.through(panel.window.camera, panel.size)
+        self.level = _set_facets(scene, cloth, self.level, room, seen)
         if self.level.is_sampled:
             panel.window.take_samples(SAMPLES)
         if cloth.clearance:
@@ -170,7 +176,7 @@ class Picture:
             patches = cloth.patches // self.level.pieces
             sides = cloth.subdivisions or self.level.sides
             require_piece(scene, (cloth.ends, cloth.picks), patches, sides)
-            self.pieces = DrawnPieces(scene, self.level)
+            self.pieces = YarnPieces(scene, self.level)
 
     def _tell_of_facets(self) -> None:
         """Warn that clearances on few facets are rough, because each facet is flat."""
@@ -233,9 +239,11 @@ class Picture:
             window.render(over=True)
             depths += [window.depths(over)] if shaded and signs else []
         shade = self._shade(panel, *depths) if depths else None
-        return composed(window.pixels(), behind, shade)
+        return compose(window.pixels(), behind, shade)
 
-    def _choose_range(self, window: Offscreen | SoftwareWindow, pieces: DrawnPieces | None) -> None:
+    def _choose_range(
+        self, window: OffscreenWindow | SoftwareWindow, pieces: YarnPieces | None
+    ) -> None:
         window.renderer.ResetCameraClippingRange()
         if pieces is not None:
             # All pieces need the same range. Otherwise depths of different pieces could not be
@@ -244,15 +252,17 @@ class Picture:
             bounds = np.stack([low - self._relief, high + self._relief], axis=1)
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
 
-    def _shade(self, panel: _Panel, depths: Singles, signs: Singles | None = None) -> Shaded | None:
+    def _shade(
+        self, panel: _Panel, depths: Singles, signs: Singles | None = None
+    ) -> Shadows | None:
         """Return the factors for the light of pixels, and their part of the picture; or None."""
         window, height = panel.window, len(depths)
-        pixels = self._relief * pixels_of(window.camera, height)
-        box = part_with(depths < 1.0, pixels)
+        pixels = self._relief * pixels_per_metre_at_focus(window.camera, height)
+        box = covered_part(depths < 1.0, pixels)
         if box is None:
             return None
-        depth = metres_from(window.camera, depths[box])
-        shade = contact_shade(depth, self._relief, pixels, self.scene.view.look.occlusion)
+        depth = depths_to_metres(window.camera, depths[box])
+        shade = contact_shadows(depth, self._relief, pixels, self.scene.view.look.occlusion)
         if signs is not None:
             # Signs are not objects of the scene: they neither cast nor receive shadows.
             shade[signs[box] < depths[box]] = 1.0
@@ -266,7 +276,7 @@ class Picture:
     def _panel(self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats) -> _Panel:
         view = scene.view
         fabric, cage = panel != "cage", panel != "fabric"
-        look = Look(fabric, cage, self._wireframe, scale=not self._bare)
+        look = ViewOptions(fabric, cage, self._wireframe, scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
         block, samples = grain_of(panel, shaded, size)
         if self.level.form is Form.SHADER:
@@ -277,17 +287,17 @@ class Picture:
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
         shown.sheet.fit_pixels(block)
-        shown.floor = float(extent[:, upward(camera_of(scene))].min())
+        shown.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
         window.leave_background()
         if view.loads:
             window.add_in_front(shown.loads.through)
         # Panels side by side have the same scale, so each one leaves room for a colour scale.
-        room = 0.0 if self._span is None or self._bare else scale_share(size)
-        _aim(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
+        room = 0.0 if self._span is None or self._bare else color_bar_share(size)
+        _place_camera(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
         window.camera.SetWindowCenter(room, 0.0)
-        behind = gradient(size, view.look.below, view.look.above)
+        behind = gradient_background(size, view.look.below, view.look.above)
         if self._clear:
-            behind = nothing(size)
+            behind = transparent_background(size)
         return _Panel(window, shown, look, shaded, behind, size)
 
     def close(self) -> None:
@@ -296,17 +306,17 @@ class Picture:
             panel.window.close()
 
 
-def _aim(
+def _place_camera(
     scene: Scene, camera: vtkCamera, room: Floats, aspect: float, place: Viewpoint | None
 ) -> None:
     """Place a camera as the scene requests, or at the given viewpoint."""
-    aim(camera, room, aspect, camera_of(scene), scene.view.zoom)
+    aim_camera(camera, room, aspect, camera_of(scene), scene.view.zoom)
     if place is not None:
         place.take(camera)
 
 
-def _at_camera(
-    scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, room: Floats, seen: Seen
+def _set_facets(
+    scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, room: Floats, seen: CameraView
 ) -> LevelOfDetail:
     """Return the level of detail for points in a view, and set the scene's facets to it."""
     scale = pixels_per_metre(seen.camera, room, seen.size[1])
@@ -315,7 +325,7 @@ def _at_camera(
     return found
 
 
-def choose_scale(
+def choose_picture_facets(
     scene: Scene,
     size: tuple[int, int],
     show: Sequence[str],
@@ -329,23 +339,23 @@ def choose_scale(
         return False
     camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
     scaled = COLORINGS[scene.view.color].numbers and not bare
-    share = scale_share((width, size[1])) if scaled else 0.0
-    _aim(scene, camera, room, (1 - share) * width / size[1], place)
+    share = color_bar_share((width, size[1])) if scaled else 0.0
+    _place_camera(scene, camera, room, (1 - share) * width / size[1], place)
     camera.SetWindowCenter(share, 0.0)
-    seen = Seen.through(camera, (width, size[1]))
-    return _at_camera(scene, cloth, LevelOfDetail(), room, seen).shows_yarns
+    seen = CameraView.through(camera, (width, size[1]))
+    return _set_facets(scene, cloth, LevelOfDetail(), room, seen).shows_yarns
 
 
-def over_motion(
+def motion_extent(
     scene: Scene,
     times: Sequence[float],
-    sheet: Sheet | None = None,
+    sheet: ClothSheet | None = None,
     choose: Callable[[Floats], bool] | None = None,
 ) -> Extent:
     """Return points that span the scene's motion, (n, 3), and the ends of its scale."""
     # `choose` sets the facets for these points, and returns whether yarns are wide enough to be
     # seen. The ends of the scale are those of numbers on these facets.
-    sheet = sheet or Sheet.if_many(scene)
+    sheet = sheet or ClothSheet.if_many(scene)
     # Nine times are enough for the extremes of a vibration, and take nine runs of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[AnyFloats] = []
@@ -354,17 +364,17 @@ def over_motion(
             clouds.append(points_of(sheet.place(time)))
         else:
             scene.update_stage(scene.last_object, time)
-            clouds.append(_some(points_of(scene.patches)))
+            clouds.append(_thin_out(points_of(scene.patches)))
         arrows = arrows_of(scene, time) if scene.view.loads else None
         if arrows is not None:
             clouds.append(arrows.reach)
         if scene.moves:
             clouds.append(moved_points(scene.deformed_cage))
     if scene.view.ghost:
-        clouds.append(_some(rest_of(scene.patches if sheet is None else sheet.moved)))
+        clouds.append(_thin_out(rest_points(scene.patches if sheet is None else sheet.moved)))
     room = np.concatenate(clouds, dtype=np.float64)
     if scene.view.ground:
-        up, shadow = upward(camera_of(scene)), room.copy()
+        up, shadow = camera_up_axis(camera_of(scene)), room.copy()
         shadow[:, up] = room[:, up].min()
         room = np.concatenate([room, shadow])
     # Facets take longer than their motion, so they are made only after their number is chosen.
@@ -372,28 +382,28 @@ def over_motion(
     if sheet is not None and seen:
         sheet.sides = scene.surface.sides
     numbered = COLORINGS[scene.view.color].numbers
-    ends = [end for time in chosen for end in _ends(scene, time, sheet)] if numbered else []
+    ends = [end for time in chosen for end in _value_range(scene, time, sheet)] if numbered else []
     return room, natural_span(np.array(ends)) if ends else None
 
 
-def _ends(scene: Scene, time: float, sheet: Sheet | None) -> list[float]:
+def _value_range(scene: Scene, time: float, sheet: ClothSheet | None) -> list[float]:
     """Return the smallest and largest number that colours show at a time; empty without numbers."""
     if sheet is None:
         scene.update(time)
-        numbers = measure(scene.polygons, scene.view.color)
+        numbers = color_values(scene.polygons, scene.view.color)
     else:
-        numbers = measure(sheet.update(time), scene.view.color)
+        numbers = color_values(sheet.update(time), scene.view.color)
         if numbers is None:
             numbers = sheet.crossings if sheet.ends is None else sheet.ends
     return [] if numbers is None else [float(numbers.min()), float(numbers.max())]
 
 
-def together(extents: Sequence[Extent]) -> Extent:
+def combine_extents(extents: Sequence[Extent]) -> Extent:
     """Combine the extents of several motions into one, with a common scale."""
     clouds, spans = zip(*extents, strict=True)
     ends = np.array([span for span in spans if span is not None])
     return np.concatenate(clouds), natural_span(ends) if ends.size else None
 
 
-def _some(points: AnyFloats) -> AnyFloats:
+def _thin_out(points: AnyFloats) -> AnyFloats:
     return points[:: max(1, len(points) // 20_000)]

@@ -18,11 +18,11 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import linear
-from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, pixels_per_metre, projected
-from spacemap_vtk.draw.compose import gradient
-from spacemap_vtk.draw.detail.seen_yarns import SeenYarns
+from spacemap_vtk.draw.camera import VIEW_ANGLE, aim_camera, pixels_per_metre, project_points
+from spacemap_vtk.draw.compose import gradient_background
+from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
 from spacemap_vtk.draw.frame import camera_of
-from spacemap_vtk.draw.picture import Image, over_motion
+from spacemap_vtk.draw.picture import Image, motion_extent
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Tell
@@ -94,7 +94,7 @@ def require_mitsuba() -> None:
         ) from None
 
 
-def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
+def raytrace(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
     """Return a picture of a scene's cloth at a time, traced with `samples` rays per pixel."""
     require_mitsuba()
     if scene.woven is None:
@@ -107,40 +107,42 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
     tell(0, _PASSES + 1)
     scene.update(time)
     camera, aspect = vtkCamera(), size[0] / size[1]
-    aim(camera, over_motion(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
-    curves, colors = _curves(scene, camera, size)
+    aim_camera(camera, motion_extent(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
+    curves, colors = _visible_fibres(scene, camera, size)
     require(
         _MITSUBA + _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
         f"to trace {len(curves.counts)} fibres",
         cure="Come nearer (view.zoom), or take a smaller picture.",
     )
     tell(1, _PASSES + 1)
-    light = _traced(curves, colors, camera, size, samples, tell)
-    behind = gradient(size, scene.view.look.below, scene.view.look.above)
-    return _developed(light, np.asarray(behind))
+    light = _trace(curves, colors, camera, size, samples, tell)
+    behind = gradient_background(size, scene.view.look.below, scene.view.look.above)
+    return _compose_light(light, np.asarray(behind))
 
 
-def _curves(scene: Scene, camera: vtkCamera, size: tuple[int, int]) -> tuple[StrandCurves, Floats]:
+def _visible_fibres(
+    scene: Scene, camera: vtkCamera, size: tuple[int, int]
+) -> tuple[StrandCurves, Floats]:
     """Return the fibres in sight, and the colour of each in linear light."""
     assert scene.woven is not None
     cloth = scene.woven.cloth
 
     def in_sight(places: NDArray[Any]) -> Bools:
-        seen = projected(camera, places, size[0] / size[1])
+        seen = project_points(camera, places, size[0] / size[1])
         edge = (1.0 + 2.0 * _MARGIN) * seen[:, 3]
         return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
 
     scale = pixels_per_metre(camera, points_of(scene.patches).astype(np.float64), size[1])
     thick = scale * float(cloth.strands[2].mean())
     fibres = min(fibre_count(cloth), max(20, round(0.75 * (thick / _NARROWEST) ** 2)))
-    yarns = SeenYarns(scene, 1)
+    yarns = YarnRecorder(scene, 1)
     curves = yarns.strands(fibres, in_sight)
     if not len(curves.counts):
         raise InputError("none of the cloth is in sight", key="zoom", value=scene.view.zoom)
     return curves, linear(yarns.colors)[curves.yarn]
 
 
-def _traced(
+def _trace(
     curves: StrandCurves,
     colors: Floats,
     camera: vtkCamera,
@@ -275,7 +277,7 @@ def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
     return lights
 
 
-def _developed(light: Floats, behind: NDArray[Any]) -> Image:
+def _compose_light(light: Floats, behind: NDArray[Any]) -> Image:
     """Compose linear light over a background; a square root as gamma, as in the styles."""
     cover = np.clip(light[..., 3:], 0.0, 1.0)
     own = np.sqrt(np.clip(light[..., :3], 0.0, 1.0) / np.maximum(cover, 1e-6))

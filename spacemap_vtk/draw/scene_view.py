@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import SHOWN
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES
 from spacemap_vtk.draw.actors.cut_face import CutFaceActor
 from spacemap_vtk.draw.actors.glyphs import (
     DOT,
@@ -22,18 +22,18 @@ from spacemap_vtk.draw.actors.glyphs import (
     OutlineActor,
     SupportActor,
     moved_points,
-    rest_of,
+    rest_points,
 )
 from spacemap_vtk.draw.actors.sheet_actor import SheetActor
 from spacemap_vtk.draw.actors.surface_actor import (
     Span,
     SurfaceActor,
-    fit_scale,
+    color_bar_share,
+    fit_color_bar,
     natural_span,
-    scale_share,
 )
 from spacemap_vtk.draw.annotate.annotations import Annotations
-from spacemap_vtk.draw.camera import set_background, upward
+from spacemap_vtk.draw.camera import camera_up_axis, set_background
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -46,7 +46,7 @@ _MANY_DOTS, _LEAST_DOT = 40, 6.0
 
 
 @dataclass
-class Look:
+class ViewOptions:
     """Selects what a view shows, in addition to the section ``[view]`` of a scene."""
 
     fabric: bool = True
@@ -103,7 +103,7 @@ class SceneView:
         self._size, self._point = (1, 1), 1.0
         #: The current frame; None if nothing is shown.
         self._frame: Frame | None = None
-        self._view, self._look = View(), Look()
+        self._view, self._look = View(), ViewOptions()
         self._span: Span | None = None
         self._moving, self._generation = False, 0
 
@@ -142,11 +142,11 @@ class SceneView:
         self.sheet.behind(below, above)
         self.annotations.fit(below, size, pixels)
         for drawn in (self.surface, self.sheet):
-            fit_scale(drawn.bar, size, below, pixels)
+            fit_color_bar(drawn.bar, size, below, pixels)
 
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only the time changes, it never shrinks."""
-        numbers = frame.surface.GetPointData().GetArray(SHOWN)
+        numbers = frame.surface.GetPointData().GetArray(COLOR_VALUES)
         values = frame.crossings if COLORINGS[frame.color].numbers else None
         if numbers is not None:
             values = vtk_to_numpy(numbers)
@@ -159,13 +159,18 @@ class SceneView:
         return low, high
 
     def show(
-        self, frame: Frame, view: View, look: Look, span: Span | None = None, cut: Cut | None = None
+        self,
+        frame: Frame,
+        view: View,
+        look: ViewOptions,
+        span: Span | None = None,
+        cut: Cut | None = None,
     ) -> None:
         """Show a frame, with a colour scale over `span`."""
         self._frame, self._view, self._look, self._span = frame, view, look, span
         self._moving = False
         scaled = look.fabric and look.scale and span is not None
-        self.room = scale_share(self._size) if scaled else 0.0
+        self.room = color_bar_share(self._size) if scaled else 0.0
         self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
         for actor in (self.surface, self.sheet, self.light):
             actor.VisibilityOff()
@@ -281,7 +286,7 @@ class SceneView:
         strength = self._view.look.shadow if wanted else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
-            points, up = points_of(frame.surface), upward(frame.camera)
+            points, up = points_of(frame.surface), camera_up_axis(frame.camera)
             if frame.generation != self._generation:
                 self._generation, self.floor = frame.generation, np.inf
             self.floor = min(self.floor, float(points[:, up].min()))
@@ -346,7 +351,7 @@ def extent_of(frame: Frame, loads: bool) -> Floats:
     return np.concatenate(clouds)
 
 
-def cells_shown(frame: Frame, view: View, look: Look) -> list[tuple[AnyFloats, Ints]]:
+def visible_cells(frame: Frame, view: View, look: ViewOptions) -> list[tuple[AnyFloats, Ints]]:
     """Return points of each shown object, and the index of the first point of each cell."""
     shown, points = [], []
     if look.fabric:
@@ -358,7 +363,7 @@ def cells_shown(frame: Frame, view: View, look: Look) -> list[tuple[AnyFloats, I
         else:
             points.append(points_of(frame.surface))
         if view.ghost:
-            points.append(rest_of(frame.surface))
+            points.append(rest_points(frame.surface))
     if look.cage and frame.cage is not None:
         points.append(moved_points(frame.cage))
     if view.loads and frame.arrows is not None:

@@ -29,11 +29,11 @@ def file_of(name: str) -> Path:
 def title_of(name: str) -> str:
     """Return a scene's title."""
     text = (library.folder() / f"{name}.toml").read_text(encoding="utf-8")
-    return str(_tables(text).get("title", name))
+    return str(_parse_toml(text).get("title", name))
 
 
 @lru_cache(64)
-def _tables(text: str) -> dict[str, Any]:
+def _parse_toml(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
@@ -42,14 +42,14 @@ def digest_of(name: str) -> str:
     path = library.folder() / f"{name}.toml"
     text = path.read_bytes()
     digest = hashlib.sha256(text.replace(b"\r\n", b"\n"))
-    for table in _tables(text.decode()).values():
+    for table in _parse_toml(text.decode()).values():
         for key in ("draft", "file"):
             if isinstance(table, dict) and key in table:
                 digest.update((path.parent / table[key]).read_bytes())
     return digest.hexdigest()[:32]
 
 
-def drawn_from(name: str) -> str:
+def stored_digest(name: str) -> str:
     """Return the digest stored in a scene's picture; empty if there is no picture."""
     from PIL import Image
 
@@ -79,7 +79,7 @@ def main() -> None:
     """Draw outdated pictures, and remove pictures of scenes that no longer exist."""
     names = library.names()
     for name in names:
-        if drawn_from(name) != digest_of(name):
+        if stored_digest(name) != digest_of(name):
             draw(name)
             print(f"{name}: drawn")
     for file in file_of("").parent.glob("*.jpg"):

@@ -210,16 +210,16 @@ def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> A
     """Return data of a kind at a time; `span` gives the ends of their colour scale."""
     moved = scene.last_object  # the surface, which costs most, is left out
     if kind == "yarns":
-        from spacemap_vtk.draw.detail.seen_yarns import SeenYarns
+        from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
 
         scene.update_stage(moved, time)
-        seen = SeenYarns(scene, 1)
+        seen = YarnRecorder(scene, 1)
         seen.see(0)
         return seen.curves
     if kind == "painted":
-        from spacemap_vtk.draw.moving import moving
+        from spacemap_vtk.draw.morph_surface import make_moving_surface
 
-        return moving(scene, [time], None, lambda *_: None, span, sides=None)
+        return make_moving_surface(scene, [time], None, lambda *_: None, span, sides=None)
     if kind in ("draft", "analysis"):  # a draft is valid even if its yarns do not fit
         return scene.data(kind)
     from spacemap_vtk.datasets.arrays import copied
@@ -261,9 +261,9 @@ def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
 
     if not COLORINGS[scene.view.color].numbers:
         return None
-    from spacemap_vtk.draw.picture import over_motion
+    from spacemap_vtk.draw.picture import motion_extent
 
-    return over_motion(scene, times)[1]
+    return motion_extent(scene, times)[1]
 
 
 def _pieces_at(context: Context, kind: str, count: int) -> Iterator[Any]:

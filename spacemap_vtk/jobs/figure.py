@@ -76,9 +76,9 @@ class FigureJob(Job):
 
     def write(self, context: Context) -> str:
         """Lay out the page and write it."""
-        from spacemap_vtk.draw.figure.figure_page import figure_of
+        from spacemap_vtk.draw.figure.figure_page import make_figure
 
         context.progress(0, 1)
-        self.write_output(context, "plot", figure_of(context.scene, self.page, context.progress))
+        self.write_output(context, "plot", make_figure(context.scene, self.page, context.progress))
         context.progress(1, 1)
         return ""

@@ -29,9 +29,9 @@ import PIL.Image
 from spacemap_vtk import __version__, cache
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.detail.cloth_sheet import Sheet
-from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
-from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_scale, over_motion
+from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
+from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_picture_facets, motion_extent
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write_parts
@@ -355,12 +355,14 @@ def _drawn_by(
     count: int, scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield a function for each that reads it."""
-    if draws_without_opengl():
+    if uses_software_renderer():
         scene.warn(WITHOUT_OPENGL)
     # The processes find in the cache what is solved here.
-    choose = partial(choose_scale, scene, settings.size, settings.panels, settings.place, False)
-    sheet = Sheet(scene) if choose_level(scene, settings.request).has_sheet else None
-    extent = over_motion(scene, settings.times, sheet, choose)
+    choose = partial(
+        choose_picture_facets, scene, settings.size, settings.panels, settings.place, False
+    )
+    sheet = ClothSheet(scene) if choose_level(scene, settings.request).has_sheet else None
+    extent = motion_extent(scene, settings.times, sheet, choose)
     tasks = [(settings, kept, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:

@@ -39,7 +39,7 @@ class MovingJob(Job):
     tolerance: float | None = None
     #: Subdivisions of each patch. None: those of the scene, or as many as a player can show.
     subdivisions: int | None = None
-    #: What the curves of the yarns are, see `spacemap_vtk.draw.detail.seen_yarns.STRANDS`.
+    #: What the curves of the yarns are, see `spacemap_vtk.draw.detail.yarn_recorder.STRANDS`.
     curves: str = "yarns"
 
     kind = "moving"
@@ -58,9 +58,9 @@ class MovingJob(Job):
                     allowed="a length above 0, as in 0.01mm",
                 )
         if self.curves != "yarns":
-            from spacemap_vtk.draw.detail.seen_yarns import checked_strands
+            from spacemap_vtk.draw.detail.yarn_recorder import check_strands
 
-            self.curves = checked_strands(str(self.curves))
+            self.curves = check_strands(str(self.curves))
 
     @property
     def numbered(self) -> bool:
@@ -89,18 +89,20 @@ class MovingJob(Job):
 
     def write(self, context: Context) -> str:
         """Compute and write the motion; return its size and its error in words."""
-        from spacemap_vtk.draw.moving import moving
+        from spacemap_vtk.draw.morph_surface import make_moving_surface
 
         scene, times = context.scene, context.times
         if self.numbered:
             span = common_scale(scene, times)
 
             def still(time: float) -> MovingSurface:
-                return moving(scene, [time], self.tolerance, lambda *_: None, span, sides=0)
+                return make_moving_surface(
+                    scene, [time], self.tolerance, lambda *_: None, span, sides=0
+                )
 
             return write_series(self, context, still)
         format_ = writer(self.output, self.kind)
-        made = moving(
+        made = make_moving_surface(
             scene,
             times,
             self.tolerance,
@@ -140,9 +142,9 @@ class ModesJob(Job):
 
     def write(self, context: Context) -> str:
         """Compute and write the shapes; return their number and their size in words."""
-        from spacemap_vtk.draw.moving import mode_shapes
+        from spacemap_vtk.draw.morph_surface import make_mode_surface
 
-        made = mode_shapes(
+        made = make_mode_surface(
             context.scene,
             context.progress,
             writer(self.output, self.kind).most,

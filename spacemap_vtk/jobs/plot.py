@@ -55,10 +55,10 @@ class BiaxialJob(Job):
 
     def write(self, context: Context) -> str:
         """Compute the tests and write them."""
-        from spacemap_vtk.draw.figure.plots import tensile_plot, tensile_table, tests_of
+        from spacemap_vtk.draw.figure.plots import tensile_plot, tensile_table, tensile_tests_of
 
         context.progress(0, 1)
-        tests = tests_of(context.scene)
+        tests = tensile_tests_of(context.scene)
         if self.output.suffix.lower() == ".csv":
             with self.open_output(context.whole) as file:
                 write_parts(file, [tensile_table(tests).encode()])

@@ -67,9 +67,9 @@ class StoryboardJob(Job):
             )
         if self.times:
             return asked_times(self.times)
-        from spacemap_vtk.draw.figure.sheets import swing_times
+        from spacemap_vtk.draw.figure.sheets import period_times
 
-        return Times(swing_times(scene))
+        return Times(period_times(scene))
 
     def write(self, context: Context) -> str:
         """Draw the board and write it."""

@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.widgets import RIGHT, column, is_dark, later, note, table
 from spacemap_vtk.app.work.engine import Engine
-from spacemap_vtk.draw.figure.page import Paper, page
+from spacemap_vtk.draw.figure.page import PageStyle, lay_out_page
 from spacemap_vtk.draw.figure.section_drawing import Colors, section_tile
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.scenes import report
@@ -128,14 +128,14 @@ class _Sections(QScrollArea):
         if not self._cuts or not self.isVisible():
             return
         ratio = self.devicePixelRatioF()
-        paper = Paper(
+        paper = PageStyle(
             width=max(self.viewport().width(), _NARROWEST) * 25.4 / _DPI,
             dpi=_DPI * ratio,
             dark=is_dark(self),
             transparent=True,
         )
         tiles = [replace(section_tile(c, self._colors), lettered=False) for c in self._cuts]
-        canvas: Any = page([[tile] for tile in tiles], paper).canvas
+        canvas: Any = lay_out_page([[tile] for tile in tiles], paper).canvas
         canvas.draw()
         width, height = canvas.get_width_height()
         image = QImage(bytes(canvas.buffer_rgba()), width, height, QImage.Format.Format_RGBA8888)

@@ -22,7 +22,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from spacemap_vtk.app.widgets import is_dark, painter_on
-from spacemap_vtk.draw.actors.coloring import round_between
+from spacemap_vtk.draw.actors.color_values import log_ticks
 from spacemap_vtk.textile.crimp.biaxial import StretchMap
 
 #: Margins of the map in pixels: left, right, above, below.
@@ -248,7 +248,7 @@ class PullMap(QWidget):
         for values, color, style in zip(fields, _COLORS[is_dark(self)], styles, strict=True):
             painter.setPen(QPen(QColor(color), 1.3, style))
             lines = contour_generator(found.warp, found.weft, values)
-            for level in round_between(0.04 * most, most):
+            for level in log_ticks(0.04 * most, most):
                 text = f"{size * level:g}{unit}"
                 for line in lines.lines(level):
                     points = [self.place(*point) for point in np.asarray(line)]

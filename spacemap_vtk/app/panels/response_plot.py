@@ -15,8 +15,8 @@ from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.plots.curves import Spectrum, moving, spectrum_of
 from spacemap_vtk.app.widgets import later, painter_on
 from spacemap_vtk.app.work.engine import Engine
-from spacemap_vtk.draw.actors.coloring import round_between
-from spacemap_vtk.draw.figure.plots import handy
+from spacemap_vtk.draw.actors.color_values import log_ticks
+from spacemap_vtk.draw.figure.plots import prefixed_unit
 from spacemap_vtk.draw.frame import Frame
 
 _Role = QPalette.ColorRole
@@ -131,7 +131,7 @@ class ResponsePlot(QWidget):
         colors, frame = self.palette(), self.frame()
         faint, line = (colors.color(r) for r in (_Role.PlaceholderText, _Role.Mid))
         accent = colors.color(_Role.Highlight)
-        unit, size = handy("m", float(response.max()))
+        unit, size = prefixed_unit("m", float(response.max()))
         top = math.ceil(math.log10(response.max() / size) * 4) / 4
         high = frame.height() / _DECADES
         painter = painter_on(self)
@@ -150,7 +150,7 @@ class ResponsePlot(QWidget):
                 room = QRectF(0, y - 8, frame.left() - 4, 16)
                 painter.drawText(room, Qt.AlignmentFlag.AlignRight, f"{10.0**power:g}")
         taken = -math.inf
-        for value in round_between(*frequencies[[0, -1]]):
+        for value in log_ticks(*frequencies[[0, -1]]):
             x = float(self.x_of(value))
             if x - taken >= _APART and x + _APART / 2 < self.width():
                 taken = x

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
 from spacemap_vtk.draw.figure.page import new_figure
-from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, handy
+from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, prefixed_unit
 
 #: Colours of points; below, the margins of the plots in pixels: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
@@ -178,7 +178,7 @@ class PlotCanvas(FigureCanvasQTAgg):
     def _motion(self, axes: Axes, curves: Curves, shown: ShownCurves) -> tuple[str, float]:
         unit, row = QUANTITIES[shown.quantity]
         values = component_of(curves.motion[row], shown.component)
-        word, size = handy(unit, float(abs(values).max(initial=0.0)))
+        word, size = prefixed_unit(unit, float(abs(values).max(initial=0.0)))
         for number, curve in enumerate(values):
             color = POINTS[number % len(POINTS)]
             axes.plot(curves.times, curve / size, color=color, linewidth=1.2, label=f"{number + 1}")
@@ -195,7 +195,7 @@ class PlotCanvas(FigureCanvasQTAgg):
                 axes.axvline(mode, color=grid, linewidth=0.7, zorder=0)
         answer = curves.response * (2 * np.pi * curves.frequencies[:, None]) ** unit[1]
         values = component_of(answer, shown.component)
-        word, size = handy(unit[0], float(values.max(initial=0.0)))
+        word, size = prefixed_unit(unit[0], float(values.max(initial=0.0)))
         for number, curve in enumerate(values):
             if curve.max(initial=0.0) > 0.0:
                 color = POINTS[number % len(POINTS)]
@@ -216,7 +216,7 @@ def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
 
 def _energy(axes: Axes, curves: Curves, ink: str) -> None:
     assert curves.balance is not None
-    unit, size = handy("J", float(np.nanmax(np.abs(curves.balance), initial=0.0)))
+    unit, size = prefixed_unit("J", float(np.nanmax(np.abs(curves.balance), initial=0.0)))
     *parts, total = energy_curves(curves.balance)
     for label, values, color in [*parts, (*total[:2], ink)]:
         axes.plot(curves.times, values / size, color=color, linewidth=1.2, label=label)

@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 from spacemap_vtk.app.view.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
 from spacemap_vtk.datasets.modal_model import ModesReader
-from spacemap_vtk.draw.figure.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
+from spacemap_vtk.draw.figure.plots import (
+    NO_FREQUENCY_RESPONSE,
+    NUDGE,
+    frequencies_near,
+    most_moving_vertex,
+)
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
@@ -97,8 +102,8 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
     linear = None if (moved := scene.stage("mover")) is None else moved.motion
     response = linear if isinstance(linear, Response) else None
     natural = np.zeros(0) if response is None else response.modes.frequencies
-    places, weights, note = [], [], "" if response else NO_FREQUENCIES
-    for place in wish.points or (tuple(tip(scene)),):
+    places, weights, note = [], [], "" if response else NO_FREQUENCY_RESPONSE
+    for place in wish.points or (tuple(most_moving_vertex(scene)),):
         try:
             weights.append(point_weights(model.points, model.cells, np.asarray(place)))
             places.append(place)
@@ -158,7 +163,7 @@ def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
     response = None if mover is None else mover.motion
     if isinstance(response, Response):
         frequencies = frequencies_near(modes.frequencies.tolist())
-        weight = point_weights(response.points, response.cells, tip(scene))
+        weight = point_weights(response.points, response.cells, most_moving_vertex(scene))
         answers = yield from _answers(response, [weight], frequencies)
     errors = []
     for error in mode_errors(modes.model, modes.eigenvalues, modes.shapes):
@@ -179,7 +184,7 @@ def _answers(
             try:
                 answer = response.frequency_response(weight, frequencies[part])
             except InputError:  # a frequency is exactly that of an undamped mode
-                frequencies[part] *= ASIDE
+                frequencies[part] *= NUDGE
                 answer = response.frequency_response(weight, frequencies[part])
             answers[number, part] = abs(answer)
             yield _MOVED

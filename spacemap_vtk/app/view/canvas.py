@@ -17,8 +17,8 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFXAAFilter
 
 from spacemap_vtk.app.view.render_widget import RenderWidget
-from spacemap_vtk.draw.actors.shade_layer import ShadeLayer
-from spacemap_vtk.draw.camera import front_of, lit_renderer
+from spacemap_vtk.draw.actors.shadow_layer import ShadowLayer
+from spacemap_vtk.draw.camera import add_front_renderer, make_renderer
 
 # Constants of OpenGL.
 _READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
@@ -44,17 +44,17 @@ class Canvas(RenderWidget):
         self._painting = False
         #: Time of the last drawing in s.
         self.took = 0.0
-        self.renderer = lit_renderer()
+        self.renderer = make_renderer()
         self.render_window.SetMultiSamples(0)
         # Avoids a copy into a second buffer; Qt reads the first one.
         self.render_window.SwapBuffersOff()
         self.render_window.AddRenderer(self.renderer)
         #: Renderer in front of everything, off by default.
-        self.front = front_of(self.render_window, self.renderer)
+        self.front = add_front_renderer(self.render_window, self.renderer)
         self.front.SetLayer(2)
         self.front.DrawOff()
         #: Layer of contact shadows between the two renderers, off by default.
-        self.shade = ShadeLayer(self.render_window, self.renderer, 1)
+        self.shade = ShadowLayer(self.render_window, self.renderer, 1)
         self.render_window.SetNumberOfLayers(3)
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # Mouse moves only request a paint event, so that Qt draws once for many moves.

@@ -10,8 +10,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.coloring import SHOWN, unit_of
-from spacemap_vtk.draw.actors.glyphs import rest_of
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, scale_unit
+from spacemap_vtk.draw.actors.glyphs import rest_points
 from spacemap_vtk.draw.actors.surface_actor import Span
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -66,7 +66,7 @@ class Pick:
         found = [(surface, *self._nearest_of(surface, frame.relief)) for surface in drawn]
         surface, nearest, _ = min(found, key=lambda one: one[2])
         at = points_of(surface)[nearest].astype(np.float64)
-        numbers, value = surface.GetPointData().GetArray(SHOWN), None
+        numbers, value = surface.GetPointData().GetArray(COLOR_VALUES), None
         if numbers is not None:
             value = numbers.GetTuple1(nearest)
         elif frame.crossings is not None and COLORINGS[frame.color].scaled and self.crossed:
@@ -79,9 +79,9 @@ class Pick:
         if value is None and surface.GetPointData().HasArray("displacement"):
             told = _moved(at - self.rest)
         elif value is not None:
-            unit, size = unit_of(frame.color, max(map(abs, span or (value,))))
+            unit, size = scale_unit(frame.color, max(map(abs, span or (value,))))
             told = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
-        unit, size = unit_of("displacement", float(np.abs(at).max()))
+        unit, size = scale_unit("displacement", float(np.abs(at).max()))
         where = ", ".join(f"{c / size:.4g}" for c in at + 0.0)
         lines = self.name, told.strip(), f"({where}) {unit}"
         return at, "\n".join(filter(None, lines)).replace("-", "−")
@@ -94,7 +94,7 @@ class Pick:
         now = float(np.linalg.norm(rest - self.rest))
         if now <= far + off:
             return number, now
-        away = ((rest_of(surface) - self.rest) ** 2).sum(axis=1)
+        away = ((rest_points(surface) - self.rest) ** 2).sum(axis=1)
         number = int(away.argmin())
         self._nearest[len(points)] = number, float(away[number] ** 0.5)
         return self._nearest[len(points)]
@@ -125,7 +125,7 @@ def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None 
         if len(others):
             starts = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
             corner = starts.reshape(len(yarns), -1)[others, 0]
-            place, count = rest_of(surface)[corner, family ^ 1], np.bincount(yarns[others])
+            place, count = rest_points(surface)[corner, family ^ 1], np.bincount(yarns[others])
             with np.errstate(invalid="ignore"):
                 middles = np.bincount(yarns[others], place) / count
             crossed = int(np.nanargmin(np.abs(middles - rest[family ^ 1]))) - firsts[1 - family] + 1
@@ -140,7 +140,7 @@ def read_sheet(sheet: vtkPolyData, cell: int, part: Point, behind: bool, cloth: 
     data = sheet.GetPointData()
     texel, position, rest = (
         shares @ values[corners].astype(float)
-        for values in (vtk_to_numpy(data.GetTCoords()), points_of(sheet), rest_of(sheet))
+        for values in (vtk_to_numpy(data.GetTCoords()), points_of(sheet), rest_points(sheet))
     )
     end, pick = np.clip((texel * cloth.size).astype(int), 0, np.array(cloth.size) - 1).tolist()
     over = bool(cloth.drawdown[pick, end]) != behind

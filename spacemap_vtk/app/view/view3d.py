@@ -18,23 +18,23 @@ from spacemap_vtk.app.view.preview import Preview
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.draw.actors.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES
-from spacemap_vtk.draw.actors.surface_actor import rgb, scale_share
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share, rgb
 from spacemap_vtk.draw.annotate.annotations import MOST_LABELS
 from spacemap_vtk.draw.camera import (
-    Seen,
+    CameraView,
     Viewpoint,
-    aim,
+    aim_camera,
+    camera_directions,
+    camera_up_axis,
     half_height,
-    nearer,
+    keep_upright,
     pixels_per_metre,
-    projected,
-    refitted,
-    seen_from,
-    stand_upright,
-    upward,
+    project_points,
+    refit_viewpoint,
+    zoom_in,
 )
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.scene_view import Look, SceneView, cells_shown, extent_of
+from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of, visible_cells
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, SIDES, View
@@ -67,7 +67,7 @@ class View3D(QWidget):
     #: Whether the camera has started to move; False when it has come to rest.
     moving = Signal(bool)
 
-    def __init__(self, look: Look) -> None:
+    def __init__(self, look: ViewOptions) -> None:
         super().__init__()
         self.look = look
         self.frame: Frame | None = None
@@ -108,7 +108,7 @@ class View3D(QWidget):
         self._rest = later(self, self._come_to_rest, _REST)
         self._calm = later(self, self._shade, _REST)
         #: Camera and size of the last drawing.
-        self._looked_at: Seen | None = None
+        self._looked_at: CameraView | None = None
         #: Whether the camera moves or has moved a moment ago; whether the mouse holds it.
         self.steering = self._held = False
         #: Whether the up axis stays up while the mouse turns the view, and the viewpoint before the
@@ -159,14 +159,14 @@ class View3D(QWidget):
         self.render()
 
     @property
-    def seen(self) -> Seen | None:
+    def seen(self) -> CameraView | None:
         """Camera and size of the view; None before the first frame."""
         if self._aimed is None:
             return None
         ratio = self.plotter.devicePixelRatioF()
         width, height = self.plotter.width(), self.plotter.height()
         pixels = max(1, round(ratio * width)), max(1, round(ratio * height))
-        return Seen(self.place, self.scene_view.room, pixels)
+        return CameraView(self.place, self.scene_view.room, pixels)
 
     def _observe_camera(self) -> None:
         me, style = weakref.ref(self), self.plotter.interactor.GetInteractorStyle()
@@ -176,7 +176,7 @@ class View3D(QWidget):
             if here is None:
                 return
             if here.turntable and style.GetState() == _TURNING and event[0] != "E":
-                stand_upright(here.plotter.camera, here._up, here._stood)
+                keep_upright(here.plotter.camera, here._up, here._stood)
                 here._stood = here.place
             if event != "InteractionEvent":
                 here._stood = None
@@ -189,7 +189,7 @@ class View3D(QWidget):
     def _up(self) -> int:
         """Index of the up axis in the scene."""
         frame, view = self.frame, self._view
-        return 1 if frame is None or view is None else upward(view.camera or frame.camera)
+        return 1 if frame is None or view is None else camera_up_axis(view.camera or frame.camera)
 
     def steer(self, held: bool) -> None:
         """Draw quickly while the mouse holds the camera, and for a moment afterwards."""
@@ -359,7 +359,9 @@ class View3D(QWidget):
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
         flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
-        aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up)
+        aim_camera(
+            camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up
+        )
         if flat or (was_flat and name is not None):
             camera.SetParallelProjection(flat)
             self.flattened.emit(flat)
@@ -371,7 +373,7 @@ class View3D(QWidget):
 
     def zoom(self, factor: float) -> None:
         """Move the camera nearer by a factor."""
-        nearer(self.plotter.camera, factor)
+        zoom_in(self.plotter.camera, factor)
         self.render()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -395,7 +397,7 @@ class View3D(QWidget):
         if self._aimed is None or points is None:
             return False
         aspect = max(1, self.plotter.width()) / max(1, self.plotter.height())
-        x, y, _, w = projected(self.plotter.camera, points, aspect).T
+        x, y, _, w = project_points(self.plotter.camera, points, aspect).T
         return any(bool(side.all()) for side in (x < -w, x > w, y < -w, y > w))
 
     def set_orthographic(self, on: bool) -> None:
@@ -417,13 +419,13 @@ class View3D(QWidget):
         if frame is None or seen is None:
             return self.place
         # The colour scale is drawn beside the scene, not over it.
-        room = scale_share(size) if seen.aside else 0.0
+        room = color_bar_share(size) if seen.aside else 0.0
         aspect, other = (
             (1.0 - share) * width / height
             for share, (width, height) in ((seen.aside, seen.size), (room, size))
         )
-        shown = cells_shown(frame, self._view or View(), self.look)
-        return refitted(self.place, shown, aspect, other)
+        shown = visible_cells(frame, self._view or View(), self.look)
+        return refit_viewpoint(self.place, shown, aspect, other)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -504,7 +506,7 @@ class View3D(QWidget):
             return None
         if np.dot(way, self.plotter.camera.GetDirectionOfProjection()) < -0.999:
             way = -way  # the camera already looks from this side
-        return next(s for s in SIDES if np.array_equal(seen_from(s, self._up)[0], way))
+        return next(s for s in SIDES if np.array_equal(camera_directions(s, self._up)[0], way))
 
     def image(self) -> NDArray[np.uint8]:
         """Draw the view with contact shadows, and return its pixels."""

@@ -9,10 +9,10 @@ import numpy as np
 from PIL import Image
 
 from spacemap_vtk.draw.actors.glyphs import cut_of
-from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, half_height, nearer
+from spacemap_vtk.draw.camera import CameraView, Viewpoint, aim_camera, half_height, zoom_in
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
+from spacemap_vtk.draw.offscreen import OffscreenWindow
+from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of
 from spacemap_vtk.scenes.settings import FLAT, View
 
 #: JPEG quality of still and of moving pictures.
@@ -27,7 +27,7 @@ class Screen:
     """Draw the latest frame on request."""
 
     def __init__(self) -> None:
-        self.window = Offscreen((960, 720))
+        self.window = OffscreenWindow((960, 720))
         self.shown = SceneView(self.window.renderer, shades=False)
         self.window.add_in_front(self.shown.loads.through)
         self.frame: Frame | None = None
@@ -74,7 +74,7 @@ class Screen:
         points = extent_of(self.frame, self._view.loads)
         aspect = (1.0 - self.shown.room) * width / height
         flat = camera.GetParallelProjection() if name is None else name == FLAT
-        aim(camera, points, aspect, name, self._view.zoom if name else 1.0)
+        aim_camera(camera, points, aspect, name, self._view.zoom if name else 1.0)
         camera.SetParallelProjection(flat)
         if name != FLAT:
             camera.SetParallelScale(half_height(camera))
@@ -98,7 +98,7 @@ class Screen:
             camera.SetPosition(*(camera.GetPosition() + by).tolist())
             camera.SetFocalPoint(*(camera.GetFocalPoint() + by).tolist())
         else:
-            nearer(camera, min(max(x, 0.1), 10.0))
+            zoom_in(camera, min(max(x, 0.1), 10.0))
         self.hold(True)
         self.version += 1
 
@@ -110,9 +110,13 @@ class Screen:
             self.version += 1
 
     @property
-    def seen(self) -> Seen | None:
+    def seen(self) -> CameraView | None:
         """Camera and size of the picture; None before the first frame."""
-        return None if self._aimed is None else Seen(self._place, self.shown.room, self.window.size)
+        return (
+            None
+            if self._aimed is None
+            else CameraView(self._place, self.shown.room, self.window.size)
+        )
 
     @property
     def picture(self) -> bytes:
@@ -142,7 +146,7 @@ class Screen:
         width, height = self.window.size
         units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
         self.shown.fit(view, units, self._ratio, self._ratio * view.line_scale)
-        look = Look(fabric=view.show != "cage", cage=frame.cage is not None)
+        look = ViewOptions(fabric=view.show != "cage", cage=frame.cage is not None)
         look.cage = look.cage and view.show != "fabric"
         cut = cut_of(view, frame.surface)
         self.shown.show(frame, view, look, self.shown.span_of(frame), cut)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.draw.camera import Seen
+from spacemap_vtk.draw.camera import CameraView
 
 #: A run that has taken longer, in s, is cancelled when a newer job arrives. Shorter runs are
 #: finished: a drag that sends jobs faster than runs end would otherwise show no frame at all.
@@ -55,4 +55,4 @@ class Job:
     #: Mode or stretch to show instead of the motion.
     swing: Swing | Pull | None = field(default=None)
     #: Camera and size of the view; None before the camera is aimed.
-    seen: Seen | None = None
+    seen: CameraView | None = None

@@ -21,12 +21,12 @@ from spacemap_vtk.app.work.job import Job, Pull, Swing
 from spacemap_vtk.cancel import CancelToken
 from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
-from spacemap_vtk.draw.actors.coloring import add_measure
-from spacemap_vtk.draw.actors.sheet_actor import thinned
-from spacemap_vtk.draw.detail.cloth_sheet import Sheet
-from spacemap_vtk.draw.detail.facets import Facets, pixels_enough
+from spacemap_vtk.draw.actors.color_values import add_color_values
+from spacemap_vtk.draw.actors.sheet_actor import coarsen_sheet
+from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
+from spacemap_vtk.draw.detail.facets import FacetChooser, coarse_scale
 from spacemap_vtk.draw.detail.yarn_parts import NearYarns
-from spacemap_vtk.draw.frame import Frame, add_shape, frame_of
+from spacemap_vtk.draw.frame import Frame, apply_mode_shape, frame_of
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -83,9 +83,9 @@ class Pipeline:
         self._swing_warp = BarycentricWarp()
         #: Gives yarns near the camera more facets, and the scale in pixels per metre up to which
         #: the usual number of facets is enough.
-        self._detail: Facets | None = None
+        self._detail: FacetChooser | None = None
         self._enough = 0.0
-        self._sheet: Sheet | None = None
+        self._sheet: ClothSheet | None = None
         self._near: NearYarns | None = None
         #: Key of the last drawing of the near yarns, and their fine and coarse surfaces.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
@@ -162,15 +162,15 @@ class Pipeline:
             return self._lighter(scene, source, frame)
         return frame
 
-    def _detail_of(self, cloth: DrawnCloth, source: Stage, job: Job) -> Facets | None:
+    def _detail_of(self, cloth: DrawnCloth, source: Stage, job: Job) -> FacetChooser | None:
         """Choose more facets for yarns near the camera; None if they would not be visible."""
         grid = source.GetOutputDataObject(0)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
-        self._enough = pixels_enough(cloth.plies, points, patches)
+        self._enough = coarse_scale(cloth.plies, points, patches)
         if job.seen is None:
             self._detail = None
             return None
-        new = Facets(job.seen, LEAST_SIDES, quads_in_view(job.seen.size), cloth.plies)
+        new = FacetChooser(job.seen, LEAST_SIDES, quads_in_view(job.seen.size), cloth.plies)
         wanted = new(points, patches)
         # Keep the present facets if they are enough, and not far too many, so that a small turn of
         # the camera rebuilds nothing.
@@ -182,9 +182,9 @@ class Pipeline:
             self._detail = new if wanted.max(initial=0) > AUTOMATIC_SIDES else None
         return self._detail
 
-    def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: Sheet) -> Frame:
+    def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: ClothSheet) -> Frame:
         """Add the yarns near the camera to the frame of a sheet."""
-        whole, thin = frame.surface, thinned(frame.surface, sheet.cells, _MOVING_CELLS)
+        whole, thin = frame.surface, coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS)
         if frame.coarse:
             frame = replace(frame, surface=thin)
         else:
@@ -203,8 +203,8 @@ class Pipeline:
             if few is None or near.part is None:
                 return frame
             few = copied(few)
-            add_measure(few, frame.color)
-            around = thinned(whole, sheet.cells, _MOVING_CELLS, near.part)
+            add_color_values(few, frame.color)
+            around = coarsen_sheet(whole, sheet.cells, _MOVING_CELLS, near.part)
             return replace(frame, yarns=few, around=around)
         if not why:
             try:
@@ -222,13 +222,13 @@ class Pipeline:
             made = [None if yarns is None else copied(yarns) for yarns in (near.yarns, few)]
             for yarns in made:
                 if yarns is not None:
-                    add_measure(yarns, frame.color)
+                    add_color_values(yarns, frame.color)
             self._near_drawn = key, made
         fine, few = self._near_drawn[1]
         if few is not None and frame.light is not None:
-            thin = thinned(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
+            thin = coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
             frame = replace(frame, light=replace(frame.light, yarns=few, around=thin))
-        around = thinned(frame.surface, sheet.cells, max(sheet.cells), near.part)
+        around = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
         return replace(frame, yarns=fine, around=around)
 
     def _lighter(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
@@ -237,7 +237,7 @@ class Pipeline:
         if few is None:
             return frame
         surface = copied(few.update(frame.time).output)
-        add_measure(surface, frame.color)
+        add_color_values(surface, frame.color)
         return replace(frame, light=replace(frame, surface=surface))
 
     def prepared(self, job: Job) -> Scene:
@@ -258,12 +258,12 @@ class Pipeline:
         self._settings = job.settings
         return here
 
-    def _sheet_of(self, scene: Scene) -> Sheet | None:
+    def _sheet_of(self, scene: Scene) -> ClothSheet | None:
         """Return the sheet that is drawn for a cloth with very many yarns, or None."""
         found = self._sheet
         if found is None or not found.serves(scene):
             many = choose_level(scene, window=True).has_sheet
-            self._sheet = found = Sheet(scene) if many else None
+            self._sheet = found = ClothSheet(scene) if many else None
             self._near = self._near_drawn = None  # these belong to the former scene
         return found
 
@@ -341,7 +341,7 @@ def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
     side = float(np.ptp(points_of(cage), axis=0).max())
     now = math.sin(2 * math.pi * swing.phase)
     angle = None if swing.angle is None else swing.angle * now
-    add_shape(scene, cage, mode, swing.amplitude * side * now, angle)
+    apply_mode_shape(scene, cage, mode, swing.amplitude * side * now, angle)
 
 
 def _add_pull(cage: vtkUnstructuredGrid, pull: Pull) -> None:

@@ -54,7 +54,7 @@ class CutFaceActor(SurfaceActor):
         style: Style = STUDIO,
     ) -> None:
         """Draw the face of a cut; hide the actor if there is none."""
-        face = vtkPolyData() if cut is None else cut_face(surface, cut)
+        face = vtkPolyData() if cut is None else compute_cut_face(surface, cut)
         self.SetVisibility(face.GetNumberOfCells() > 0)
         if cut is not None and face.GetNumberOfCells():
             self.show(face, color, plain, span, style=replace(style, outline=0.0, sheen=0.0))
@@ -63,7 +63,7 @@ class CutFaceActor(SurfaceActor):
             self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
 
 
-def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
+def compute_cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     """Return the face that a plane cuts through the inside of a surface."""
     face = vtkPolyData()
     if not surface.GetNumberOfPolys():
@@ -74,7 +74,7 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     # Planes often pass through a centre, where patches meet whose points differ by rounding. With a
     # small offset all these points are on the same side.
     height = (points - cut[1]) @ normal + _BESIDE * surface.GetLength()
-    triangles, cells = _crossing(surface, height >= 0.0)
+    triangles, cells = _crossing_triangles(surface, height >= 0.0)
     if not len(triangles):
         return face
     ends, segments = _segments(triangles, height >= 0.0)
@@ -91,7 +91,7 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     face.SetPoints(to_points(corners))
     _interpolate(surface, face, ends, share)
     if areas[kept].min() < 0.0:
-        return _with_holes(face, loops)
+        return _fill_with_holes(face, loops)
     face.SetPolys(to_rings(loops))
     take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
     triangulated = vtkTriangleFilter()
@@ -101,7 +101,7 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     return triangulated.GetOutput()
 
 
-def _crossing(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
+def _crossing_triangles(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
     """Return the triangles that cross the plane, (n, 3), and the cell of each."""
     polygons = surface.GetPolys()
     offsets = vtk_to_numpy(polygons.GetOffsetsArray()).astype(np.int64)
@@ -194,7 +194,7 @@ def _area(ring: Floats, normal: Floats) -> float:
     return float(np.cross(seen, np.roll(seen, -1, axis=0)).sum(axis=0) @ normal) / 2
 
 
-def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
+def _fill_with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
     """Return the face of a hollow object, without cell arrays."""
     face.SetLines(to_rings([np.append(loop, loop[0]) for loop in loops]))
     filled = vtkContourTriangulator()

@@ -18,8 +18,8 @@ from spacemap_vtk.datasets.arrays import (
     to_image,
     to_points,
 )
-from spacemap_vtk.draw.actors.load_arrows import KINDS, Arrows
-from spacemap_vtk.draw.actors.shading import blurred
+from spacemap_vtk.draw.actors.contact_shadows import blur
+from spacemap_vtk.draw.actors.load_arrows import ARROW_COLORS, Arrows
 from spacemap_vtk.draw.actors.surface_actor import rgb, rgb_table
 from spacemap_vtk.embedding.triangles import boundary
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
@@ -112,7 +112,7 @@ class GhostActor(PlainActor):
         rest = vtkPolyData()
         if surface.GetPointData().GetArray("displacement") is not None:
             rest.ShallowCopy(surface)
-            rest.SetPoints(to_points(rest_of(surface)))
+            rest.SetPoints(to_points(rest_points(surface)))
             # Normals of the moved surface would show its folds on the flat rest shape.
             rest.GetPointData().SetNormals(None)
         self.GetMapper().SetInputData(rest)
@@ -142,7 +142,7 @@ class CageActor(PlainActor):
             elements = elements_of(cage)
             # Elements are compared by content: a box of another size often has the same edges.
             if self._kept is None or not np.array_equal(self._kept[0], elements):
-                self._kept = elements, to_cells(_edges(elements, points_of(cage)))
+                self._kept = elements, to_cells(_cage_edges(elements, points_of(cage)))
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
             lines.SetLines(self._kept[1])
         self.GetMapper().SetInputData(lines)
@@ -177,7 +177,7 @@ class GroundActor(PlainActor):
             found = np.bincount(places[slices == number], minlength=cells**2) > 0
             if found.any():
                 spread = cells * (_SHARP + _SOFT * (number + 0.5) / _SLICES)
-                cast = blurred(found.reshape(cells, cells).astype(np.float32), spread)
+                cast = blur(found.reshape(cells, cells).astype(np.float32), spread)
                 light *= 1.0 - cast
         black = np.zeros((cells, cells, 4), np.uint8)
         black[..., 3] = np.rint(255.0 * strength * (1.0 - light))
@@ -235,7 +235,7 @@ class LoadActor(vtkActor):
         super().__init__()
         self.through = vtkActor()
         for actor in (self, self.through):
-            actor.SetMapper(_arrows_mapper())
+            actor.SetMapper(_make_arrow_mapper())
             actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
         look = self.through.GetProperty()
@@ -250,7 +250,7 @@ class LoadActor(vtkActor):
             seen = np.ones(len(arrows.starts), bool)
             if cut is not None:
                 seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
-            colors = rgb_table([KINDS[k] for k in arrows.kinds])
+            colors = rgb_table([ARROW_COLORS[k] for k in arrows.kinds])
             places.SetPoints(to_points(arrows.starts[seen]))
             places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
             places.GetPointData().AddArray(to_array(colors[seen], "color"))
@@ -258,7 +258,7 @@ class LoadActor(vtkActor):
             actor.GetMapper().SetInputData(places)
 
 
-def _arrows_mapper() -> vtkGlyph3DMapper:
+def _make_arrow_mapper() -> vtkGlyph3DMapper:
     shape, mapper = vtkArrowSource(), vtkGlyph3DMapper()
     shape.SetTipResolution(24)
     shape.SetShaftResolution(24)
@@ -280,7 +280,7 @@ def moved_points(cage: vtkUnstructuredGrid) -> Floats:
     return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
 
 
-def _edges(elements: Ints, points: AnyFloats) -> Ints:
+def _cage_edges(elements: Ints, points: AnyFloats) -> Ints:
     """Return distinct edges (n, 2): of a dense cage the surface's; half edges for 10 nodes."""
     ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
     shown = np.ones((len(elements), 6), bool)
@@ -298,7 +298,7 @@ def _edges(elements: Ints, points: AnyFloats) -> Ints:
     return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
 
 
-def rest_of(surface: vtkPolyData) -> AnyFloats:
+def rest_points(surface: vtkPolyData) -> AnyFloats:
     """Return the rest positions of a surface's points."""
     moved = surface.GetPointData().GetArray("displacement")
     return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)
@@ -310,6 +310,6 @@ def cut_of(view: View, surface: vtkPolyData) -> Cut | None:
         return None
     if view.clip_origin is not None:
         return view.clip_normal, view.clip_origin
-    rest = rest_of(surface)
+    rest = rest_points(surface)
     x, y, z = ((rest.min(axis=0) + rest.max(axis=0)) / 2).tolist()
     return view.clip_normal, (x, y, z)

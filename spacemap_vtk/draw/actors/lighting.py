@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.styles import Style
 #: Largest number of lamps of a style.
 _LAMPS = 3
 
-#: GLSL functions that light a surface; `light_of` puts the constants before them.
+#: GLSL functions that light a surface; `lighting_code` puts the constants before them.
 _FUNCTIONS = """
 // Light that leaves a surface: in its own colour, and white.
 vec4 lit(vec3 n, vec3 eye)
@@ -72,11 +72,11 @@ _FRAGMENT = f"""{_LINE}
 
 
 @lru_cache(32)
-def light_of(style: Style, point: float = 1.0) -> str:
+def lighting_code(style: Style, point: float = 1.0) -> str:
     """Return the GLSL constants and functions of a style's light; `point` is pixels per point."""
     # With uniforms in place of constants, software OpenGL takes 50 % more time for a picture. The
     # lamps turn with the camera, so the constants stay valid when the camera moves.
-    triples, numbers = _named(style, point)
+    triples, numbers = _constants(style, point)
     lines = []
     for key, triple in triples.items():
         x, y, z = map(float, triple)
@@ -85,7 +85,7 @@ def light_of(style: Style, point: float = 1.0) -> str:
     return "\n".join(["", *lines, _FUNCTIONS])
 
 
-def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
+def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
     """Return colours and directions, and numbers, by their names in shaders."""
     places, colors = np.zeros((2, _LAMPS, 3))
     for number, lamp in enumerate(style.lamps):
@@ -115,10 +115,10 @@ def _named(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]
 
 
 @lru_cache(32)
-def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
+def lighting_tables(style: Style, point: float) -> tuple[Floats, Floats]:
     """Return a style's light as tables for `spacemap_vtk.draw.software.raster_loops`."""
     # Rows: directions to the lamps, their colours, then the names in the lists below.
-    triples, numbers = _named(style, point)
+    triples, numbers = _constants(style, point)
     ways = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_LAMPS)]
     rows = [*ways, "sky", "earth", "halfway", "dark", "pale", "ink"]
     names = ("wrap", "gloss", "glossPower", "sheen", "facing", "colored", "lineWidth", "rim")
@@ -128,8 +128,8 @@ def constants_of(style: Style, point: float) -> tuple[Floats, Floats]:
     )
 
 
-def light_by_shader(actor: vtkActor, light: str) -> None:
-    """Light an actor in its fragment shader by the code that `light_of` returns."""
+def set_lighting(actor: vtkActor, light: str) -> None:
+    """Light an actor in its fragment shader by the code that `lighting_code` returns."""
     shader, declared = actor.GetShaderProperty(), "//VTK::Light::Dec"
     shader.AddFragmentShaderReplacement(declared, True, declared + light, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
@@ -213,11 +213,11 @@ _LIT_FIBRES = f"""
 """
 
 
-def show_fibres(
+def set_fibres(
     actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool, sampled: bool = False
 ) -> None:
     """Shade fibres on a surface with strand coordinates; or stop using the coordinates."""
-    # If `sampled`, the number of samples is a uniform that `sample_fibres` sets.
+    # If `sampled`, the number of samples is a uniform that `set_fibre_samples` sets.
     if not wanted:
         mapper.RemoveVertexAttributeMapping(_IN)
         return
@@ -233,6 +233,6 @@ def show_fibres(
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _LINE + _LIT_FIBRES, False)
 
 
-def sample_fibres(actor: vtkActor, side: int) -> None:
+def set_fibre_samples(actor: vtkActor, side: int) -> None:
     """Set the samples along each side of a pixel, for an actor whose fibres are sampled."""
     actor.GetShaderProperty().GetFragmentCustomUniforms().SetUniformi(_FINE, side)

@@ -16,7 +16,7 @@ from spacemap_vtk.mechanics.boundary import loads as forces
 from spacemap_vtk.ndarrays import Floats
 
 #: Colour of the arrows of each kind of load.
-KINDS = {
+ARROW_COLORS = {
     "gravity": "#c8323a",
     "pressure": "#2f8f5b",
     "traction": "#2f8f5b",
@@ -46,7 +46,7 @@ class Arrows(NamedTuple):
     vectors: Floats
     """(n, 3) Vectors from start to tip."""
     kinds: tuple[str, ...]
-    """(n,) Kinds of load, keys of `KINDS`."""
+    """(n,) Kinds of load, keys of `ARROW_COLORS`."""
     places: Floats
     """(n, 3) Points where the loads act; NaN for loads on the whole cage."""
     reach: Floats
@@ -78,17 +78,17 @@ def load_arrows(
     gravity = response.gravity_on(cage)
     if gravity.any() and time >= 0.0:
         way = _unit(tuple(gravity))
-        add("gravity", _leaving(moved, cage, way), way, True, always)
+        add("gravity", _exit_point(moved, cage, way), way, True, always)
     acting = [(load, always) for load in dead]
     acting += [(load, _factors(load, time, response.duration)) for load in response.loads]
     for load, factors in acting:
-        for ends, ways, pull in _placed(load, rest, moved, cage):
+        for ends, ways, pull in _places_and_directions(load, rest, moved, cage):
             add(load.action, ends, ways, pull, factors)
     begun, along, where, far = map(np.concatenate, (starts, vectors, places, reach))
     return Arrows(begun, along, tuple(kinds), where, far)
 
 
-def _placed(
+def _places_and_directions(
     load: Load, rest: Floats, moved: Floats, cage: vtkUnstructuredGrid
 ) -> Iterator[tuple[Floats, Floats, bool]]:
     """Yield places of a load, directions with sizes up to 1, and whether arrows start there."""
@@ -116,10 +116,10 @@ def _placed(
             yield moved, field / largest, False
     else:
         way = _unit(value)
-        yield _leaving(moved, cage, way), way, True
+        yield _exit_point(moved, cage, way), way, True
 
 
-def _leaving(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Floats:
+def _exit_point(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Floats:
     """Return the point where a line from the centre of the points leaves their cage, (1, 3)."""
     # The line crosses several faces of tetrahedra; the farthest crossing is the result.
     middle, ahead = points.mean(axis=0), way[0]

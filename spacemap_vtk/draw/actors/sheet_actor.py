@@ -29,7 +29,7 @@ from spacemap_vtk.datasets.arrays import (
     to_image,
     to_points,
 )
-from spacemap_vtk.draw.actors.lighting import light_of
+from spacemap_vtk.draw.actors.lighting import lighting_code
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
     STUDIO,
@@ -386,7 +386,7 @@ class SheetActor(SurfaceActor):
         vertex = self.GetShaderProperty().GetVertexCustomUniforms()
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
-        halvings = _halvings(max(cloth.size))
+        halvings = _halving_count(max(cloth.size))
         fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
         fragment.SetUniformi("averaged", halvings > 0)
         ends, picks = cloth.families
@@ -400,9 +400,9 @@ class SheetActor(SurfaceActor):
         slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
         vertex.SetUniform4f("slopes", slopes)
         if crossings is None:
-            colors = _colors(cloth, color)
+            colors = _yarn_colors(cloth, color)
         else:
-            colors = _of_crossings(crossings, color, wanted[2])
+            colors = _crossing_colors(crossings, color, wanted[2])
         warp_over, weft_over, warp_under, weft_under = layers(cloth.drawdown, *colors, cloth.layers)
         for all_of, over in ((warp_under, warp_over), (weft_under, weft_over)):
             all_of[..., :3] += over[..., :3]
@@ -411,19 +411,19 @@ class SheetActor(SurfaceActor):
         for name, pixels in zip(_LAYERS, textures, strict=True):
             texture = self.GetProperty().GetTexture(name)
             if texture is None:
-                texture = _texture()
+                texture = _make_texture()
                 self.GetProperty().SetTexture(name, texture)
             # The texture is never replaced: see `SurfaceActor._paint`.
             for _ in range(halvings):
-                pixels = _halved(pixels)
-            texture.SetInputData(to_image(_padded(pixels, _LEVELS)))
+                pixels = _halve(pixels)
+            texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
 
     def shade(self, depth: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
 
     def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
-        light, shader = light_of(style, point), self.GetShaderProperty()
+        light, shader = lighting_code(style, point), self.GetShaderProperty()
         if self._worn == (light,):
             return
         self._worn = (light,)
@@ -444,7 +444,7 @@ class SheetActor(SurfaceActor):
             shader.AddFragmentShaderReplacement(tag, True, text, False)
 
 
-def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
+def make_sheet(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
     """Return the flat mid-plane of a cloth as quadrilaterals, with the given columns and rows."""
     x, y = (grid_lines(cloth, number, cells[number]) for number in (0, 1))
     across, up = np.meshgrid(x, y)
@@ -466,7 +466,7 @@ def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
         sheet.GetPointData().AddArray(to_array(along.reshape(-1, 3), name))
 
 
-def thinned(
+def coarsen_sheet(
     sheet: vtkPolyData, cells: tuple[int, int], most: int, hole: tuple[slice, slice] | None = None
 ) -> vtkPolyData:
     """Return a sheet with at most `most` cells along each side, without the cells in a hole."""
@@ -495,7 +495,7 @@ def quadrilaterals(columns: int, rows: int) -> Ints:
     return np.stack(corners, axis=-1).reshape(-1, 4)
 
 
-def _colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
+def _yarn_colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
     """Return the colours of ends and picks; white for colourings that do not use them."""
     if color == "own":
         return cloth.warp.colors, cloth.weft.colors
@@ -509,7 +509,7 @@ def _colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
     return chosen[:ends], chosen[ends:]
 
 
-def _of_crossings(crossings: NDArray[Any], color: str, span: Span | None) -> tuple[Bytes, Bytes]:
+def _crossing_colors(crossings: NDArray[Any], color: str, span: Span | None) -> tuple[Bytes, Bytes]:
     """Return the colours of ends and picks at each crossing."""
     if span is None:
         found = rgb_table(CLASSES[color])[crossings.astype(np.uint8)]
@@ -518,20 +518,20 @@ def _of_crossings(crossings: NDArray[Any], color: str, span: Span | None) -> tup
     return found[0], found[-1]
 
 
-def _padded(pixels: Bytes, levels: int) -> Bytes:
+def _pad(pixels: Bytes, levels: int) -> Bytes:
     """Return an image padded with empty texels, so that its sides can be halved `levels` times."""
     more = [(0, -count % 2**levels) for count in pixels.shape[:2]]
     return np.pad(pixels, (*more, (0, 0)))
 
 
-def _halvings(count: int) -> int:
+def _halving_count(count: int) -> int:
     """Return how often `count` texels must be halved until they fit into an OpenGL texture."""
     return max(0, (count - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
 
 
-def _halved(pixels: Bytes) -> Bytes:
+def _halve(pixels: Bytes) -> Bytes:
     """Return the means of blocks of 2 x 2 texels, computed in linear light."""
-    even = _padded(pixels, 1)
+    even = _pad(pixels, 1)
     share = np.arange(256, dtype=np.float32) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     made = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
@@ -545,7 +545,7 @@ def _halved(pixels: Bytes) -> Bytes:
     return made
 
 
-def _texture() -> vtkTexture:
+def _make_texture() -> vtkTexture:
     texture = vtkTexture()
     texture.UseSRGBColorSpaceOn()  # OpenGL converts texels to linear light before it averages
     texture.SetColorModeToDirectScalars()

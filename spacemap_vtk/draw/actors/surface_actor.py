@@ -15,8 +15,13 @@ from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTextProperty, vtkTexture
 
 from spacemap_vtk.datasets.arrays import colors_in, to_array
-from spacemap_vtk.draw.actors.coloring import SHOWN, round_numbers, unit_of
-from spacemap_vtk.draw.actors.lighting import light_by_shader, light_of, sample_fibres, show_fibres
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, round_ticks, scale_unit
+from spacemap_vtk.draw.actors.lighting import (
+    lighting_code,
+    set_fibre_samples,
+    set_fibres,
+    set_lighting,
+)
 from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -35,14 +40,14 @@ RAMP = ("#2c1e5c", "#3b528b", "#21908d", "#5dc963", "#fde725")
 
 Span = tuple[float, float]
 STUDIO = STYLES["studio"]
-Ink = tuple[float, float, float]
+Rgb = tuple[float, float, float]
 #: VTK_FONT_FILE, a constant that VTK does not export to Python: the font is read from a file.
 _FONT_FILE = 4
 #: Opacity of the plate behind text.
 PLATE = 0.8
 
 
-class Dress(NamedTuple):
+class Lighting(NamedTuple):
     """The lighting of a surface."""
 
     #: Whether the surface has faces that are lit; lines and dots have none.
@@ -69,10 +74,10 @@ class SurfaceActor(vtkActor):
         #: Arguments from which the current shader was made; empty before the first surface.
         self._worn: tuple[object, ...] = ()
         #: Lighting of the surface; None before the first surface.
-        self.dress: Dress | None = None
+        self.dress: Lighting | None = None
         self._texture: vtkTexture | None = None
         self._table = vtkLookupTable()
-        self.bar = scale_bar()
+        self.bar = make_color_bar()
         self.bar.SetLookupTable(self._table)
 
     def show(
@@ -87,7 +92,7 @@ class SurfaceActor(vtkActor):
     ) -> None:
         """Draw a surface; `point` is the number of pixels per point, the unit of line widths."""
         mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
-        numbers = points.GetArray(SHOWN)
+        numbers = points.GetArray(COLOR_VALUES)
         shown: Span | None = None
         mapper.SetScalarVisibility(True)
         if numbers is not None:
@@ -111,11 +116,11 @@ class SurfaceActor(vtkActor):
 
     def scale(self, color: str, span: Span) -> float:
         """Set unit, labels and title of the scale; return the size of its unit in SI units."""
-        name, size = unit_of(color, max(map(abs, span)))
+        name, size = scale_unit(color, max(map(abs, span)))
         ends = span[0] / size, span[1] / size
-        self._color_by("in unit", ramp(), ends)
-        self.bar.SetCustomLabels(to_array(np.array(round_numbers(*ends))))
-        self.bar.SetTitle(scale_title(color, name))
+        self._color_by("in unit", ramp_table(), ends)
+        self.bar.SetCustomLabels(to_array(np.array(round_ticks(*ends))))
+        self.bar.SetTitle(color_bar_title(color, name))
         return size
 
     def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
@@ -127,22 +132,22 @@ class SurfaceActor(vtkActor):
         # Fibres need a style with sheen: styles with outlines draw smooth yarns, and the style for
         # numbers shows no fibres that could change the colours.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
-        self.dress = Dress(faced, fibres, style, point)
-        worn = faced, fibres, light_of(style, point)
+        self.dress = Lighting(faced, fibres, style, point)
+        worn = faced, fibres, lighting_code(style, point)
         if worn != self._worn:
             self._worn = worn
             self.GetShaderProperty().ClearAllShaderReplacements()
             if faced:
-                light_by_shader(self, worn[2])
-            show_fibres(self, self._mapper, fibres, self._samples > 0)
+                set_lighting(self, worn[2])
+            set_fibres(self, self._mapper, fibres, self._samples > 0)
             if fibres and self._samples:
-                sample_fibres(self, self._samples)
+                set_fibre_samples(self, self._samples)
 
     def sample(self, side: int) -> None:
         """Set the number of samples of fibres along each side of a pixel."""
         if side != self._samples:
             self._samples = side
-            sample_fibres(self, side)
+            set_fibre_samples(self, side)
 
     def _paint(self, picture: vtkImageData | None) -> None:
         if picture is None:
@@ -204,7 +209,7 @@ def natural_span(values: np.ndarray) -> Span:
 def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
     """Return the colours of numbers on a scale: red, green and blue, 0 to 255."""
     steps = 256 * (values - span[0]) / (span[1] - span[0])
-    return ramp()[np.clip(steps, 0, 255).astype(np.intp)]
+    return ramp_table()[np.clip(steps, 0, 255).astype(np.intp)]
 
 
 def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
@@ -214,7 +219,7 @@ def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
     return None if name is None else (of_cells is None, name)
 
 
-def scale_bar() -> vtkScalarBarActor:
+def make_color_bar() -> vtkScalarBarActor:
     """Return a hidden scale for the right edge of a view."""
     bar = vtkScalarBarActor()
     bar.UseCustomLabelsOn()
@@ -222,7 +227,7 @@ def scale_bar() -> vtkScalarBarActor:
     bar.SetLabelFormat("{:.3g}" if "{" in bar.GetLabelFormat() else "%.3g")
     bar.SetUnconstrainedFontSize(True)
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
-        take_font(text)
+        set_font(text)
         text.SetItalic(False)
         text.SetBold(False)
         text.SetShadow(False)
@@ -231,7 +236,7 @@ def scale_bar() -> vtkScalarBarActor:
     return bar
 
 
-def take_font(text: vtkTextProperty) -> None:
+def set_font(text: vtkTextProperty) -> None:
     """Set the font to DejaVu Sans, as in figures and plots and on most Linux desktops."""
     found = find_spec("matplotlib")  # installed with PyVista; only its folder is needed
     file = Path((found and found.origin) or "").parent / "mpl-data/fonts/ttf/DejaVuSans.ttf"
@@ -240,41 +245,41 @@ def take_font(text: vtkTextProperty) -> None:
         text.SetFontFile(str(file))
 
 
-def inks(background: Sequence[int]) -> tuple[Ink, Ink]:
+def text_colors(background: Sequence[int]) -> tuple[Rgb, Rgb]:
     """Return the colours of text on a background, and of the plate behind the text."""
     red, green, blue = (part / 255 for part in background)
     ink = (0.95, 0.965, 0.98) if is_dark(background) else (0.11, 0.13, 0.16)
     return ink, (red, green, blue)
 
 
-def scale_title(color: str, unit: str) -> str:
+def color_bar_title(color: str, unit: str) -> str:
     """Return the title of a scale, broken into short lines."""
     quantity, _, which = COLORINGS[color].label.partition(", ")
     lines = [quantity, *([which] if len(which) <= len("Displacement") else which.split())]
     return "\n".join(line for line in (*lines, unit and f"[{pretty(unit)}]") if line)
 
 
-def scale_share(size: tuple[float, float]) -> float:
+def color_bar_share(size: tuple[float, float]) -> float:
     """Return the width of the scale at the right edge, as a share of the picture's width."""
     return min(0.36, max(104.0, 0.21 * size[1]) / max(1, size[0]))
 
 
-def letters_of(size: tuple[int, int]) -> int:
+def font_size(size: tuple[int, int]) -> int:
     """Return the font size for a picture, in pixels."""
     return max(12, size[1] // 38)
 
 
-def fit_scale(
+def fit_color_bar(
     bar: vtkScalarBarActor, size: tuple[int, int], background: Sequence[int], pixels: float = 1.0
 ) -> None:
     """Fit size, position and colours of a scale to a picture."""
-    (width, height), share = size, scale_share(size)
-    edge = 0.7 * letters_of(size) / max(1, width)  # margin of the plate behind the scale
+    (width, height), share = size, color_bar_share(size)
+    edge = 0.7 * font_size(size) / max(1, width)  # margin of the plate behind the scale
     bar.SetPosition(1.0 - share + edge, 0.25)
     bar.SetWidth(share - edge)
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
-        text.SetFontSize(letters_of(size))
-        text.SetColor(*inks(background)[0])
+        text.SetFontSize(font_size(size))
+        text.SetColor(*text_colors(background)[0])
     bar.SetMaximumWidthInPixels(round(pixels * share * width))
     bar.SetVerticalTitleSeparation(round(pixels * max(6, height // 90)))
     bar.SetTextPad(round(pixels * max(3, height // 200)))
@@ -291,7 +296,7 @@ def rgb_table(colors: Sequence[str]) -> Bytes:
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 
 
-def ramp() -> Bytes:
+def ramp_table() -> Bytes:
     """Return the colours of numbers from the lowest to the highest, (256, 3)."""
     stops = rgb_table(RAMP)
     at, places = np.linspace(0, len(stops) - 1, 256), np.arange(len(stops))

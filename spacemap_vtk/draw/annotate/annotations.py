@@ -21,14 +21,14 @@ from vtkmodules.vtkRenderingCore import (
 from spacemap_vtk.datasets.arrays import to_array, to_points, to_ragged
 from spacemap_vtk.draw.actors.surface_actor import (
     PLATE,
-    inks,
-    letters_of,
+    color_bar_share,
+    font_size,
     rgb,
-    scale_share,
-    take_font,
+    set_font,
+    text_colors,
 )
-from spacemap_vtk.draw.annotate.measuring import AXES, measures_of, round_length
-from spacemap_vtk.draw.camera import Viewpoint, projected
+from spacemap_vtk.draw.annotate.view_scale import AXES, round_length, view_scale
+from spacemap_vtk.draw.camera import Viewpoint, project_points
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.settings import View, is_dark
 from spacemap_vtk.units import format_quantity
@@ -50,7 +50,7 @@ class Annotations:
         #: Texts: scale bar, time, three names of axes (centred at their places), labels of points.
         self._texts = [vtkTextActor() for _ in range(5 + MOST_LABELS)]
         for text in self._texts:
-            take_font(text.GetTextProperty())
+            set_font(text.GetTextProperty())
         for text in self._texts[2:5]:
             text.GetTextProperty().SetJustificationToCentered()
             text.GetTextProperty().SetVerticalJustificationToCentered()
@@ -90,14 +90,14 @@ class Annotations:
         """Set background and size of the picture, and the drawn pixels per pixel of the picture."""
         self._size, self._pixels = size, pixels
         self._background = tuple(background)
-        self._ink, plate = inks(background)
+        self._ink, plate = text_colors(background)
         self._paper = np.array(plate)
         self._axes = [rgb(color) for color in AXES[is_dark(background)]]
         self._plates.GetProperty().SetColor(*plate)
         self._plates.GetProperty().SetOpacity(PLATE)
         colors = [self._ink, self._ink, *self._axes, *[self._ink] * MOST_LABELS]
         for text, color in zip(self._texts, colors, strict=True):
-            text.GetTextProperty().SetFontSize(letters_of(size))
+            text.GetTextProperty().SetFontSize(font_size(size))
             text.GetTextProperty().SetColor(*color)
 
     def show(
@@ -129,7 +129,7 @@ class Annotations:
 
     @property
     def _letter(self) -> float:
-        return self._pixels * letters_of(self._size)
+        return self._pixels * font_size(self._size)
 
     def _place(self) -> None:
         if not self._plates.GetVisibility():
@@ -145,17 +145,17 @@ class Annotations:
         self._placed = placed
         # The window may have been resized after `fit`.
         width, height = (side / self._pixels for side in self._renderer.GetSize())
-        letter = letters_of(self._size)
+        letter = font_size(self._size)
         self.boxes.clear()
         self.ends = None
         shapes: list[tuple[Polygon, Any]] = []
         for text in self._texts:
             text.SetInput("")
         edge = 0.7 * letter
-        whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
+        whole = np.array([width * (1.0 - color_bar_share(self._size) * self._scaled), height])
         if self._scaled:
             self._plate(whole[0], 0.25 * height - edge, width, 0.75 * height + edge)
-        seen = measures_of(camera, height)
+        seen = view_scale(camera, height)
         if self._triad:
             middle = np.full(2, edge + 2.9 * letter)
             self._plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
@@ -193,7 +193,7 @@ class Annotations:
             self._plate(edge, height - 3 * edge - size[1], 3 * edge + size[0], height - edge)
             self._write(1, words, np.array([2 * edge, height - 2 * edge - size[1]]) - begin)
         points = np.array([point for point, _ in self.labels]).reshape(-1, 3)
-        x, y, _, depth = projected(camera, points, width / height).T
+        x, y, _, depth = project_points(camera, points, width / height).T
         places = (
             (np.stack([x, y]) / np.where(depth > 0.0, depth, 1.0) + 1.0).T / 2 * (width, height)
         )

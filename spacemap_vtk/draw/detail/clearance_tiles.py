@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import copied, points_of, take_arrays, to_array, to_cells
-from spacemap_vtk.draw.actors.coloring import SHOWN, clearances
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, compute_clearances
 from spacemap_vtk.draw.actors.glyphs import moved_points
 from spacemap_vtk.draw.detail.part_stages import PartStages
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
@@ -88,16 +88,16 @@ class ClothTile(NamedTuple):
         return self.quads[self.inside].reshape(-1, 4)
 
 
-def yarns_beside(cloth: Cloth) -> int:
+def margin_yarns(cloth: Cloth) -> int:
     """Return the number of yarns made on each side of a tile."""
     return _BESIDE_SPLINES if cloth.axis == "spline" else _BESIDE
 
 
-def measured_tile(
+def measure_tile(
     stages: PartStages, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
 ) -> ClothTile | None:
     """Measure the tile where the given ends and picks cross; None if it cannot be measured."""
-    cloth, beside = stages.cloth, yarns_beside(stages.cloth)
+    cloth, beside = stages.cloth, margin_yarns(stages.cloth)
     part = Share(
         *(
             slice(max(core.start - beside, 0), min(core.stop + beside, size))
@@ -114,16 +114,16 @@ def measured_tile(
     first = np.array([0, cloth.size[0]])
     for number, core in enumerate((ends, picks)):
         own = (yarn >= first[1]) == bool(number)
-        low, high = _edges(cloth.yarns[number].position, core)
+        low, high = _tile_limits(cloth.yarns[number].position, core)
         across = (middle[:, number] >= low) & (middle[:, number] < high)
         place = yarn - first[number]
         inside &= np.where(own, (place >= core.start) & (place < core.stop), across)
     each = stages.surface.sides**2
-    found = clearances(surface, np.repeat(inside, each))
+    found = compute_clearances(surface, np.repeat(inside, each))
     if found is None:
         return None
     quads = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(len(yarn), each, 4)
-    surface.GetPointData().AddArray(to_array(found, SHOWN))
+    surface.GetPointData().AddArray(to_array(found, COLOR_VALUES))
     return ClothTile(surface, found, quads, inside, corners, yarn)
 
 
@@ -163,10 +163,10 @@ class SampledClearances:
         parts = self._parts
         if cage is not None:
             self._stages.move_by(cage)
-            parts = parts + _places(strains, (ends, picks))
+            parts = parts + _sample_tiles(strains, (ends, picks))
         known, values, spans = [], [], []
         for of_ends, of_picks in parts:
-            tile = measured_tile(self._stages, of_ends, of_picks, 0.0, crimp)
+            tile = measure_tile(self._stages, of_ends, of_picks, 0.0, crimp)
             if tile is None:
                 return None
             mean = tile.found[tile.inner].mean(axis=1)
@@ -176,7 +176,7 @@ class SampledClearances:
             values.append(means.reshape(2, -1))
             there = tile.found[np.isfinite(tile.found)]
             spans += [there.min(), there.max()]
-        cells = _cells(picks, rows)[:, None] * columns + _cells(ends, columns)
+        cells = _cells_of_yarns(picks, rows)[:, None] * columns + _cells_of_yarns(ends, columns)
         found = spread_over(
             self._weaves,
             cloth.drawdown,
@@ -188,7 +188,7 @@ class SampledClearances:
         return Clearances(found, np.array([min(spans), max(spans)], np.float32))
 
 
-def strains_of(sheet: Floats, rest: Floats) -> Floats:
+def sheet_strains(sheet: Floats, rest: Floats) -> Floats:
     """Compute strains of a sheet's cells along weft and warp, and shear, (rows, columns, 3)."""
     # `sheet` and `rest` have the shape (rows + 1, columns + 1, 3).
     along = []
@@ -201,7 +201,7 @@ def strains_of(sheet: Floats, rest: Floats) -> Floats:
     return np.stack([stretch[0] - 1.0, stretch[1] - 1.0, shear], axis=-1)
 
 
-def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]:
+def _sample_tiles(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]:
     """Return tiles at the cells with the largest and least strains, and on a coarse grid."""
     rows, columns, count = strains.shape
     flat = strains.reshape(-1, count)
@@ -219,12 +219,12 @@ def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]
     ]
 
 
-def _cells(yarns: int, cells: int) -> Ints:
+def _cells_of_yarns(yarns: int, cells: int) -> Ints:
     """Return the index of the sheet's cell that contains each yarn of a family."""
     return ((np.arange(yarns) + 0.5) * cells / yarns).astype(np.int64)
 
 
-def _edges(place: Floats, core: slice) -> tuple[float, float]:
+def _tile_limits(place: Floats, core: slice) -> tuple[float, float]:
     """Return the lowest and highest place that belongs to the given yarns of a family."""
     low, high = -np.inf, np.inf
     if core.start > 0:

@@ -10,8 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
-from spacemap_vtk.draw.actors.sheet_actor import add_directions, sheet_of
-from spacemap_vtk.draw.detail.clearance_tiles import Clearances, SampledClearances, strains_of
+from spacemap_vtk.draw.actors.sheet_actor import add_directions, make_sheet
+from spacemap_vtk.draw.detail.clearance_tiles import Clearances, SampledClearances, sheet_strains
 from spacemap_vtk.draw.detail.part_stages import yarn_settings
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
@@ -38,7 +38,7 @@ class _SheetWarp(BarycentricWarp):
             super()._tell(text)
 
 
-class Sheet:
+class ClothSheet:
     """The cloth of a scene as a sheet that moves with its cage, without making patches."""
 
     def __init__(self, scene: Scene) -> None:
@@ -47,7 +47,7 @@ class Sheet:
         with scene.naming_file():
             self.cloth: Cloth = scene.woven.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
-        self._flat = self.moved = sheet_of(self.cloth, self.cells)
+        self._flat = self.moved = make_sheet(self.cloth, self.cells)
         #: Subdivisions of a patch whose clearance is measured: those of drawn yarns, if any.
         self.sides = AUTOMATIC_SIDES
         #: Values that the colours show at each crossing, (2 or 1, picks, ends), or None.
@@ -62,7 +62,7 @@ class Sheet:
         self._warp = _SheetWarp()
 
     @classmethod
-    def if_many(cls, scene: Scene) -> Sheet | None:
+    def if_many(cls, scene: Scene) -> ClothSheet | None:
         """Return a scene's sheet if its yarns are too many to draw together; else None."""
         return cls(scene) if choose_level(scene).has_sheet else None
 
@@ -146,7 +146,7 @@ class Sheet:
         if self._sampled is None or asked != self._asked:
             self._sampled, self._asked = SampledClearances(self._scene, self.sides), asked
         rest = points_of(self._flat).astype(np.float64).reshape(rows)
-        return self._sampled.at(cage, strains_of(points, rest), self.crimp)
+        return self._sampled.at(cage, sheet_strains(points, rest), self.crimp)
 
     @property
     def solves_long(self) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spacemap_vtk.draw.camera import Seen, pixels_of, projected
+from spacemap_vtk.draw.camera import CameraView, pixels_per_metre_at_focus, project_points
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bools, Floats, Ints
 from spacemap_vtk.scenes.level_of_detail import LEAST_SIDES, LevelOfDetail
@@ -35,10 +35,10 @@ _ORDER = quadrilateral_order(3, 3)
 
 
 @dataclass(frozen=True)
-class Facets:
+class FacetChooser:
     """Computes the number of facets along each side of each patch, for one view."""
 
-    seen: Seen
+    seen: CameraView
     #: Facets along each side of patches that are out of sight or need no more.
     least: int
     #: Largest number of facets of all patches in sight together.
@@ -76,18 +76,18 @@ class Facets:
             return found
         camera = self.seen.camera
         sight, nearest = self._sight(points, patches)
-        scale = pixels_of(camera, self.seen.size[1])
+        scale = pixels_per_metre_at_focus(camera, self.seen.size[1])
         if not camera.GetParallelProjection():
             far = camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
-        bent = sharpness(self.plies) * _bending(points, patches[sight])
+        bent = sharpness(self.plies) * _curvature_bounds(points, patches[sight])
         found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
         return found
 
     def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
         """Return which patches are in sight, and the least distance of each of these."""
         width, height = self.seen.size
-        x, y, _, w = projected(self.seen.camera, points, width / height).T
+        x, y, _, w = project_points(self.seen.camera, points, width / height).T
         seen = np.ones(len(patches), bool)
         w = _BEYOND * w
         for beyond in (x < -w, x > w, y < -w, y > w):
@@ -95,20 +95,20 @@ class Facets:
         return seen, w[patches[seen]].min(axis=1, initial=np.inf) / _BEYOND
 
 
-def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: Seen) -> None:
+def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: CameraView) -> None:
     """Set the subdivisions of a stage to those of a level of detail, for a view."""
-    facets = Facets(seen, level.sides, level.near_quads, level.plies)
+    facets = FacetChooser(seen, level.sides, level.near_quads, level.plies)
     stage.choose(level.sides, level.fibres, facets if level.near_quads else None)
 
 
-def pixels_enough(plies: int, points: AnyFloats, patches: AnyInts) -> float:
+def coarse_scale(plies: int, points: AnyFloats, patches: AnyInts) -> float:
     """Return the pixels per metre up to which patches of plied yarns need only LEAST_SIDES."""
     some = patches[:: 1 + len(patches) // _SAMPLE]
-    bent = sharpness(plies) * _bending(points, some).max(initial=0.0)
+    bent = sharpness(plies) * _curvature_bounds(points, some).max(initial=0.0)
     return 8 * _ERROR * LEAST_SIDES**2 / max(float(bent), 1e-30)
 
 
-def _bending(points: AnyFloats, patches: AnyInts) -> Floats:
+def _curvature_bounds(points: AnyFloats, patches: AnyInts) -> Floats:
     """Return bounds of |S_uu| + |S_vv| + 2 |S_uv| of patches, which bounds their facets' error."""
     found = np.empty(len(patches))
     for begin in range(0, len(patches), 20_000):

@@ -11,10 +11,10 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.draw.actors.coloring import add_measure
-from spacemap_vtk.draw.camera import Seen, pixels_per_metre, projected
-from spacemap_vtk.draw.detail.clearance_tiles import measured_tile, yarns_beside
-from spacemap_vtk.draw.detail.cloth_sheet import Sheet
+from spacemap_vtk.draw.actors.color_values import add_color_values
+from spacemap_vtk.draw.camera import CameraView, pixels_per_metre, project_points
+from spacemap_vtk.draw.detail.clearance_tiles import margin_yarns, measure_tile
+from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import choose_facets
 from spacemap_vtk.draw.detail.part_stages import PartStages, yarn_settings
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -41,7 +41,7 @@ TOO_FAR = "from so far a yarn is {:.2g} pixels wide: a sheet in the colours of t
 TOO_MANY = "so many yarns are in sight that the window shows a sheet in their colours: come nearer"
 
 
-class DrawnPieces:
+class YarnPieces:
     """Makes the yarns of a scene piece by piece, with copies of the scene's stages."""
 
     def __init__(self, scene: Scene, level: LevelOfDetail) -> None:
@@ -51,17 +51,17 @@ class DrawnPieces:
         self._stages.surface.choose(*scene.surface.chosen)
 
     def in_sight(
-        self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
+        self, time: float, sheet: ClothSheet, camera: vtkCamera, aspect: float
     ) -> Iterator[vtkPolyData]:
         """Yield the surfaces of the pieces that are visible in a picture, with their numbers."""
         if self._scene.moves:
             self._stages.move_by(self._scene.deformed_cage)
-        sight = cells_in_sight(sheet, camera, aspect)
-        runs = [run_of(seen, _BESIDE) for seen in sight]
+        sight = visible_sheet_cells(sheet, camera, aspect)
+        runs = [cell_range(seen, _BESIDE) for seen in sight]
         if any(run.start == run.stop for run in runs):
             return
         # Yarns are cut to the part in sight.
-        part = yarns_in(sheet, runs[0], runs[1])
+        part = yarns_of_cells(sheet, runs[0], runs[1])
         if self._level.form is Form.TILES:
             yield from self._tiles(time, sheet, part, sight)
             return
@@ -73,17 +73,19 @@ class DrawnPieces:
         columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
         for number in range(count):
             share = share_of(cloth, number, count)
-            if _any(columns, share.ends, cloth.size[0]) or _any(rows, share.picks, cloth.size[1]):
+            if _has_visible_cell(columns, share.ends, cloth.size[0]) or _has_visible_cell(
+                rows, share.picks, cloth.size[1]
+            ):
                 surface = self._stages.update(time, Piece(number, count))
-                add_measure(surface, self._scene.view.color)
+                add_color_values(surface, self._scene.view.color)
                 yield surface
 
     def _tiles(
-        self, time: float, sheet: Sheet, part: Share, sight: Sequence[Bools]
+        self, time: float, sheet: ClothSheet, part: Share, sight: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
         """Yield tiles whose clearances were measured together with the neighbouring yarns."""
         whole = isqrt(self._cloth.drawdown.size // self._level.pieces)
-        side = max(whole - 2 * yarns_beside(self._cloth), _LEAST_TILE)
+        side = max(whole - 2 * margin_yarns(self._cloth), _LEAST_TILE)
         ends, picks = (
             [slice(at, min(at + side, some.stop)) for at in range(some.start, some.stop, side)]
             for some in part
@@ -92,8 +94,8 @@ class DrawnPieces:
         for columns in ends:
             for rows in picks:
                 seen = zip(sight, (columns, rows), self._cloth.size, strict=True)
-                if all(_any(cells, some, count) for cells, some, count in seen):
-                    tile = measured_tile(self._stages, columns, rows, time, sheet.crimp)
+                if all(_has_visible_cell(cells, some, count) for cells, some, count in seen):
+                    tile = measure_tile(self._stages, columns, rows, time, sheet.crimp)
                     if tile is not None:
                         yield tile.cut
 
@@ -101,7 +103,7 @@ class DrawnPieces:
 class NearYarns:
     """Makes the yarns in a part of the cloth that follows the view, with copies of the stages."""
 
-    def __init__(self, scene: Scene, sheet: Sheet) -> None:
+    def __init__(self, scene: Scene, sheet: ClothSheet) -> None:
         self._scene, self._sheet = scene, sheet
         self._settings = yarn_settings(scene)
         self._own = PartStages(scene)
@@ -114,14 +116,18 @@ class NearYarns:
         self._patches = 0
         self._cage: tuple[vtkUnstructuredGrid, int] | None = None
 
-    def serves(self, scene: Scene, sheet: Sheet) -> bool:
+    def serves(self, scene: Scene, sheet: ClothSheet) -> bool:
         """Test whether the settings are still those of the scene and its sheet."""
         return sheet is self._sheet and yarn_settings(scene) == self._settings
 
-    def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None, swings: bool = False) -> str:
+    def follow(
+        self, seen: CameraView, cage: vtkUnstructuredGrid | None, swings: bool = False
+    ) -> str:
         """Choose the part to be made; return the reason if there is none, else an empty text."""
         sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
-        columns, rows = (run_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
+        columns, rows = (
+            cell_range(cells) for cells in visible_sheet_cells(sheet, camera, width / height)
+        )
         if columns.stop * rows.stop == 0:
             return "none of the cloth is in sight"
         cloth = DrawnCloth.of(self._scene)
@@ -133,7 +139,7 @@ class NearYarns:
             return TOO_FAR.format(scale * cloth.spacing)
         wanted = columns, rows
         if not _covers(self.part, wanted):
-            wider = _wider(columns, sheet.cells[0]), _wider(rows, sheet.cells[1])
+            wider = _widen(columns, sheet.cells[0]), _widen(rows, sheet.cells[1])
             for part in (wider, wanted):
                 patches = self._patches_of(part)
                 if choose_near(cloth, scale, patches, seen.size).form is Form.NEAR:
@@ -141,9 +147,9 @@ class NearYarns:
             else:
                 return TOO_MANY
             self.part, self._patches = part, patches
-            self._own.choose_part(yarns_in(sheet, *part))
+            self._own.choose_part(yarns_of_cells(sheet, *part))
         if self.part is not None:
-            self._own.use_crossings(sheet.crimp, yarns_in(sheet, *self.part))
+            self._own.use_crossings(sheet.crimp, yarns_of_cells(sheet, *self.part))
         self._own.use_color_array()
         choose_facets(self._own.surface, choose_near(cloth, scale, self._patches, seen.size), seen)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
@@ -167,13 +173,13 @@ class NearYarns:
         return self._light.update(time).output
 
     def _patches_of(self, part: tuple[slice, slice]) -> int:
-        cloth = cropped(self._sheet.cloth, yarns_in(self._sheet, *part))
+        cloth = cropped(self._sheet.cloth, yarns_of_cells(self._sheet, *part))
         return estimate_counts(cloth).patches
 
 
-def cells_in_sight(sheet: Sheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
+def visible_sheet_cells(sheet: ClothSheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
     """Return which columns and which rows of a sheet's cells are in a picture."""
-    places = projected(camera, points_of(sheet.moved), aspect)
+    places = project_points(camera, points_of(sheet.moved), aspect)
     columns, rows = sheet.cells
     x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
     seen = np.ones((rows, columns), bool)
@@ -183,7 +189,7 @@ def cells_in_sight(sheet: Sheet, camera: vtkCamera, aspect: float) -> tuple[Bool
     return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
 
 
-def run_of(seen: Bools, beside: int = 0) -> slice:
+def cell_range(seen: Bools, beside: int = 0) -> slice:
     """Return the range of cells from the first seen one to the last, with `beside` more."""
     found = np.flatnonzero(seen)
     if not len(found):
@@ -191,7 +197,7 @@ def run_of(seen: Bools, beside: int = 0) -> slice:
     return slice(max(int(found[0]) - beside, 0), min(int(found[-1]) + 1 + beside, len(seen)))
 
 
-def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
+def yarns_of_cells(sheet: ClothSheet, columns: slice, rows: slice) -> Share:
     """Return the yarns that cross in the given cells of a sheet."""
     ends, picks = (
         slice(cells.start * count // of, -(-cells.stop * count // of))
@@ -200,7 +206,7 @@ def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
     return Share(ends, picks)
 
 
-def _any(seen: Bools, some: Some, count: int) -> bool:
+def _has_visible_cell(seen: Bools, some: Some, count: int) -> bool:
     """Test whether any of the yarns is in a seen cell or next to one."""
     assert isinstance(some, slice)
     if some.start >= some.stop:
@@ -210,7 +216,7 @@ def _any(seen: Bools, some: Some, count: int) -> bool:
     return bool(seen[max(first, 0) : last].any())
 
 
-def _wider(cells: slice, count: int) -> slice:
+def _widen(cells: slice, count: int) -> slice:
     more = 1 + ceil(_MARGIN * (cells.stop - cells.start))
     return slice(max(cells.start - more, 0), min(cells.stop + more, count))
 

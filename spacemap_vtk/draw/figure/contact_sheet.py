@@ -47,15 +47,17 @@ def contact_sheet(
         for path in islice(chain(files.get(run.name, ()), repeat(None)), shots)
     ]
     if len(axes) < 2:
-        return _sheet(title, None, axes[0] if axes else None, cells)
+        return _draw_sheet(title, None, axes[0] if axes else None, cells)
     *above, last = axes
     rows = [sum(each, ()) for each in product(*(axis.values for axis in above))]
     down = _Axis(sum((axis.names for axis in above), ()), rows)
-    return _sheet(title, down, last, cells)
+    return _draw_sheet(title, down, last, cells)
 
 
 def _axes(sweep: Sweep) -> list[_Axis]:
-    lists = [(name_of(sweep, k), [e.label(v) for v in e.values]) for k, e in enumerate(sweep.axes)]
+    lists = [
+        (sweep_label(sweep, k), [e.label(v) for v in e.values]) for k, e in enumerate(sweep.axes)
+    ]
     if sweep.paired and lists:
         names, values = zip(*lists, strict=True)
         axes = [_Axis(names, list(zip(*values, strict=True)))]
@@ -67,16 +69,16 @@ def _axes(sweep: Sweep) -> list[_Axis]:
     return axes
 
 
-def name_of(sweep: Sweep, number: int) -> str:
+def sweep_label(sweep: Sweep, number: int) -> str:
     """Return the label of a swept parameter; its full name if two parameters have the same."""
     labels = [each.parameter.label for each in sweep.axes]
     return labels[number] if labels.count(labels[number]) == 1 else sweep.axes[number].name
 
 
-def _sheet(
+def _draw_sheet(
     title: str, down: _Axis | None, across: _Axis | None, cells: list[tuple[Path | None, str]]
 ) -> Bytes:
-    sizes = [_size(path) for path, _ in cells if path is not None] or [(4, 3)]
+    sizes = [_picture_size(path) for path, _ in cells if path is not None] or [(4, 3)]
     shape = max(height / width for width, height in sizes)
     count = len(cells)
     if down and across:
@@ -106,9 +108,9 @@ def _sheet(
         row, column = divmod(number, columns)
         x, y = left + column * (width + gap), top + row * step
         if path is None:
-            _empty(pen, (x, y, x + width, y + height), error, small)
+            _draw_missing(pen, (x, y, x + width, y + height), error, small)
         else:
-            shrunk = _shrunk(path, (width, height))
+            shrunk = _shrink(path, (width, height))
             sheet.paste(
                 shrunk, (x + (width - shrunk.width) // 2, y + (height - shrunk.height) // 2)
             )
@@ -117,7 +119,7 @@ def _sheet(
             told = zip(across.names, across.values[number], strict=True)
             for k, (name, value) in enumerate(told):
                 place = x + width / 2, y + height + gap // 3 + k * line
-                _two(pen, place, name, value, font, small)
+                _write_pair(pen, place, name, value, font, small)
     if down and across:
         for column, values in enumerate(across.values):
             middle = left + column * (width + gap) + width / 2
@@ -133,12 +135,12 @@ def _sheet(
     return np.asarray(sheet)
 
 
-def _size(path: Path) -> tuple[int, int]:
+def _picture_size(path: Path) -> tuple[int, int]:
     with Image.open(path) as picture:
         return picture.size
 
 
-def _shrunk(path: Path, room: tuple[int, int]) -> Image.Image:
+def _shrink(path: Path, room: tuple[int, int]) -> Image.Image:
     """Return a picture scaled to fit into a cell."""
     with Image.open(path) as picture:
         share = min(room[0] / picture.width, room[1] / picture.height)
@@ -146,7 +148,7 @@ def _shrunk(path: Path, room: tuple[int, int]) -> Image.Image:
         return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS, reducing_gap=3.0)
 
 
-def _two(
+def _write_pair(
     pen: ImageDraw.ImageDraw,
     place: tuple[float, float],
     name: str,
@@ -162,7 +164,7 @@ def _two(
     pen.text((x + before, base), value, _INK, font, anchor="ls")
 
 
-def _empty(
+def _draw_missing(
     pen: ImageDraw.ImageDraw, box: tuple[int, int, int, int], error: str, font: _Font
 ) -> None:
     """Draw a cell without a picture, with the error."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spacemap_vtk.draw.figure.page import POINT, SMALL, Paper, Tile
+from spacemap_vtk.draw.figure.page import POINT, SMALL, PageStyle, Tile
 from spacemap_vtk.ndarrays import Bools, Bytes, Floats
 from spacemap_vtk.scenes.shown import Shown
 
@@ -43,14 +43,14 @@ def draft_tile(shown: Shown, caption: str) -> Tile:
         cell = cell_of(width)
         return cell * (rows - _GAP) + gap(cell)
 
-    def draw(axes: Axes, paper: Paper) -> None:
+    def draw(axes: Axes, paper: PageStyle) -> None:
         cell = cell_of(axes.get_xlim()[1])
         _draw(axes, paper, shown, cell, gap(cell))
 
     return Tile(draw, height, caption, across, across * LARGEST)
 
 
-def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> None:
+def _draw(axes: Axes, paper: PageStyle, shown: Shown, cell: float, gap: float) -> None:
     (ends, picks), loom = shown.size, shown.loom
     right, above = ends * cell + gap, picks * cell + gap
     grids = {
@@ -61,24 +61,24 @@ def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> No
     if loom.liftplan is None:
         grids["tieup"] = shown.marks("tieup"), (right, above)
     for name, (marks, corner) in grids.items():
-        _grid(axes, paper, name, marks, corner, cell)
+        _draw_grid(axes, paper, name, marks, corner, cell)
     far = right + (shown.columns + _NEAR) * cell, above + (loom.shafts + _NEAR) * cell
-    _strip(axes, paper, shown.warp, np.array([0.0, far[1]]), cell, along=0)
-    _strip(axes, paper, shown.weft, np.array([far[0], 0.0]), cell, along=1)
+    _draw_strip(axes, paper, shown.warp, np.array([0.0, far[1]]), cell, along=0)
+    _draw_strip(axes, paper, shown.weft, np.array([far[0], 0.0]), cell, along=1)
     style: dict[str, Any] = {"fontsize": SMALL - 0.5, "color": paper.faint, "clip_on": False}
     middle = {"ha": "center", "va": "center", **style}
     for count, begin in ((ends, 0.0), (shown.columns, right)):
-        for number in _numbered(count, cell):
+        for number in _tick_numbers(count, cell):
             x = begin + (number - 0.5) * cell
             axes.text(x, above - 0.5 * gap, str(number), **middle)
     for count, begin in ((picks, 0.0), (loom.shafts, above)):
-        for number in _numbered(count, cell):
+        for number in _tick_numbers(count, cell):
             y = begin + (number - 0.5) * cell
             axes.text(right - 0.5 * gap, y, str(number), **middle)
 
 
-def _grid(
-    axes: Axes, paper: Paper, name: str, marks: Bools, corner: tuple[float, float], cell: float
+def _draw_grid(
+    axes: Axes, paper: PageStyle, name: str, marks: Bools, corner: tuple[float, float], cell: float
 ) -> None:
     """Draw a grid whose black squares are a single shape; the first row is at the bottom."""
     from matplotlib.collections import LineCollection
@@ -109,8 +109,8 @@ def _grid(
     axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45, clip_on=False))
 
 
-def _strip(
-    axes: Axes, paper: Paper, colors: Bytes, corner: Floats, cell: float, along: int
+def _draw_strip(
+    axes: Axes, paper: PageStyle, colors: Bytes, corner: Floats, cell: float, along: int
 ) -> None:
     from matplotlib.collections import PolyCollection
 
@@ -124,7 +124,7 @@ def _strip(
     )
 
 
-def _numbered(count: int, cell: float) -> list[int]:
+def _tick_numbers(count: int, cell: float) -> list[int]:
     """Return the numbers that are written along a grid, with enough room between them."""
     step = 1
     while step * cell < 1.15 * SMALL * POINT * len(str(count)):

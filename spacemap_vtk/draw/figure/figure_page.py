@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.draw.annotate.measuring import Measures, axes_seen, draw_key, measures_of
-from spacemap_vtk.draw.camera import Viewpoint, aim
-from spacemap_vtk.draw.figure.contact_sheet import name_of
+from spacemap_vtk.draw.annotate.view_scale import ViewScale, draw_key, view_axes, view_scale
+from spacemap_vtk.draw.camera import Viewpoint, aim_camera
+from spacemap_vtk.draw.figure.contact_sheet import sweep_label
 from spacemap_vtk.draw.figure.draft_sheet import LARGEST, draft_tile
-from spacemap_vtk.draw.figure.page import Paper, Tile, page
+from spacemap_vtk.draw.figure.page import PageStyle, Tile, lay_out_page
 from spacemap_vtk.draw.figure.section_drawing import section_tile
-from spacemap_vtk.draw.figure.sheets import swing_times
+from spacemap_vtk.draw.figure.sheets import period_times
 from spacemap_vtk.draw.frame import camera_of
-from spacemap_vtk.draw.picture import Extent, Picture, over_motion, together
+from spacemap_vtk.draw.picture import Extent, Picture, combine_extents, motion_extent
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats, Tell
 from spacemap_vtk.scenes.face import lengths_of
@@ -53,7 +53,7 @@ _BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FigurePage(Paper):
+class FigurePage(PageStyle):
     """The contents of a figure's page, and its paper."""
 
     #: Keys of `PANELS`. By default: pictures; for a still cloth, the other panels.
@@ -89,7 +89,7 @@ class FigurePage(Paper):
             )
 
 
-def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
+def make_figure(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
     """Return a scene's figure; with swept values, only pictures show more than the first one."""
     sweep = runs_of(
         scene,
@@ -122,7 +122,7 @@ def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> 
     drawn = [first]
     for name in panels:
         if name == "pictures":
-            shots = _Shots(sweep, asked)
+            shots = _PictureTiles(sweep, asked)
             rows += shots.rows
             drawn += shots.scenes
             continue
@@ -133,7 +133,7 @@ def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> 
                 yarn = None if number is None else number - 1
                 rows.append([section_tile(cross_section(woven.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
-            drawn.append(_still(sweep.runs[0]))
+            drawn.append(_cloth_scene(sweep.runs[0]))
             rows.append(
                 _weave_row(
                     drawn[-1],
@@ -142,13 +142,13 @@ def figure_of(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> 
                     woven.cloth.size,
                 )
             )
-    made = page(rows, asked, tell)
+    made = lay_out_page(rows, asked, tell)
     for text in dict.fromkeys(text for each in drawn for text in each.warnings):
         scene.warn(text)
     return made
 
 
-def _still(run: Run) -> Scene:
+def _cloth_scene(run: Run) -> Scene:
     """Return a scene with the cloth alone, cut to the ends and picks that can be seen."""
     whole = run.scene()
     source = whole.source.section
@@ -172,12 +172,12 @@ def _weave_row(
     sides = lengths_of(scene.woven.cloth)
     shape = sides[1] / sides[0]
 
-    def draw(axes: Axes, paper: Paper) -> None:
-        _blend(scene, paper)
+    def draw(axes: Axes, paper: PageStyle) -> None:
+        _match_background(scene, paper)
         place = Viewpoint(
             (0.0, 0.0, 10 * max(sides)), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), sides[1] / 2
         )
-        _put(axes, paper, scene, 0.0, "fabric", place=place)
+        _draw_picture(axes, paper, scene, 0.0, "fabric", place=place)
 
     # Only the first ends and picks of a large cloth are drawn.
     part = "" if (ends, picks) == whole else f", of {whole[0]} × {whole[1]}"
@@ -194,7 +194,7 @@ def _weave_row(
     return tiles
 
 
-class _Shots:
+class _PictureTiles:
     """The tiles of a scene's pictures, with a common camera, colour scale and key."""
 
     def __init__(self, sweep: Sweep, asked: FigurePage) -> None:
@@ -210,14 +210,16 @@ class _Shots:
                 cure='Ask for fewer times or values; "spacemap sweep" draws more.',
             )
         for scene in self.scenes:
-            _blend(scene, asked)
-        self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
-        self._shape = _shape(self._extent[0], camera_of(first))
+            _match_background(scene, asked)
+        self._extent: Extent = combine_extents(
+            [motion_extent(scene, times) for scene in self.scenes]
+        )
+        self._shape = _aspect(self._extent[0], camera_of(first))
         chosen = first.view.show if first.moves else "fabric"
         kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
         columns = asked.columns or _columns(len(self.scenes), len(times))
         #: Scale and orientation of all pictures; None until the first one is drawn.
-        self._seen: Measures | None = None
+        self._seen: ViewScale | None = None
         self.rows: list[list[Tile]] = []
         for start in range(0, len(shots), columns):
             some = shots[start : start + columns]
@@ -232,31 +234,31 @@ class _Shots:
         """Return the beginning, a quarter and a half of a period."""
         if not scene.moves:
             return [scene.view.time]
-        found = swing_times(scene)
+        found = period_times(scene)
         return [found[0], 0.5 * (found[1] + found[2]), found[3]]
 
     def _tile(self, number: int, time: float, kind: str) -> Tile:
-        def draw(axes: Axes, paper: Paper) -> None:
+        def draw(axes: Axes, paper: PageStyle) -> None:
             scene = self.scenes[number]
-            self._seen = _put(axes, paper, scene, time, kind, extent=self._extent)
+            self._seen = _draw_picture(axes, paper, scene, time, kind, extent=self._extent)
 
         words = []
         run = self._sweep.runs[number]
         for k, (each, value) in enumerate(zip(self._sweep.axes, run.chosen, strict=True)):
-            words.append(f"{name_of(self._sweep, k)} {each.label(value)}")
+            words.append(f"{sweep_label(self._sweep, k)} {each.label(value)}")
         if self.scenes[number].moves:
             words.append(f"t = {format_quantity(time, 's', 4)}")
         return Tile(draw, lambda width: self._shape * width, ", ".join(words))
 
     def _key(self) -> Tile:
-        def draw(axes: Axes, paper: Paper) -> None:
+        def draw(axes: Axes, paper: PageStyle) -> None:
             assert self._seen is not None
             draw_key(axes, paper, self._seen, self.scenes[0].view.color, self._extent[1])
 
         return Tile(draw, lambda width: _KEY, lettered=False)
 
 
-def _blend(scene: Scene, paper: Paper) -> None:
+def _match_background(scene: Scene, paper: PageStyle) -> None:
     """Set a scene's background to the paper's colour, so that its lines contrast with the paper."""
     for key in ("background", "background_top"):
         scene.assign("view", key, paper.color)
@@ -269,26 +271,28 @@ def _columns(runs: int, times: int) -> int:
     return count if count <= 4 else 4 if count % 4 == 0 else 3
 
 
-def _shape(points: Floats, view: str) -> float:
+def _aspect(points: Floats, view: str) -> float:
     """Return the height over the width of a picture that fits the points."""
     shape, camera = 1.0, vtkCamera()
     for _ in range(2):
-        aim(camera, points, 1.0 / shape, view, 1.0)
-        seen = (points - camera.GetPosition()) @ axes_seen(camera)
+        aim_camera(camera, points, 1.0 / shape, view, 1.0)
+        seen = (points - camera.GetPosition()) @ view_axes(camera)
         near = 1.0 if camera.GetParallelProjection() else -seen[:, 2:]
         across, above = np.ptp(seen[:, :2] / near, axis=0)
         shape = float(np.clip(above / across, _FLATTEST, _TALLEST))
     return shape
 
 
-def _put(axes: Axes, paper: Paper, scene: Scene, time: float, kind: str, **seen: Any) -> Measures:
+def _draw_picture(
+    axes: Axes, paper: PageStyle, scene: Scene, time: float, kind: str, **seen: Any
+) -> ViewScale:
     """Draw a picture into a tile; return its scale and orientation."""
     (_, width), (_, height) = axes.get_xlim(), axes.get_ylim()
     size = paper.dots(width), paper.dots(height)
     picture = Picture(scene, [time], size, [kind], bare=True, **seen)
     image = picture.draw(time)
     camera = picture.panels[0].window.camera
-    found = measures_of(camera, height)
+    found = view_scale(camera, height)
     picture.close()
     axes.imshow(image, extent=(0, width, 0, height), interpolation="none", aspect="auto")
     return found

@@ -33,7 +33,7 @@ _MOST = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paper:
+class PageStyle:
     """The paper of a figure."""
 
     #: Width in mm.
@@ -80,7 +80,7 @@ class Tile:
     """A part of a page."""
 
     #: Draws the tile into axes whose unit is mm.
-    draw: Callable[[Axes, Paper], None]
+    draw: Callable[[Axes, PageStyle], None]
     #: Returns the height for a width, in mm.
     height: Callable[[float], float]
     caption: str = ""
@@ -107,14 +107,14 @@ def new_figure(**settings: Any) -> Figure:
     return figure
 
 
-def page(
-    rows: Sequence[Sequence[Tile]], paper: Paper, tell: Tell = lambda done, of: None
+def lay_out_page(
+    rows: Sequence[Sequence[Tile]], paper: PageStyle, tell: Tell = lambda done, of: None
 ) -> Figure:
     """Return a figure with rows of tiles, as high as the tiles need."""
     placed, y = [], _EDGE
     for row in rows:
-        widths = _widths(row, paper.width - 2 * _EDGE - _GAP * (len(row) - 1))
-        captions = [_wrapped(tile, width) for tile, width in zip(row, widths, strict=True)]
+        widths = _tile_widths(row, paper.width - 2 * _EDGE - _GAP * (len(row) - 1))
+        captions = [_wrap_caption(tile, width) for tile, width in zip(row, widths, strict=True)]
         head = _LINE * max(text.count("\n") + bool(text) for text in captions)
         heights = [tile.height(width) for tile, width in zip(row, widths, strict=True)]
         x = 0.5 * (paper.width - sum(widths) - _GAP * (len(row) - 1))
@@ -151,13 +151,13 @@ def page(
         axes.set_axis_off()
         letter = next(letters, "") if several and tile.lettered else ""
         if text:
-            _caption(axes, paper, letter, text)
+            _draw_caption(axes, paper, letter, text)
         tile.draw(axes, paper)
     tell(len(placed), len(placed))
     return figure
 
 
-def letters_wide(text: str) -> float:
+def text_width(text: str) -> float:
     """Return the width of a line of text in mm."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
@@ -166,27 +166,27 @@ def letters_wide(text: str) -> float:
     return POINT * float(text_to_path.get_text_width_height_descent(text, font, False)[0])
 
 
-def _widths(row: Sequence[Tile], room: float) -> list[float]:
+def _tile_widths(row: Sequence[Tile], room: float) -> list[float]:
     shares = [tile.share for tile in row]
     widths = [room * share / sum(shares) for share in shares]
     fit = min(1.0, *(tile.most / width for tile, width in zip(row, widths, strict=True)))
     return [fit * width for width in widths]
 
 
-def _wrapped(tile: Tile, width: float) -> str:
+def _wrap_caption(tile: Tile, width: float) -> str:
     """Wrap a caption to the width of its tile; the first line leaves room for the letter."""
     lines = [""]
     for word in tile.caption.split():
         longer = f"{lines[-1]} {word}".strip()
         room = width - _LETTER * (len(lines) == 1)
-        if lines[-1] and letters_wide(longer) > room:
+        if lines[-1] and text_width(longer) > room:
             lines.append(word)
         else:
             lines[-1] = longer
     return "\n".join(lines)
 
 
-def _caption(axes: Axes, paper: Paper, letter: str, text: str) -> None:
+def _draw_caption(axes: Axes, paper: PageStyle, letter: str, text: str) -> None:
     top = axes.get_ylim()[1]
     first, *more = text.split("\n")
     style: dict[str, Any] = {"color": paper.ink, "va": "baseline", "clip_on": False}

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: Number of samples of a plotted curve.
 SAMPLES = 2000
 #: Factor that moves frequencies away from an undamped mode that they meet exactly.
-ASIDE = 1 + 1e-9
+NUDGE = 1 + 1e-9
 QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
 #: Names of the parts of a `Balance` in files.
 ENERGY_NAMES = (
@@ -44,7 +44,7 @@ ENERGY_NAMES = (
 )
 #: A part of a balance below this share of the largest is rounding, and is not plotted.
 _NEGLIGIBLE = 1e-9
-NO_FREQUENCIES = "A motion by steps has no frequency response, which is one of modes."
+NO_FREQUENCY_RESPONSE = "A motion by steps has no frequency response, which is one of modes."
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 
@@ -60,15 +60,15 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
     motion, linear = last_stage.motion, None if mover is None else mover.motion
     if motion is None:
         raise InputError(f"{scene.file}: this scene's motion is no response to loads")
-    place = tip(scene) if point is None else np.asarray(point)
+    place = most_moving_vertex(scene) if point is None else np.asarray(point)
     weights = point_weights(motion.points, motion.cells, place)
     unit, row = QUANTITIES[quantity]
     times = np.linspace(0.0, last, SAMPLES)
     curves = motion.history(weights, times)[row]
-    unit, size = handy(unit, float(abs(curves).max()))
+    unit, size = prefixed_unit(unit, float(abs(curves).max()))
 
     where = ", ".join(format_quantity(x, "m", 4) for x in place)
-    figure = figure_about(f"{scene.title}\n{quantity} at ({where})")
+    figure = titled_figure(f"{scene.title}\n{quantity} at ({where})")
     over_time, below = figure.subplots(2, 1)
     for axis, color in enumerate(_COLORS):
         over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
@@ -76,21 +76,21 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
 
     if isinstance(linear, Response):
         natural = [mode["frequency_hz"] for mode in figures["modes"]]
-        _over_frequency(below, linear, weights, natural, (unit, size, row))
+        _plot_frequency_response(below, linear, weights, natural, (unit, size, row))
     else:
-        scene.warn(NO_FREQUENCIES)
-        _energy_over_time(below, times, balance_of(motion, times))
-    return _with_legends(figure)
+        scene.warn(NO_FREQUENCY_RESPONSE)
+        _plot_energies(below, times, balance_of(motion, times))
+    return _add_legends(figure)
 
 
-def figure_about(title: str) -> Figure:
+def titled_figure(title: str) -> Figure:
     """Return an empty figure with a title."""
     figure = new_figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=12)
     return figure
 
 
-def _with_legends(figure: Figure) -> Figure:
+def _add_legends(figure: Figure) -> Figure:
     """Add grids and legends to a figure whose curves are drawn, and return it."""
     for panel in figure.axes:
         panel.grid(color="#e6e9ed", linewidth=0.6)
@@ -101,7 +101,7 @@ def _with_legends(figure: Figure) -> Figure:
     return figure
 
 
-def tip(scene: Scene) -> Floats:
+def most_moving_vertex(scene: Scene) -> Floats:
     """Return the vertex that moves most in the first mode [m], (3,)."""
     solver = scene.stage("solver")
     assert solver is not None
@@ -109,7 +109,7 @@ def tip(scene: Scene) -> Floats:
     return points_of(solver.output)[int(np.argmax((shape**2).sum(axis=1)))].astype(np.float64)
 
 
-def _over_frequency(
+def _plot_frequency_response(
     panel: Axes,
     response: Response,
     weights: Floats,
@@ -122,7 +122,7 @@ def _over_frequency(
     try:
         answer = abs(response.frequency_response(weights, frequencies))
     except InputError:  # a frequency met an undamped mode exactly
-        frequencies *= ASIDE
+        frequencies *= NUDGE
         answer = abs(response.frequency_response(weights, frequencies))
     answer *= (2 * np.pi * frequencies[:, None]) ** row / size
     for axis, color in enumerate(_COLORS):
@@ -163,14 +163,14 @@ def energy_curves(balance: EnergyBalance) -> list[tuple[str, Floats, str]]:
     return [*curves, (total, balance.total, "#26323e")]
 
 
-def _energy_over_time(panel: Axes, times: Floats, balance: EnergyBalance) -> None:
-    unit, size = handy("J", float(np.nanmax(np.abs(balance))))
+def _plot_energies(panel: Axes, times: Floats, balance: EnergyBalance) -> None:
+    unit, size = prefixed_unit("J", float(np.nanmax(np.abs(balance))))
     for label, values, color in energy_curves(balance):
         panel.plot(times, values / size, color=color, label=label, linewidth=1.3)
     panel.set(xlabel="time [s]", ylabel=f"energy [{unit}]", xlim=(0, times[-1]))
 
 
-def handy(unit: str, largest: float) -> tuple[str, float]:
+def prefixed_unit(unit: str, largest: float) -> tuple[str, float]:
     """Return a unit with a prefix that suits the largest value, and its size."""
     for power, prefix in zip((9, 6, 3, 0, -3, -6, -9, -12), "GMk mµnp", strict=True):
         if largest >= (0.1 if power <= 0 else 10.0) * 10.0**power:
@@ -218,7 +218,7 @@ def crossings_of(scene: Scene) -> Interchange:
     return Interchange(cloth, stage.yarns(cloth))
 
 
-def tests_of(scene: Scene) -> list[Tensile]:
+def tensile_tests_of(scene: Scene) -> list[Tensile]:
     """Compute tensile tests of a cloth: strips along warp and weft, and both pulled alike."""
     crossings = crossings_of(scene)
     assert scene.woven is not None  # `crossings_of` has checked it
@@ -238,9 +238,9 @@ def tensile_table(tests: list[Tensile]) -> str:
 
 def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
     """Plot force per width and change of width against extension."""
-    figure = figure_about(f"{title}\nforce per width of its yarns")
+    figure = titled_figure(f"{title}\nforce per width of its yarns")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
-    unit, size = handy("N/m", max(float(test.force.max()) for test in tests))
+    unit, size = prefixed_unit("N/m", max(float(test.force.max()) for test in tests))
     for family, name in enumerate(("warp", "weft")):
         # The warp's curves are wider, so that both are visible where they coincide.
         strip, both, color, wide = tests[family], tests[2], _COLORS[2 * family], 3.0 - 1.6 * family
@@ -257,4 +257,4 @@ def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
         width.plot(pulled, 100.0 * strip.extension[1 - family], color=color, linewidth=wide)
     force.set(ylabel=f"force per width [{unit}]")
     width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, pulled[-1]))
-    return _with_legends(figure)
+    return _add_legends(figure)

@@ -16,14 +16,14 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.modal_model import model_of
-from spacemap_vtk.draw.actors.coloring import add_measure
+from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.surface_actor import SurfaceActor, rgb
-from spacemap_vtk.draw.camera import aim
-from spacemap_vtk.draw.compose import composed, gradient
-from spacemap_vtk.draw.frame import add_shape
-from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, draws_without_opengl
+from spacemap_vtk.draw.camera import aim_camera
+from spacemap_vtk.draw.compose import compose, gradient_background
+from spacemap_vtk.draw.frame import apply_mode_shape
+from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
 from spacemap_vtk.draw.offscreen import open_offscreen
-from spacemap_vtk.draw.picture import Picture, over_motion, together
+from spacemap_vtk.draw.picture import Picture, combine_extents, motion_extent
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.mechanics.response.linear_range import measure_extremes
@@ -45,7 +45,7 @@ _SWING = 0.12
 _INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
 
 
-def swing_times(scene: Scene) -> list[float]:
+def period_times(scene: Scene) -> list[float]:
     """Return times over a period of a scene's first vibrating mode, or over its whole motion."""
     if not scene.stage("solver"):
         mover = scene.stage("mover") or scene.deforming
@@ -70,7 +70,7 @@ def storyboard(
         columns.append(np.concatenate([cage, fabric]))
         tell(count, len(times))
     picture.close()
-    return _labelled(np.concatenate(columns, axis=1), ["(a)", "(b)"], times)
+    return _add_labels(np.concatenate(columns, axis=1), ["(a)", "(b)"], times)
 
 
 def motions_board(
@@ -87,23 +87,23 @@ def motions_board(
     extents = []
     for count, name in enumerate(motions, 1):
         take_motion(scene, name, given)
-        extents.append(over_motion(scene, times))
+        extents.append(motion_extent(scene, times))
         tell(count, 2 * len(motions))
     show = "both" if scene.view.show == "side by side" else scene.view.show
-    picture = Picture(scene, times, cell, [show], extent=together(extents))
+    picture = Picture(scene, times, cell, [show], extent=combine_extents(extents))
     rows, labels = [], []
     for count, name in enumerate(motions, 1):
         take_motion(scene, name, given)
         rows.append(np.concatenate([picture.draw(time) for time in times], axis=1))
-        share = 100 * _stretch(scene, times)
+        share = 100 * _largest_stretch(scene, times)
         told = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
         labels.append(f"{MOTIONS[name][1]}\n\nlengths change\nby {told} %")
         tell(len(motions) + count, 2 * len(motions))
     picture.close()
-    return _labelled(np.concatenate(rows), labels, times)
+    return _add_labels(np.concatenate(rows), labels, times)
 
 
-def _stretch(scene: Scene, times: Sequence[float]) -> float:
+def _largest_stretch(scene: Scene, times: Sequence[float]) -> float:
     """Return the largest relative change of length of the cage's edges over the times."""
     model, motion = model_of(scene.deformed_cage), scene.deforming.motion
     assert motion is not None
@@ -111,7 +111,7 @@ def _stretch(scene: Scene, times: Sequence[float]) -> float:
     return measure_extremes(motion, rest, times, surface=model.pencil.surface).stretch
 
 
-def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:
+def _add_labels(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:
     """Add labels of the rows at the left, and times of the columns below."""
     height, width = image.shape[:2]
     size = max(14, height // (16 * len(rows)))
@@ -136,7 +136,7 @@ def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
     solver = scene.stage("solver")
     assert solver is not None
     scene.update_stage(solver)
-    drawing = _Drawing(scene, solver.output)
+    drawing = _ModePainter(scene, solver.output)
     shapes = figures["modes"][:MOST_SHAPES]
     tell(0, len(shapes))
     columns = min(COLUMNS, len(shapes))
@@ -149,13 +149,19 @@ def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
         middle, line = left + _CELL[0] / 2, top + _CELL[1]
         title = f"mode {number + 1}: {mode['frequency_hz']:.4g} Hz"
         pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
-        pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
+        pen.text(
+            (middle, line + 28),
+            _mode_caption(mode),
+            _FAINT,
+            ImageFont.load_default(14),
+            anchor="ma",
+        )
         tell(number + 1, len(shapes))
     drawing.close()
     return np.asarray(sheet)
 
 
-def _note(mode: dict[str, Any]) -> str:
+def _mode_caption(mode: dict[str, Any]) -> str:
     shares = mode["effective_mass_share"]
     most = int(np.argmax(shares))
     damping = mode["regime"]
@@ -166,11 +172,11 @@ def _note(mode: dict[str, Any]) -> str:
     return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"
 
 
-class _Drawing:
+class _ModePainter:
     """Draws mode shapes with a fixed camera that has room for displacements in all directions."""
 
     def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
-        if draws_without_opengl():
+        if uses_software_renderer():
             scene.warn(WITHOUT_OPENGL)
         self._scene, self._moved = scene, copied(cage)
         vertices = points_of(self._moved)
@@ -179,7 +185,7 @@ class _Drawing:
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = open_offscreen(size, samples=4)
         self._window.leave_background()
-        self._behind = gradient(_CELL, (255, 255, 255), (238, 242, 246))
+        self._behind = gradient_background(_CELL, (255, 255, 255), (238, 242, 246))
         self._solid = SurfaceActor()
         self._warp = BarycentricWarp()
         self._surface = PatchTessellator(subdivisions=scene.surface.sides)
@@ -203,17 +209,17 @@ class _Drawing:
             self._window.renderer.AddActor(actor)
         swing = 0.6 * self._swing
         room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
-        aim(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
+        aim_camera(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
 
     def shape(self, number: int) -> Bytes:
         """Draw a mode shape."""
-        add_shape(self._scene, self._moved, number, self._swing)
+        apply_mode_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")
         self._moved.Modified()
         mesh = self._surface(self._warp(self._scene.object_at_rest.output, self._moved))
-        add_measure(mesh, "displacement")
+        add_color_values(mesh, "displacement")
         self._solid.show(mesh, "displacement", span=(0.0, self._swing))
-        return composed(self._window.draw(), self._behind)
+        return compose(self._window.draw(), self._behind)
 
     def close(self) -> None:
         """Close the window and free its resources."""

@@ -25,7 +25,7 @@ ALL, BACK, FRONT = 0, 1, 2
 
 
 # In this module, `triples` and `numbers` are the tables from
-# `spacemap_vtk.draw.actors.lighting.constants_of`.
+# `spacemap_vtk.draw.actors.lighting.lighting_tables`.
 
 
 @compiled
@@ -96,7 +96,7 @@ def _weights(screen: Floats, a: int, b: int, c: int, x: float, y: float) -> Any:
 
 
 @compiled
-def _mixed(table: Any, a: int, b: int, c: int, w: Any) -> Any:
+def _interpolate(table: Any, a: int, b: int, c: int, w: Any) -> Any:
     """Return three numbers interpolated between a triangle's corners."""
     return (
         w[0] * table[a, 0] + w[1] * table[b, 0] + w[2] * table[c, 0],
@@ -123,19 +123,19 @@ def _cross(a: Any, b: Any) -> Any:
 
 
 @compiled
-def _less(a: Any, b: Any) -> Any:
+def _subtract(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
-def _eye(place: Any, parallel: bool) -> Any:
+def _view_direction(place: Any, parallel: bool) -> Any:
     if parallel:
         return 0.0, 0.0, 1.0
     return _unit((-place[0], -place[1], -place[2]))
 
 
 @compiled
-def _step(low: float, high: float, x: float) -> float:
+def _smoothstep(low: float, high: float, x: float) -> float:
     """Compute GLSL's smoothstep."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
@@ -148,7 +148,7 @@ def _tone(strand: float) -> float:
 
 
 @compiled
-def lit(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
+def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     """Return the light that a surface reflects: red, green, blue for its colour, and white."""
     wrap, gloss, power, sheen, facing = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     up = 0.5 + 0.5 * n[1]
@@ -170,7 +170,9 @@ def lit(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
 
 
 @compiled
-def seen(triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any) -> None:
+def visible_color(
+    triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any
+) -> None:
     """Write the visible colour of a hue under a light; `line` is the coverage by an outline."""
     colored = numbers[5]
     grey = 0.299 * hue[0] + 0.587 * hue[1] + 0.114 * hue[2]
@@ -182,10 +184,10 @@ def seen(triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, ou
 
 
 @compiled
-def _with_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -> Any:
+def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -> Any:
     """Return the normal tilted by fibres and plies, and their brightness."""
     # `across` and `down` are place and strands of the points to the right of the pixel and above.
-    slope_x, slope_y = _less(across[0], here), _less(down[0], here)
+    slope_x, slope_y = _subtract(across[0], here), _subtract(down[0], here)
     right, up = _cross(slope_y, normal), _cross(normal, slope_x)
     if _dot(slope_x, right) < 0.0:
         right, up = (-right[0], -right[1], -right[2]), (-up[0], -up[1], -up[2])
@@ -208,20 +210,20 @@ def _with_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -
             strength = shown * abs(2.0 * (phase - math.floor(phase)) - 1.0)
             tilt += (0.6 if size == 0 else 1.0) * strength * side * (1.0 - square)
             light *= 1.0 + strength * (0.16 * own - 0.08 - 0.10 * square * square)
-    bent = _grown(normal, tilt, dx, dy, right, up)
+    bent = _tilt(normal, tilt, dx, dy, right, up)
     dx, dy = across[1][1] - strands[1], down[1][1] - strands[1]
     width = abs(dx) + abs(dy)
     if width > 0.0:
         shown = min(max(2.0 - 4.0 * width, 0.0), 1.0)
         way = strands[1] + 0.5
         way = way - math.floor(way) - 0.5
-        bent = _grown(bent, shown * 2.4 * way, dx, dy, right, up)
+        bent = _tilt(bent, shown * 2.4 * way, dx, dy, right, up)
         light *= 1.0 - shown * 6.0 * way * way * way * way
     return _unit(bent), light
 
 
 @compiled
-def _grown(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -> Any:
+def _tilt(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -> Any:
     """Return a normal tilted in the direction in which a phase with the given slopes grows."""
     x, y = dx * right[0] + dy * up[0], dx * right[1] + dy * up[1]
     z = dx * right[2] + dy * up[2]
@@ -265,24 +267,24 @@ def shade(
                 cell = cells[number]
                 hue = float(colors[cell, 0]), float(colors[cell, 1]), float(colors[cell, 2])
             else:
-                hue = _mixed(colors, a, b, c, w)
+                hue = _interpolate(colors, a, b, c, w)
             if mode == UNLIT:
                 out[row, column, 0], out[row, column, 1], out[row, column, 2] = hue
                 continue
-            here = _mixed(places, a, b, c, w)
-            eye = _eye(here, parallel)
+            here = _interpolate(places, a, b, c, w)
+            eye = _view_direction(here, parallel)
             behind = False
             if len(normals):
                 ax, ay = screen[a, 0], screen[a, 1]
                 area = (screen[b, 0] - ax) * (screen[c, 1] - ay)
                 area -= (screen[b, 1] - ay) * (screen[c, 0] - ax)
                 behind = area > 0.0
-                n = _unit(_mixed(normals, a, b, c, w))
+                n = _unit(_interpolate(normals, a, b, c, w))
                 if behind:
                     n = -n[0], -n[1], -n[2]
             else:
                 pa, pb, pc = places[a], places[b], places[c]
-                n = _unit(_cross(_less(pb, pa), _less(pc, pa)))
+                n = _unit(_cross(_subtract(pb, pa), _subtract(pc, pa)))
                 if _dot(n, eye) < 0.0:
                     n = -n[0], -n[1], -n[2]
             if mode == PLAIN:
@@ -297,25 +299,25 @@ def shade(
                 wx = _weights(screen, a, b, c, x + grain, y)
                 wy = _weights(screen, a, b, c, x, y - grain)
                 if len(strands):
-                    own = _mixed(strands, a, b, c, w)
-                    across = _mixed(places, a, b, c, wx), _mixed(strands, a, b, c, wx)
-                    down = _mixed(places, a, b, c, wy), _mixed(strands, a, b, c, wy)
-                    n, bright = _with_fibres(n, own, across, down, here)
+                    own = _interpolate(strands, a, b, c, w)
+                    across = _interpolate(places, a, b, c, wx), _interpolate(strands, a, b, c, wx)
+                    down = _interpolate(places, a, b, c, wy), _interpolate(strands, a, b, c, wy)
+                    n, bright = _tilt_by_fibres(n, own, across, down, here)
                     hue = hue[0] * bright, hue[1] * bright, hue[2] * bright
                 if width > 0.0 and len(normals):
                     sign = -1.0 if behind else 1.0
                     front = _dot(n, eye)
                     nx, ny = (
-                        _unit(_mixed(normals, a, b, c, wx)),
-                        _unit(_mixed(normals, a, b, c, wy)),
+                        _unit(_interpolate(normals, a, b, c, wx)),
+                        _unit(_interpolate(normals, a, b, c, wy)),
                     )
-                    ex = _eye(_mixed(places, a, b, c, wx), parallel)
-                    ey = _eye(_mixed(places, a, b, c, wy), parallel)
+                    ex = _view_direction(_interpolate(places, a, b, c, wx), parallel)
+                    ey = _view_direction(_interpolate(places, a, b, c, wy), parallel)
                     slope = math.hypot(sign * _dot(nx, ex) - front, sign * _dot(ny, ey) - front)
                     edge = 0.5 * front / max(slope, 1e-6)
-                    line = 1.0 - _step(width - 0.7, width + 0.7, edge)
-                    line *= 1.0 - _step(numbers[7], 1.1 * numbers[7], front)
-            light = lit(triples, numbers, n, eye)
-            seen(triples, numbers, hue, light, line, shown)
+                    line = 1.0 - _smoothstep(width - 0.7, width + 0.7, edge)
+                    line *= 1.0 - _smoothstep(numbers[7], 1.1 * numbers[7], front)
+            light = reflected_light(triples, numbers, n, eye)
+            visible_color(triples, numbers, hue, light, line, shown)
             for k in range(3):
                 out[row, column, k] = min(max(shown[k], 0.0), 1.0)

@@ -1,6 +1,6 @@
 """Draw a renderer's contents on the processor, for machines without OpenGL.
 
-`SoftwareWindow` replaces `spacemap_vtk.draw.offscreen.Offscreen` if no OpenGL library can be
+`SoftwareWindow` replaces `spacemap_vtk.draw.offscreen.OffscreenWindow` if no OpenGL library can be
 loaded, with the same actors, camera, light and shadows. It needs Numba, which this program
 installs.
 """
@@ -37,9 +37,9 @@ from vtkmodules.vtkRenderingCore import (
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw import graphics
+from spacemap_vtk.draw.actors.contact_shadows import row_strips
 from spacemap_vtk.draw.actors.glyphs import OutlineActor
-from spacemap_vtk.draw.actors.lighting import constants_of
-from spacemap_vtk.draw.actors.shading import strips
+from spacemap_vtk.draw.actors.lighting import lighting_tables
 from spacemap_vtk.draw.actors.sheet_actor import SheetActor
 from spacemap_vtk.draw.actors.surface_actor import SurfaceActor
 from spacemap_vtk.draw.camera import LIGHTS, add_lights
@@ -65,7 +65,7 @@ class _Renderer(vtkRenderer):
         return self
 
 
-class _Lamps(NamedTuple):
+class _Light(NamedTuple):
     """The light of a shape, as arguments of `spacemap_vtk.draw.software.raster_loops.shade`."""
 
     mode: int
@@ -86,7 +86,7 @@ class _Shape(NamedTuple):
     corners: Ints
     #: Colours, 0 to 1, (k, 3): one for each point, or a table that `cells` refers to.
     colors: Singles
-    lamps: _Lamps
+    lamps: _Light
     #: Index of each triangle's colour; empty if the points have the colours.
     cells: Ints = _NO_CELLS
     normals: Floats = _NO_NORMALS
@@ -151,7 +151,7 @@ class SoftwareWindow:
             self._depths = np.ones_like(self._depths)
         else:
             self._depths = self._depths.copy()  # a caller may still hold the depths
-        actors = [a for a in _listed(self.renderer.GetActors()) if a.GetVisibility()]
+        actors = [a for a in _list_props(self.renderer.GetActors()) if a.GetVisibility()]
         clear = [a for a in actors if _is_translucent(a)]
         for actor in actors:
             if actor not in clear:
@@ -173,7 +173,7 @@ class SoftwareWindow:
             self._pixels = self._drawn if grain == 1 else fine.mean(axis=(1, 3))
             self._draw_letters(self._pixels)
         made = np.empty(self._pixels.shape, np.uint8)
-        for rows in strips(len(made)):
+        for rows in row_strips(len(made)):
             made[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
         return made
 
@@ -189,7 +189,7 @@ class SoftwareWindow:
         view = _View.from_renderer(self.renderer, self.size, self._grain)
         opacity = actor.GetProperty().GetOpacity()
         for shape in _shapes(actor, view):
-            self._draw(shape, _clipping(actor, shape.points), view, opacity, solid)
+            self._draw(shape, _clip_distances(actor, shape.points), view, opacity, solid)
 
     def _draw(self, shape: _Shape, cut: Floats, view: _View, opacity: float, solid: bool) -> None:
         from spacemap_vtk.draw.software import raster_loops as loops
@@ -224,7 +224,7 @@ class SoftwareWindow:
 
     def _draw_letters(self, canvas: Singles) -> None:
         """Draw annotations over the view: panels, text and colour bars."""
-        for prop in _listed(self.renderer.GetViewProps()):
+        for prop in _list_props(self.renderer.GetViewProps()):
             if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
                 continue
             if isinstance(prop, vtkTextActor):
@@ -368,7 +368,7 @@ def _bands(height: int) -> list[slice]:
     return [slice(top, min(top + step, height)) for top in range(0, height, step)]
 
 
-def _listed(props: Any) -> list[Any]:
+def _list_props(props: Any) -> list[Any]:
     props.InitTraversal()
     return [props.GetNextProp() for _ in range(props.GetNumberOfItems())]
 
@@ -379,7 +379,7 @@ def _is_translucent(actor: vtkActor) -> bool:
     return bool(actor.GetForceTranslucent()) or actor.GetProperty().GetOpacity() < 1.0
 
 
-def _clipping(actor: vtkActor, points: Floats) -> Floats:
+def _clip_distances(actor: vtkActor, points: Floats) -> Floats:
     """Return each point's smallest signed distance from the clipping planes; negative: hidden."""
     planes = actor.GetMapper().GetClippingPlanes()
     if planes is None or not planes.GetNumberOfItems():
@@ -397,25 +397,25 @@ def _shapes(actor: vtkActor, view: _View) -> Iterator[_Shape]:
         graphics.require_opengl("a cloth of so many yarns that it is drawn as a sheet needs")
     mapper = actor.GetMapper()
     if isinstance(mapper, vtkGlyph3DMapper):
-        yield from _glyphs(actor, mapper)
+        yield from _glyph_shapes(actor, mapper)
         return
     data = mapper.GetInput()
     if data is None or not data.GetNumberOfPoints():
         return
     wired = actor.GetProperty().GetRepresentation() == VTK_WIREFRAME
-    triangulated = _edges(data) if wired else _triangulated(data)
+    triangulated = _facet_edges(data) if wired else _triangulate(data)
     points = points_of(triangulated).astype(np.float64) + np.array(actor.GetPosition())
     colors, of_cells = _colors(actor, triangulated)
     if triangulated.GetNumberOfPolys():
         if isinstance(actor, OutlineActor):
-            yield _outline(actor, triangulated, points, view)
+            yield _outline_shape(actor, triangulated, points, view)
         else:
-            yield _surface(actor, triangulated, points, colors, of_cells)
+            yield _surface_shape(actor, triangulated, points, colors, of_cells)
     if triangulated.GetNumberOfLines() or triangulated.GetNumberOfVerts():
-        yield from _lines_and_dots(actor, triangulated, points, colors, of_cells, view)
+        yield from _line_and_dot_shapes(actor, triangulated, points, colors, of_cells, view)
 
 
-def _triangulated(data: vtkPolyData) -> vtkPolyData:
+def _triangulate(data: vtkPolyData) -> vtkPolyData:
     """Return a surface whose polygons and strips are cut into triangles; lines and dots stay."""
     if not data.GetNumberOfPolys() and not data.GetNumberOfStrips():
         return data
@@ -426,7 +426,7 @@ def _triangulated(data: vtkPolyData) -> vtkPolyData:
     return filter_.GetOutput()
 
 
-def _edges(data: vtkPolyData) -> vtkPolyData:
+def _facet_edges(data: vtkPolyData) -> vtkPolyData:
     """Return the edges of a surface's facets as lines."""
     edges = vtkExtractEdges()
     edges.SetInputData(data)
@@ -452,13 +452,13 @@ def _colors(actor: vtkActor, data: vtkPolyData) -> tuple[Singles, bool]:
     return np.broadcast_to(plain, (data.GetNumberOfPoints(), 3)).copy(), False
 
 
-def _unlit() -> _Lamps:
+def _unlit() -> _Light:
     from spacemap_vtk.draw.software.raster_loops import UNLIT
 
-    return _Lamps(UNLIT, np.zeros((12, 3)), np.zeros(8))
+    return _Light(UNLIT, np.zeros((12, 3)), np.zeros(8))
 
 
-def _plain_light(ambient: float) -> _Lamps:
+def _plain_light(ambient: float) -> _Light:
     """Return the light of `spacemap_vtk.draw.camera.LIGHTS`, as VTK computes it."""
     from spacemap_vtk.draw.software.raster_loops import PLAIN
 
@@ -467,10 +467,10 @@ def _plain_light(ambient: float) -> _Lamps:
     for number, (place, strength, color) in enumerate(LIGHTS):
         triples[number] = np.array(place) / np.linalg.norm(place)
         triples[3 + number] = (1.0 - ambient) * strength * np.array(color)
-    return _Lamps(PLAIN, triples, numbers)
+    return _Light(PLAIN, triples, numbers)
 
 
-def _surface(
+def _surface_shape(
     actor: vtkActor, data: vtkPolyData, points: Floats, colors: Singles, of_cells: bool
 ) -> _Shape:
     from spacemap_vtk.draw.software.raster_loops import STYLED
@@ -482,7 +482,7 @@ def _surface(
     normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
     strands, lamps = _NO_STRANDS, _unlit()
     if isinstance(actor, SurfaceActor) and actor.dress is not None and actor.dress.faced:
-        lamps = _Lamps(STYLED, *constants_of(actor.dress.style, actor.dress.point))
+        lamps = _Light(STYLED, *lighting_tables(actor.dress.style, actor.dress.point))
         if actor.dress.fibres:
             strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
     elif look.GetLighting():
@@ -506,7 +506,7 @@ def _surface(
     return shape._replace(picture=picture, texels=vtk_to_numpy(texels).astype(np.float64))
 
 
-def _outline(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View) -> _Shape:
+def _outline_shape(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View) -> _Shape:
     """Return a surface enlarged as by the vertex shader of `OutlineActor`."""
     from spacemap_vtk.draw.software.raster_loops import FRONT
 
@@ -530,14 +530,14 @@ def _outline(actor: OutlineActor, data: vtkPolyData, points: Floats, view: _View
     )
 
 
-def _glyphs(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
+def _glyph_shapes(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
     """Yield an arrow for each vector of a glyph mapper."""
     places, look = mapper.GetInput(), actor.GetProperty()
     if places is None or not places.GetNumberOfPoints():
         return
     source = mapper.GetInputAlgorithm(1, 0)
     source.Update()
-    arrow = _triangulated(source.GetOutput())
+    arrow = _triangulate(source.GetOutput())
     own = points_of(arrow).astype(np.float64)
     corners = vtk_to_numpy(arrow.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
     found = arrow.GetPointData().GetNormals()
@@ -564,7 +564,7 @@ def _glyphs(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
         )
 
 
-def _lines_and_dots(
+def _line_and_dot_shapes(
     actor: vtkActor,
     data: vtkPolyData,
     points: Floats,
@@ -574,7 +574,7 @@ def _lines_and_dots(
 ) -> Iterator[_Shape]:
     """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
     look, screen = actor.GetProperty(), view.screen(points)
-    verts, lines = (_chains(cells) for cells in (data.GetVerts(), data.GetLines()))
+    verts, lines = (_segments(cells) for cells in (data.GetVerts(), data.GetLines()))
     if len(lines[0]):
         (begin, end), cell = lines[0].T, lines[1] + data.GetNumberOfVerts()
         way = screen[end, :2] - screen[begin, :2]
@@ -617,7 +617,7 @@ def _lines_and_dots(
         yield _Shape(points[which], corners, hue, lamps, normals=normals, screen=whole)
 
 
-def _chains(cells: Any) -> tuple[Ints, Ints]:
+def _segments(cells: Any) -> tuple[Ints, Ints]:
     """Return the point pairs of all line segments, (n, 2), and the cell of each segment."""
     # A cell with one point becomes a segment from this point to itself.
     offsets = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)
@@ -645,10 +645,10 @@ def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Sin
     weights = np.stack([1.0 - wb - wc, wb, wc]) * np.stack([screen[k, 3] for k in (a, b, c)])
     weights /= weights.sum(axis=0)
     s, t = np.einsum("kn,knd->dn", weights, np.stack([shape.texels[k, :2] for k in (a, b, c)]))
-    return _sampled(shape.picture, s, t)
+    return _sample_texture(shape.picture, s, t)
 
 
-def _sampled(picture: Bytes, s: Floats, t: Floats) -> Singles:
+def _sample_texture(picture: Bytes, s: Floats, t: Floats) -> Singles:
     """Sample a repeating texture at coordinates (s, t), bilinearly: RGB and coverage, (n, 4)."""
     high, wide, depth = picture.shape
     x, y = s * wide - 0.5, t * high - 0.5

@@ -16,11 +16,11 @@ from vtkmodules.vtkRenderingCore import (
 )
 
 from spacemap_vtk.datasets.arrays import to_image
-from spacemap_vtk.draw.actors.shading import contact_shade, softened
-from spacemap_vtk.draw.camera import metres_from, pixels_of
+from spacemap_vtk.draw.actors.contact_shadows import contact_shadows, soften
+from spacemap_vtk.draw.camera import depths_to_metres, pixels_per_metre_at_focus
 
 
-class ShadeLayer:
+class ShadowLayer:
     """A layer that adds contact shadows to a renderer's view, as in pictures."""
 
     def __init__(self, window: vtkRenderWindow, renderer: vtkRenderer, layer: int) -> None:
@@ -64,9 +64,9 @@ class ShadeLayer:
         ]
         for plate in plates:  # plates are in front of everything and would cast shadows on it
             drawn[plate] = 1.0
-        depth = metres_from(camera, drawn)
-        pixels = self._relief * pixels_of(camera, height)
-        shade = softened(contact_shade(depth, self._relief, pixels, self._strength, thin=2))
+        depth = depths_to_metres(camera, drawn)
+        pixels = self._relief * pixels_per_metre_at_focus(camera, height)
+        shade = soften(contact_shadows(depth, self._relief, pixels, self._strength, thin=2))
         for plate in plates:
             shade[plate] = 1.0
         black = np.zeros((height, width, 4), np.uint8)

@@ -18,7 +18,7 @@ from spacemap_vtk.textile.geometry.point_clearance import gaps
 from spacemap_vtk.units import UNITS
 
 #: Name of the array of numbers that are shown as colours.
-SHOWN = "shown"
+COLOR_VALUES = "shown"
 
 
 #: Units that a scale may use for each SI unit, the smallest first.
@@ -31,15 +31,19 @@ _SCALES = {
 }
 
 
-def measure(surface: vtkPolyData, color: str) -> Singles | None:
+def color_values(surface: vtkPolyData, color: str) -> Singles | None:
     """Return the number that the colour shows at each point; None if it shows no numbers."""
     if color == "clearance":
-        return _kept_clearances(surface)
+        return _cached_clearances(surface)
     name, of_cells = COLORINGS[color].array, surface.GetCellData()
     array = surface.GetPointData().GetArray(name)
     if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
         return None
-    values = _at_corners(surface, of_cells.GetArray(name)) if array is None else vtk_to_numpy(array)
+    values = (
+        _cell_values_at_points(surface, of_cells.GetArray(name))
+        if array is None
+        else vtk_to_numpy(array)
+    )
     if color in ("strain", "principal_stress"):
         return largest_principal(values).astype(np.float32)
     if color == "stress":
@@ -49,12 +53,12 @@ def measure(surface: vtkPolyData, color: str) -> Singles | None:
     return values.reshape(len(values)).astype(np.float32, copy=False)
 
 
-def add_measure(surface: vtkPolyData, color: str) -> None:
+def add_color_values(surface: vtkPolyData, color: str) -> None:
     """Add the numbers that a surface's colour shows as an array, for `SurfaceActor`."""
-    values = measure(surface, color)
-    surface.GetPointData().RemoveArray(SHOWN)
+    values = color_values(surface, color)
+    surface.GetPointData().RemoveArray(COLOR_VALUES)
     if values is not None:
-        surface.GetPointData().AddArray(to_array(values, SHOWN))
+        surface.GetPointData().AddArray(to_array(values, COLOR_VALUES))
 
 
 def largest_principal(tensors: AnyFloats) -> Floats:
@@ -72,7 +76,7 @@ def largest_principal(tensors: AnyFloats) -> Floats:
     return mean + 2 * size * np.cos(np.arccos(np.clip(half, -1.0, 1.0)) / 3)
 
 
-def unit_of(color: str, largest: float) -> tuple[str, float]:
+def scale_unit(color: str, largest: float) -> tuple[str, float]:
     """Return a unit in which a scale is easy to read, and its size in SI units."""
     unit = COLORINGS[color].unit
     if not unit:
@@ -86,7 +90,7 @@ def unit_of(color: str, largest: float) -> tuple[str, float]:
     return best, sizes[best]
 
 
-def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
+def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
     """Return evenly spaced round numbers within a scale, including zero if it is in the scale."""
     span = high - low
     if not span > 0.0:
@@ -98,7 +102,7 @@ def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
     return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
 
 
-def round_between(low: float, high: float) -> list[float]:
+def log_ticks(low: float, high: float) -> list[float]:
     """Return 1, 2 and 5 times powers of ten within a range; none if it begins at or below 0."""
     if not low > 0.0:
         return []
@@ -111,7 +115,7 @@ def _corners(surface: vtkPolyData) -> Ints:
     return corners.reshape(surface.GetNumberOfCells(), -1)
 
 
-def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
+def _cell_values_at_points(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
     """Return the value of its cell for each point; no point belongs to two cells."""
     of_cells = vtk_to_numpy(array)
     values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
@@ -123,7 +127,7 @@ def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
 _last: tuple[tuple[int, ...], Singles | None] = (), None
 
 
-def _kept_clearances(surface: vtkPolyData) -> Singles | None:
+def _cached_clearances(surface: vtkPolyData) -> Singles | None:
     """Return the clearances of a surface; the last ones are kept for the scale and the picture."""
     global _last
     # VTK's modification times are unique, so they identify points, normals and polygons.
@@ -131,11 +135,11 @@ def _kept_clearances(surface: vtkPolyData) -> Singles | None:
     made = tuple(0 if part is None else part.GetMTime() for part in parts)
     kept = _last  # read once: another thread may replace it
     if kept[0] != made:
-        kept = _last = made, clearances(surface)
+        kept = _last = made, compute_clearances(surface)
     return kept[1]
 
 
-def clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
+def compute_clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
     """Return the distance of each point to the next yarn; infinite outside the `asked` cells."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.draw.actors.coloring import round_numbers, unit_of
-from spacemap_vtk.draw.actors.surface_actor import Span, ramp
-from spacemap_vtk.draw.camera import pixels_of
-from spacemap_vtk.draw.figure.page import SMALL, TEXT, Paper
+from spacemap_vtk.draw.actors.color_values import round_ticks, scale_unit
+from spacemap_vtk.draw.actors.surface_actor import Span, ramp_table
+from spacemap_vtk.draw.camera import pixels_per_metre_at_focus
+from spacemap_vtk.draw.figure.page import SMALL, TEXT, PageStyle
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.units import format_quantity, pretty
@@ -24,7 +24,7 @@ _ROUND = (1.0, 2.0, 5.0, 10.0)
 AXES = (("#c8372d", "#3f8f3f", "#2c5f9e"), ("#ff7b6b", "#79c879", "#6fb0f0"))
 
 
-class Measures(NamedTuple):
+class ViewScale(NamedTuple):
     """Scale and orientation of a view."""
 
     length: float
@@ -35,10 +35,10 @@ class Measures(NamedTuple):
     """Whether the projection is parallel."""
 
 
-def measures_of(camera: vtkCamera, height: float) -> Measures:
+def view_scale(camera: vtkCamera, height: float) -> ViewScale:
     """Return scale and orientation of a camera's view, for a picture of some height in units."""
     flat = bool(camera.GetParallelProjection())
-    return Measures(1.0 / pixels_of(camera, height), axes_seen(camera), flat)
+    return ViewScale(1.0 / pixels_per_metre_at_focus(camera, height), view_axes(camera), flat)
 
 
 def round_length(most: float) -> float:
@@ -47,14 +47,14 @@ def round_length(most: float) -> float:
     return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
 
 
-def axes_seen(camera: vtkCamera) -> Floats:
+def view_axes(camera: vtkCamera) -> Floats:
     """Return the axes x, y and z in the camera's frame: right, up, towards the eye, (3, 3)."""
     turn = camera.GetModelViewTransformMatrix()
     seen = np.array([[turn.GetElement(row, k) for row in range(3)] for k in range(3)])
     return np.where(np.abs(seen) < 1e-12, 0.0, seen)
 
 
-def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | None) -> None:
+def draw_key(axes: Axes, paper: PageStyle, seen: ViewScale, color: str, span: Span | None) -> None:
     """Draw axes, a scale bar and the colour scale side by side, for a page."""
     _draw_triad(axes, paper, seen.axes)
     _draw_scale(axes, paper, seen)
@@ -62,7 +62,7 @@ def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | 
         _draw_colors(axes, paper, color, span)
 
 
-def _draw_triad(axes: Axes, paper: Paper, turn: Floats) -> None:
+def _draw_triad(axes: Axes, paper: PageStyle, turn: Floats) -> None:
     size = 7.0
     middle = size * (0.3 - 0.8 * np.minimum(turn[:, :2], 0.0).min(axis=0))
     for k in np.argsort(turn[:, 2]):
@@ -80,7 +80,7 @@ def _draw_triad(axes: Axes, paper: Paper, turn: Floats) -> None:
         axes.text(x, y, "xyz"[k], **style)
 
 
-def _draw_scale(axes: Axes, paper: Paper, seen: Measures) -> None:
+def _draw_scale(axes: Axes, paper: PageStyle, seen: ViewScale) -> None:
     from matplotlib.patches import Rectangle
 
     length = round_length(30.0 * seen.length)
@@ -92,10 +92,10 @@ def _draw_scale(axes: Axes, paper: Paper, seen: Measures) -> None:
     axes.text(left, 3.8, about, fontsize=SMALL, color=paper.faint, va="top")
 
 
-def _draw_colors(axes: Axes, paper: Paper, color: str, span: tuple[float, float]) -> None:
+def _draw_colors(axes: Axes, paper: PageStyle, color: str, span: tuple[float, float]) -> None:
     from matplotlib.colors import ListedColormap
 
-    unit, size = unit_of(color, max(map(abs, span)))
+    unit, size = scale_unit(color, max(map(abs, span)))
     low, high = (end / size for end in span)
     right = axes.get_xlim()[1] - 4.0
     wide = min(75.0, right - 62.0)
@@ -104,14 +104,14 @@ def _draw_colors(axes: Axes, paper: Paper, color: str, span: tuple[float, float]
     limits = axes.get_xlim(), axes.get_ylim()
     axes.imshow(
         colors,
-        ListedColormap(ramp() / 255),
+        ListedColormap(ramp_table() / 255),
         extent=(left, right, 4.4, 6.6),
         aspect="auto",
         interpolation="nearest",
     )
     axes.set(xlim=limits[0], ylim=limits[1])
     style: dict[str, Any] = {"fontsize": TEXT, "color": paper.ink}
-    for number in round_numbers(low, high):
+    for number in round_ticks(low, high):
         x = left + (number - low) / (high - low) * wide
         axes.plot([x, x], [4.4, 3.7], color=paper.ink, linewidth=0.5)
         axes.text(x, 3.3, f"{number:g}".replace("-", "−"), ha="center", va="top", **style)

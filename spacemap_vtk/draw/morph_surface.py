@@ -22,7 +22,7 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
-from spacemap_vtk.draw.actors.coloring import measure
+from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
     Span,
@@ -31,7 +31,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
-from spacemap_vtk.draw.detail.seen_yarns import SeenOverTime
+from spacemap_vtk.draw.detail.yarn_recorder import SurfaceRecorder
 from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
@@ -79,7 +79,7 @@ _SMALLER = {
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
 
-def moving(
+def make_moving_surface(
     scene: Scene,
     times: Sequence[float],
     tolerance: float | None,
@@ -100,25 +100,25 @@ def moving(
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
     if lasts and not numbers:
-        _settle_colors(scene)
+        _use_constant_colors(scene)
     if sides is not None:
         _subdivide(scene, sides, say)
     _require_patches(scene, most)
     scene.update(times[0])
-    still, rows = _still(scene, scene.polygons, most, span, numbers)
-    seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers, strands)
+    still, rows = _make_still_surface(scene, scene.polygons, most, span, numbers)
+    seen = SurfaceRecorder(scene, rows, len(times) if lasts else 1, numbers, strands)
     if not lasts:
         seen.see(0)
         return replace(still, curves=seen.curves, numbers=seen.numbers)
     usual, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
-        raise _too_small(tolerance, least)
+        raise _tolerance_error(tolerance, least)
     error = np.inf
-    for stage in _movers(scene):
+    for stage in _linear_stages(scene):
         # For large surfaces, a part of the tolerance is reserved for quantisation.
         large = _is_large(still)
-        places, aim = _places(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
+        places, aim = _displacements(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
         for _ in range(_TRIES):
             scene.update(times[0])
             found = morph_targets(places, aim)
@@ -127,9 +127,11 @@ def moving(
                 count = len(found.shapes)
                 say(f"{room} of {count} targets are taken: all would be too large (--tolerance)")
                 found = found._replace(shapes=found.shapes[:room], weights=found.weights[:, :room])
-            targets = _carried(scene, stage, found.shapes, still, rows, most, say)[0]
+            targets = _surface_targets(scene, stage, found.shapes, still, rows, most, say)[0]
             weights = found.weights.astype(np.float32)
-            error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
+            error, normals = _compare_frames(
+                scene, times, still, rows, targets, weights, seen, tell
+            )
             if error <= tolerance or cut:
                 tolerance = max(tolerance, 1.1 * error) if cut else tolerance
                 # Playback times: a film may be slower or faster than the motion.
@@ -155,15 +157,15 @@ def moving(
                     about={**still.about, **about, "frames": len(times)},
                 )
             aim *= 0.5 * tolerance / error
-    raise _too_small(tolerance, 2.0 * error)
+    raise _tolerance_error(tolerance, 2.0 * error)
 
 
-def mode_shapes(
+def make_mode_surface(
     scene: Scene, tell: Tell, most: int = 2**32, sides: int = 0, say: Say | None = None
 ) -> MovingSurface:
     """Return a scene's surface in equilibrium, with a target and a clip for each mode."""
     say = say or scene.warn
-    _settle_colors(scene)
+    _use_constant_colors(scene)
     _subdivide(scene, sides, say)
     _require_patches(scene, most)
     scene.assign("warp", "carried", "")  # modes have no velocity to interpolate
@@ -179,8 +181,8 @@ def mode_shapes(
     shapes *= largest / np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
     hung = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
     add_array(data, "displacement", hung)
-    still, rows = _still(scene, _below(scene, stage, cage), most)
-    targets, normals = _carried(scene, stage, shapes, still, rows, most, say, cage)
+    still, rows = _make_still_surface(scene, _run_later_stages(scene, stage, cage), most)
+    targets, normals = _surface_targets(scene, stage, shapes, still, rows, most, say, cage)
     frequencies = [mode["frequency_hz"] for mode in figures]
     labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
     seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
@@ -205,7 +207,7 @@ def _is_large(still: MovingSurface) -> bool:
     return len(still.points) > _MANY_POINTS
 
 
-def _too_small(tolerance: float, least: float) -> InputError:
+def _tolerance_error(tolerance: float, least: float) -> InputError:
     return InputError(
         "no number of targets, in single precision, brings the surface so near to its motion",
         key="tolerance",
@@ -214,17 +216,17 @@ def _too_small(tolerance: float, least: float) -> InputError:
     )
 
 
-def _movers(scene: Scene) -> list[Stage]:
+def _linear_stages(scene: Scene) -> list[Stage]:
     """Return stages on whose output the surface may depend linearly, the fastest first."""
     return [scene.warp] if scene.stage("crimp") else [scene.deforming, scene.warp]
 
 
-def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
+def _displacements(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
     """Return the displacements of a stage's points since the first time, (T, n, 3)."""
     found: AnyFloats = np.empty(0)
     for number, time in enumerate(times):
         scene.update_stage(stage, time)
-        now = _field(stage, stage.output)
+        now = _moving_array(stage, stage.output)
         if not number:
             # Large motions are stored in single precision, whose rounding is far below tolerances.
             kind = np.float64 if len(times) * now.size < 2**22 else np.float32
@@ -237,14 +239,14 @@ def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> A
     return found
 
 
-def _field(stage: Stage, data: Any) -> NDArray[Any]:
+def _moving_array(stage: Stage, data: Any) -> NDArray[Any]:
     """Return the moving quantity of a stage's output: the cage's displacement, or the points."""
     if stage.makes == "cage":
         return array_of(data.GetPointData(), "displacement", type(stage).__name__)
     return points_of(data)
 
 
-def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
+def _run_later_stages(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
     """Return the surface that the later stages make if `data` replaces a stage's output."""
     made = {"object": scene.object_at_rest.output, stage.makes: data}
     for each in scene.stages[scene.stages.index(stage) + 1 :]:
@@ -252,7 +254,7 @@ def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
     return made["object"]
 
 
-def _carried(
+def _surface_targets(
     scene: Scene,
     stage: Stage,
     shapes: Floats,
@@ -267,7 +269,7 @@ def _carried(
     size = 12 * kinds * len(shapes) * len(still.points)
     what = f"{len(shapes)} targets of {len(still.points)} points"
     cure = _SMALLER["tolerance" if data is None else "modes"]
-    _require_fitting(12 * kinds * len(still.points) + size, what, most, cure)
+    _require_file_size(12 * kinds * len(still.points) + size, what, most, cure)
     if size > _LARGE:
         whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
         less = "with fewer --subdivisions, a larger --tolerance, or a smaller --fps less"
@@ -275,10 +277,10 @@ def _carried(
     # Targets of many points are also stored in quantised form: nine bytes for each 24.
     few = 3 * size // 8 if data is None and _is_large(still) else 0
     require(size + few + frame_bytes(len(still.points)), what, cure=cure)
-    # For a motion, `_compared` computes the targets of normals from the frames.
+    # For a motion, `_compare_frames` computes the targets of normals from the frames.
     faces = data is not None and still.normals is not None
     data = stage.output if data is None else data
-    at = _field(stage, data).astype(np.float64)
+    at = _moving_array(stage, data).astype(np.float64)
     targets = np.empty((len(shapes), *still.points.shape), np.float32)
     turned = np.empty_like(targets) if faces else None
     for number, shape in enumerate(shapes):
@@ -289,7 +291,7 @@ def _carried(
                 add_array(moved.GetPointData(), "displacement", at + side * shape)
             else:
                 moved.SetPoints(to_points(at + side * shape))
-            ends.append(_taken(_below(scene, stage, moved), rows, faces))
+            ends.append(_points_and_normals(_run_later_stages(scene, stage, moved), rows, faces))
         (there, facing), (back, away) = ends
         np.subtract(there, back, out=targets[number])
         if turned is not None and facing is not None and away is not None:
@@ -300,14 +302,14 @@ def _carried(
     return targets, turned
 
 
-def _compared(
+def _compare_frames(
     scene: Scene,
     times: Sequence[float],
     still: MovingSurface,
     rows: AnyInts,
     targets: Singles,
     weights: Singles,
-    seen: SeenOverTime,
+    seen: SurfaceRecorder,
     tell: Tell,
 ) -> tuple[float, Singles | None]:
     """Return the largest distance between sum of targets and surface, and normals' targets."""
@@ -318,7 +320,7 @@ def _compared(
     for number, time in enumerate(times):
         scene.update(time)
         seen.see(number)
-        points, normals = _taken(scene.polygons, rows, turned is not None)
+        points, normals = _points_and_normals(scene.polygons, rows, turned is not None)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
         if turned is not None and normals is not None and still.normals is not None:
@@ -332,7 +334,7 @@ def _compared(
     return error, turned
 
 
-def _taken(
+def _points_and_normals(
     surface: vtkPolyData, rows: AnyInts, faces: bool = True
 ) -> tuple[Singles, Singles | None]:
     """Return the points of a surface that are written, and their unit normals if wanted."""
@@ -369,7 +371,7 @@ def _require_patches(scene: Scene, most: int) -> None:
     points, quads = cloth.patches * (sides + 1) ** 2, cloth.patches * sides**2
     # Closed tubes have as many points as quadrilaterals, after coincident points are merged.
     least = int(0.9 * quads)
-    _require_fitting(24 * least + 24 * quads, f"{least} points", most, _COARSER)
+    _require_file_size(24 * least + 24 * quads, f"{least} points", most, _COARSER)
     require(
         patch_bytes(scene, cloth.patches) + mesh_bytes(points),
         f"a surface of {points / 1e6:.3g} million points, as triangles with colours,",
@@ -377,7 +379,7 @@ def _require_patches(scene: Scene, most: int) -> None:
     )
 
 
-def _settle_colors(scene: Scene) -> None:
+def _use_constant_colors(scene: Scene) -> None:
     """Replace colours that change with time by the scene's own colours, with a warning."""
     color = scene.view.color
     if COLORINGS[color].numbers:
@@ -385,7 +387,7 @@ def _settle_colors(scene: Scene) -> None:
         scene.assign("view", "color", "own")
 
 
-def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
+def _require_file_size(size: int, what: str, most: int, cure: str) -> None:
     if size > most:
         raise SizeError(
             f"{what} do not fit into a file: in single precision they take {size / 2**30:.2g} GiB",
@@ -394,7 +396,7 @@ def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
         )
 
 
-def _still(
+def _make_still_surface(
     scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, AnyInts]:
     """Return a surface without its motion, and the indices of its points that are written."""
@@ -402,11 +404,11 @@ def _still(
         surface, mesh_bytes(surface.GetNumberOfPoints()), "triangles with colours"
     )
     triangles, cells = _triangles(surface)
-    points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
-    names, parts, colors, of_points = _looks(scene, surface)
+    points, normals = _points_and_normals(surface, np.arange(surface.GetNumberOfPoints()))
+    names, parts, colors, of_points = _parts_and_colors(scene, surface)
     about: dict[str, Any] = {"scene": scene.title, "units": "m"}
     color = scene.view.color
-    if not numbers and (values := measure(surface, color)) is not None:
+    if not numbers and (values := color_values(surface, color)) is not None:
         low, high = span or natural_span(values)
         colors, of_points = ramp_colors(values, (low, high)), True
         shown = COLORINGS[color]
@@ -420,14 +422,14 @@ def _still(
         look = np.arange(surface.GetNumberOfCells())[:, None]
     kinds = np.unique(look, axis=0, return_inverse=True)[1].reshape(-1, 1)[cells]
     del look
-    one = _merged(points, normals, colors if of_points else None)
+    one = _first_equal_points(points, normals, colors if of_points else None)
     keys, places = np.unique(kinds * len(points) + one[triangles], return_inverse=True)
     rows, triangles = keys % len(points), places.reshape(-1, 3)
     cell = np.empty(len(rows), np.int64)
     cell[triangles] = cells[:, None]
     size = 24 * len(rows) + 12 * len(triangles)
-    _require_fitting(size, f"{len(rows)} points", most, _COARSER)
-    points, normals = _taken(surface, rows)
+    _require_file_size(size, f"{len(rows)} points", most, _COARSER)
+    points, normals = _points_and_normals(surface, rows)
     first, second, third = points[triangles].transpose(1, 0, 2)
     if normals is not None:
         across = np.cross(second - first, third - first)
@@ -444,14 +446,14 @@ def _still(
         colors[rows if of_points else cell],
         parts[cell],
         names,
-        _sight(scene),
+        _initial_view(scene),
         _default_tolerance(scene),
         about=about,
     )
     return still, rows
 
 
-def _sight(scene: Scene) -> Sight:
+def _initial_view(scene: Scene) -> Sight:
     view, look, usual = scene.view, scene.view.look, View().look
     shadows = view.shadows and not COLORINGS[view.color].numbers
     back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
@@ -475,7 +477,9 @@ def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
     return corners.astype(np.int64), vtk_to_numpy(cut.GetCellData().GetArray("cell"))
 
 
-def _looks(scene: Scene, surface: vtkPolyData) -> tuple[list[str], NDArray[Any], Bytes, bool]:
+def _parts_and_colors(
+    scene: Scene, surface: vtkPolyData
+) -> tuple[list[str], NDArray[Any], Bytes, bool]:
     """Return names of parts, part of each cell, colours, and whether colours belong to points."""
     cells, color = surface.GetCellData(), scene.view.color
     family = cells.GetArray("family")
@@ -496,7 +500,7 @@ def _looks(scene: Scene, surface: vtkPolyData) -> tuple[list[str], NDArray[Any],
     return names, parts, vtk_to_numpy(data.GetArray(name))[:, :3], of_points
 
 
-def _merged(points: Singles, normals: Singles | None, colors: Bytes | None) -> Ints:
+def _first_equal_points(points: Singles, normals: Singles | None, colors: Bytes | None) -> Ints:
     """Return for each point the first point with the same position, normal and colour."""
     # Neighbouring patches have separate points on their common border, although the surface is
     # smooth there.

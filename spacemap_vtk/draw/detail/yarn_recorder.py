@@ -7,8 +7,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import ScaledNumbers, YarnCurves
-from spacemap_vtk.draw.actors.coloring import measure, unit_of
-from spacemap_vtk.draw.actors.surface_actor import RAMP, natural_span, scale_title
+from spacemap_vtk.draw.actors.color_values import color_values, scale_unit
+from spacemap_vtk.draw.actors.surface_actor import RAMP, color_bar_title, natural_span
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.memory import require
@@ -29,7 +29,7 @@ _STEP = 1 / 512
 STRANDS = ("yarns", "plies", "fibres")
 
 
-def checked_strands(text: str) -> str:
+def check_strands(text: str) -> str:
     """Return the text if it is a kind of curve or a number of fibres; else raise InputError."""
     if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
         return text
@@ -38,7 +38,7 @@ def checked_strands(text: str) -> str:
     )
 
 
-class SeenYarns:
+class YarnRecorder:
     """The axes of a scene's yarns over time (the centres of control point rings), or strands."""
 
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
@@ -99,7 +99,7 @@ class SeenYarns:
         return YarnCurves(self._points, counts, self._cloth.strands[2], self.colors)
 
 
-class SeenOverTime(SeenYarns):
+class SurfaceRecorder(YarnRecorder):
     """The axes of yarns over time, and the numbers that a surface's colours show."""
 
     def __init__(
@@ -117,7 +117,7 @@ class SeenOverTime(SeenYarns):
         """Record curves and numbers of the scene's last update as those of time `number`."""
         super().see(number)
         if self._values is not None:
-            numbers = measure(self._scene.polygons, self._scene.view.color)
+            numbers = color_values(self._scene.polygons, self._scene.view.color)
             if numbers is None:  # clearances cannot be measured without normals
                 self._values = None
             else:
@@ -129,11 +129,11 @@ class SeenOverTime(SeenYarns):
         if self._values is None:
             return None
         color, span = self._scene.view.color, natural_span(self._values)
-        unit, size = unit_of(color, max(map(abs, span)))
+        unit, size = scale_unit(color, max(map(abs, span)))
         mean = self._values.mean(axis=0)
         found = morph_targets((self._values - mean)[..., None], _STEP * (span[1] - span[0]))
         return ScaledNumbers(
-            scale_title(color, unit),
+            color_bar_title(color, unit),
             (span[0] / size, span[1] / size),
             RAMP,
             mean / size,

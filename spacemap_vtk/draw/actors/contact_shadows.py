@@ -25,7 +25,7 @@ _COARSER, _LEAST = 4, 3.0
 STRIP = 64
 
 
-def contact_shade(
+def contact_shadows(
     depth: Singles, diameter: float, diameter_pixels: float, strength: float = 1.0, thin: int = 0
 ) -> Singles:
     """Return each pixel's brightness factor; lines up to 2 `thin` pixels wide cast no shadow."""
@@ -34,35 +34,35 @@ def contact_shade(
     filled = np.where(there, depth, np.float32(0.0))
     casting = [filled, there.astype(np.float32)]
     if thin:
-        far = _widened(np.where(there, depth, np.float32(np.inf)), thin)
+        far = _dilate(np.where(there, depth, np.float32(np.inf)), thin)
         stays = np.isfinite(far)
         casting = [np.where(stays, far, np.float32(0.0)), stays.astype(np.float32)]
-        there &= _widened(stays, thin)  # pixels that only lines cover stay unshaded
-    coarse = [_reduced(part, _COARSER) for part in casting]
+        there &= _dilate(stays, thin)  # pixels that only lines cover stay unshaded
+    coarse = [_downsample(part, _COARSER) for part in casting]
     coarser, shades = _COARSER, []
     for radius, deepest in SCALES:
         darkness = strength * deepest
         spread = radius * diameter_pixels
         while spread >= 2 * _LEAST * coarser:
-            coarse, coarser = [_reduced(part, 2) for part in coarse], 2 * coarser
-        near, weight = (blurred(part, max(0.7, spread / coarser)) for part in coarse)
+            coarse, coarser = [_downsample(part, 2) for part in coarse], 2 * coarser
+        near, weight = (blur(part, max(0.7, spread / coarser)) for part in coarse)
         slope = np.float32(darkness / (radius * diameter))
         # The factor is 1 - slope * (depth - mean depth), but never less than 1 - darkness.
         mean = 1 + slope * near / np.maximum(weight, np.float32(1e-6))
-        tall = np.ascontiguousarray(_enlarged(np.ascontiguousarray(mean.T), coarser, height).T)
+        tall = np.ascontiguousarray(_upsample(np.ascontiguousarray(mean.T), coarser, height).T)
         shades.append((tall, coarser, slope, np.float32(1.0 - darkness)))
     light = np.ones(depth.shape, dtype=np.float32)
-    for rows in strips(height):
+    for rows in row_strips(height):
         part = light[rows]
         for tall, coarser, slope, least in shades:
-            kept = _enlarged(tall[rows], coarser, width)
+            kept = _upsample(tall[rows], coarser, width)
             kept -= slope * filled[rows]
             part *= np.clip(kept, least, np.float32(1.0), out=kept)
         part[~there[rows]] = 1.0
     return light
 
 
-def part_with(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
+def covered_part(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
     """Return rows and columns around all covered pixels, in whole coarse pixels; None if empty."""
     block = _COARSER
     while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST * block:
@@ -77,7 +77,7 @@ def part_with(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | Non
     return sides[0], sides[1]
 
 
-def softened(image: Singles) -> Singles:
+def soften(image: Singles) -> Singles:
     """Return an image whose edges are as soft as those of smooth lines."""
     for _ in range(2):
         image = np.ascontiguousarray(image.T)
@@ -85,7 +85,7 @@ def softened(image: Singles) -> Singles:
     return image
 
 
-def _widened(image: NDArray[Any], radius: int) -> NDArray[Any]:
+def _dilate(image: NDArray[Any], radius: int) -> NDArray[Any]:
     """Return the maximum of the pixels within a radius around each pixel."""
     for _ in range(2):
         image = np.ascontiguousarray(image.T)
@@ -94,22 +94,22 @@ def _widened(image: NDArray[Any], radius: int) -> NDArray[Any]:
     return image
 
 
-def strips(height: int) -> list[slice]:
+def row_strips(height: int) -> list[slice]:
     """Divide a picture into strips of rows that fit into the processor's cache."""
     return [slice(top, min(top + STRIP, height)) for top in range(0, height, STRIP)]
 
 
-def blurred(image: Singles, sigma: float) -> Singles:
+def blur(image: Singles, sigma: float) -> Singles:
     """Return an image blurred by a Gaussian that is cut off at 2.5 sigma."""
     radius = int(2.5 * sigma + 0.5)
     weights = np.exp(-0.5 / sigma**2 * np.arange(-radius, radius + 1) ** 2)
     weights /= weights.sum()
-    down = _blurred_down(image, weights)
-    across = _blurred_down(np.ascontiguousarray(down.T), weights)
+    down = _blur_columns(image, weights)
+    across = _blur_columns(np.ascontiguousarray(down.T), weights)
     return np.ascontiguousarray(across.T)
 
 
-def _blurred_down(image: Singles, weights: Floats) -> Singles:
+def _blur_columns(image: Singles, weights: Floats) -> Singles:
     """Blur an image along its columns, strip by strip."""
     radius, (height, width) = len(weights) // 2, image.shape
     wide = np.pad(image.astype(np.float64), ((radius, radius), (0, 0)), mode="edge")
@@ -127,7 +127,7 @@ def _blurred_down(image: Singles, weights: Floats) -> Singles:
     return result
 
 
-def _reduced(image: Singles, factor: int) -> Singles:
+def _downsample(image: Singles, factor: int) -> Singles:
     """Return an image reduced to the means of blocks of `factor` x `factor` pixels."""
     rows, columns = (-size % factor for size in image.shape)
     if rows or columns:
@@ -142,7 +142,7 @@ def _reduced(image: Singles, factor: int) -> Singles:
     return mean
 
 
-def _enlarged(image: Singles, factor: int, length: int) -> Singles:
+def _upsample(image: Singles, factor: int, length: int) -> Singles:
     """Return rows enlarged to a length, interpolated between the centres of coarse pixels."""
     most = image.shape[1] - 1
     places = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, most)
