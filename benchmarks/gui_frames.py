@@ -52,7 +52,7 @@ class Frames:
 
     def __init__(self, window: MainWindow) -> None:
         self._view, self._shown = window.view, []
-        self._renderer = window.view.plotter.renderer
+        self._renderer = window.view.canvas.renderer
         self._observer = self._renderer.AddObserver("EndEvent", self._count)
 
     def _count(self, _caller: object, _event: str) -> None:
@@ -94,9 +94,9 @@ class Clocks:
 
 def rate(window: MainWindow, section: str, name: str, low: float, high: float) -> str:
     """Return the frames a second while a value runs to and fro, faster than it is drawn."""
-    window.stages.choose(section)  # as a person has to
+    window.stages.select(section)  # as a person has to
     live(300)
-    window.director.hold(True)
+    window.director.set_dragging(True)
     frames, clocks = Frames(window), Clocks()
     begun = time.perf_counter()
     step = 0
@@ -106,7 +106,7 @@ def rate(window: MainWindow, section: str, name: str, low: float, high: float) -
         step += 1
         live(5)
     line = clocks.line(frames.stop())
-    window.director.hold(False)
+    window.director.set_dragging(False)
     return line
 
 
@@ -127,7 +127,7 @@ def pulling(window: MainWindow) -> str:
     wait_until(lambda: window.pull.map.map is not None and not window.engine.busy)
     window.pull.map.dragged.emit(1.01, 0.99)
     live(1000)  # what all pulls share
-    window.director.hold(True)
+    window.director.set_dragging(True)
     frames, clocks = Frames(window), Clocks()
     begun = time.perf_counter()
     step = 0
@@ -137,14 +137,14 @@ def pulling(window: MainWindow) -> str:
         step += 1
         live(5)
     line = clocks.line(frames.stop())
-    window.director.hold(False)
+    window.director.set_dragging(False)
     window.pull.stop()
     return line
 
 
 def turning(window: MainWindow) -> str:
     """Return how often the view is drawn in a second while the mouse turns it."""
-    view, drawn = window.view.plotter, []
+    view, drawn = window.view.canvas, []
     observer = view.renderer.AddObserver("EndEvent", lambda *_: drawn.append(1))
     middle = QPointF(view.width() / 2, view.height() / 2)
     left, none = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
@@ -174,7 +174,7 @@ def at_rest(window: MainWindow) -> str:
     live(20)  # it is handed over
     wait_until(lambda: not window.engine.busy)
     window.view.image()
-    facets = window.told.text().split(" facets")[0]
+    facets = window.status_text.text().split(" facets")[0]
     seconds, cpu = time.perf_counter() - begun, time.process_time() - clock
     return f"{facets} facets at rest after {seconds:.1f} s (processor {cpu:.1f} s)"
 
@@ -185,7 +185,7 @@ def large(window: MainWindow, yarns: int) -> None:
         scene = Path(folder, "cloth.toml")
         scene.write_text(CLOTH.format(yarns=yarns))
         generation = window.director.generation
-        window.document.undo.setClean()
+        window.document.history.setClean()
         window.document.open(str(scene))
         wait_until(
             lambda: (
@@ -215,7 +215,7 @@ def main() -> None:
     window.splitter.setSizes([310, 470, 320])
     window.show()
     wait_until(lambda: window.view.frame is not None and not window.engine.busy)
-    size = window.view.plotter.render_window.GetSize()
+    size = window.view.canvas.render_window.GetSize()
     print(f"view of {size[0]} x {size[1]} pixels")
     for section, name, low, high in (
         ("response", "alpha", 5.0, 20.0),
@@ -227,7 +227,7 @@ def main() -> None:
     print(f"pulling                {pulling(window)}")
     for yarns in (100, 800):
         large(window, yarns)
-    window.document.undo.setClean()
+    window.document.history.setClean()
     window.close()
     app.processEvents()
 

@@ -34,11 +34,11 @@ def one(begun: float, scene: list[str]) -> None:
             super().__init__(scene)
             seen["splash"] = time.time() - begun
 
-        def give_way_to(self, window: object) -> None:
-            super().give_way_to(window)
+        def close_after_first_frame(self, window: object) -> None:
+            super().close_after_first_frame(window)
             seen["made"] = time.time() - begun
             view = window.view
-            view.plotter.renderer.AddObserver("EndEvent", lambda *_: drawn(view.frame))
+            view.canvas.renderer.AddObserver("EndEvent", lambda *_: drawn(view.frame))
 
     def drawn(frame: object) -> None:
         from PySide6.QtCore import QTimer

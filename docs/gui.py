@@ -34,12 +34,12 @@ def diamond(window: MainWindow) -> None:
     stripes = ["#2d6a8e"] * 3 + ["#b5443c"] + ["#2d6a8e"] * 7 + ["#b5443c"] + ["#2d6a8e"] * 3
     values = {"ends": 15, "picks": 15, "warp_color": stripes, "weft_color": "#ead7b0"}
     window.document.set_many("weave", values)
-    window.draft._reloom(DIAMOND, "loom")
+    window.draft._set_loom(DIAMOND, "loom")
     window.splitter.setSizes([270, 640, 530])
     window.menus.actions["To the end"].trigger()
     wait(lambda: window.view.frame.time == window.times.time)
     window.view.reset_camera()
-    window.times.go(0.02)
+    window.times.go_to(0.02)
 
 
 def curves(window: MainWindow) -> None:

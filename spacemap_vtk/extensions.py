@@ -42,7 +42,7 @@ _PREFIX = "spacemap_vtk."
 #: modules of `spacemap_vtk.io.formats` register themselves.
 OWN = {
     "commands": {
-        "serve": "spacemap_vtk.app.web.command:serve",
+        "serve": "spacemap_vtk.cli.serve:serve",
         "paraview": "spacemap_vtk.paraview.command:paraview",
     },
     "maps": {"smooth": "spacemap_vtk.embedding.smooth:SmoothInterpolation"},

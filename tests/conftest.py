@@ -366,9 +366,9 @@ def draft_of(open_scene: Any) -> Any:
         window.tabs.setCurrentWidget(draft)
         wait_until(lambda: settled(window))
         draft.grid.color = QColor("#2d6a8e")
-        for tool in (draft.colors, draft.cloth):
+        for tool in (draft.colors_button, draft.cloth_button):
             tool.setChecked(True)
-        draft.fit.click()
+        draft.fit_button.click()
         return window
 
     return open_

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from spacemap_vtk.app.fields.known import with_shown_unit
-from spacemap_vtk.app.web.rows import ParameterRows
+from spacemap_vtk.app.fields.parameter_info import add_shown_unit
+from spacemap_vtk.app.web.parameter_rows import ParameterRows
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_solver import ModalSolver
@@ -143,16 +143,16 @@ def test_a_phase_without_a_unit_is_in_degrees_and_says_so() -> None:
 def test_a_number_typed_alone_is_in_the_unit_that_its_field_shows(
     typed: str, shown: str, unit: str, expected: str
 ) -> None:
-    assert with_shown_unit(typed, shown, unit) == expected
+    assert add_shown_unit(typed, shown, unit) == expected
 
 
 def test_rows_in_a_browser_take_the_unit_that_they_show() -> None:
     values = {"weave": {"warp_diameter": "0.25 mm", "warp_spacing": "0.6 mm"}}
     scene, rows = Scene(values), ParameterRows()
-    rows.of(scene, values)
-    assert rows.written("weave.warp_diameter", "0.3") == "0.3 mm"
-    assert rows.written("weave.warp_diameter", "0.3 um") == "0.3 um"
+    rows.make_sections(scene, values)
+    assert rows.parse_text("weave.warp_diameter", "0.3") == "0.3 mm"
+    assert rows.parse_text("weave.warp_diameter", "0.3 um") == "0.3 um"
     # automatic: the value in force stands in the row
-    assert rows.written("weave.weft_spacing", "1") == "1 mm"
-    assert rows.written("weave.ends", "9") == 9
-    assert rows.written("weave.warp_crimp", "0.1") == 0.1
+    assert rows.parse_text("weave.weft_spacing", "1") == "1 mm"
+    assert rows.parse_text("weave.ends", "9") == 9
+    assert rows.parse_text("weave.warp_crimp", "0.1") == 0.1

@@ -35,13 +35,13 @@ SCIENCE = {"textile", "cage", "mechanics", "embedding"}
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",
-    "app.web.command -> cli": "a command of an optional part",
+    "cli.serve -> app": "the command of an optional part",
     "paraview.command -> cli": "a command of an optional part",
 }
 #: The modules and packages of each optional part. The core reaches them by registries only: the
 #: groups of `spacemap_vtk.extensions`, and the formats, which register themselves.
 OPTIONAL = {
-    "browser": ("spacemap_vtk.app.web",),
+    "browser": ("spacemap_vtk.app.web", "spacemap_vtk.cli.serve"),
     "ParaView": ("spacemap_vtk.paraview",),
     "ray tracing": ("spacemap_vtk.draw.raytrace",),
     "smooth map": ("spacemap_vtk.embedding.smooth", "spacemap_vtk.embedding.worsey_farin"),

@@ -159,7 +159,7 @@ class _State(types.SimpleNamespace):
 
 
 def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
-    monkeypatch.setattr("spacemap_vtk.app.web.session.PATIENCE", 0.0)
+    monkeypatch.setattr("spacemap_vtk.app.web.session.CANCEL_AFTER", 0.0)
 
     async def ask() -> None:
         state = _State()

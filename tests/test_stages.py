@@ -14,7 +14,7 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 import spacemap_vtk
 from spacemap_vtk import connect
-from spacemap_vtk.app.plots.curves import Wish, curves_of
+from spacemap_vtk.app.plots.curves import CurveRequest, compute_curves
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of, to_points
 from spacemap_vtk.errors import InputError
@@ -240,14 +240,14 @@ def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
     scene.update(time=0.1)
     motion = scene.deforming.motion
     assert isinstance(motion, Motion)
-    curves = run_through(curves_of(scene, Wish("a", ((0.0, 1e-4, 0.0),), 0.0, 1.0)))
+    curves = run_through(compute_curves(scene, CurveRequest("a", ((0.0, 1e-4, 0.0),), 0.0, 1.0)))
     assert curves is not None
     assert curves.balance is None
     np.testing.assert_allclose(curves.motion[0, 0, :, 2], 2e-4 * curves.times, atol=1e-12)
     np.testing.assert_allclose(curves.motion[1, 0, :, 2], 2e-4, atol=1e-12)
     assert curves.frequencies.size == 0
     # With no point asked for, the one that moves most.
-    curves = run_through(curves_of(scene, Wish("b", (), 0.0, 1.0)))
+    curves = run_through(compute_curves(scene, CurveRequest("b", (), 0.0, 1.0)))
     assert curves is not None
     assert abs(curves.points[0, 1]) == abs(motion.points[:, 1]).max()
     swing = Scene({**SMALL, "response": {}})

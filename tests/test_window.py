@@ -22,7 +22,7 @@ def executions(window: Any) -> dict[str, int]:
 
 
 def row(window: Any, section: str, name: str) -> Any:
-    window.stages.choose(section)
+    window.stages.select(section)
     return window.properties.rows[name]
 
 
@@ -37,7 +37,7 @@ def test_the_stages_tell_their_state_time_and_runs(open_scene: Any) -> None:
 def test_every_declared_parameter_has_its_field(open_scene: Any) -> None:
     window = open_scene(wait=False)
     for section, part in sections().items():
-        window.stages.choose(section)
+        window.stages.select(section)
         rows = window.properties.rows
         assert list(rows) == list(part.parameters)
         for name, parameter in part.parameters.items():
@@ -50,7 +50,7 @@ def test_a_typed_value_takes_its_unit(open_scene: Any) -> None:
     before = executions(window)
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
     assert window.document.scene.source.warp_diameter == 0.0003
-    assert window.document.written("weave", "warp_diameter") == "0.3 mm"
+    assert window.document.value_in_file("weave", "warp_diameter") == "0.3 mm"
     wait_until(lambda: settled(window))
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
 
@@ -93,8 +93,8 @@ def test_a_drag_runs_only_what_lies_downstream(open_scene: Any) -> None:
     assert after["surface"] == before["surface"] + 1
     assert np.abs(window.view.image().astype(int) - image).max() > 60
     # One drag is one step back.
-    assert window.document.undo.count() == 1
-    window.document.undo.undo()
+    assert window.document.history.count() == 1
+    window.document.history.undo()
     assert window.document.scene.modal.youngs_modulus == value
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
         ("modal", "poissons_ratio", "0.5"),
         ("modal", "youngs_modulus", "-1"),
     ):
-        before, changes = window.document.text, window.document.undo.count()
+        before, changes = window.document.text, window.document.history.count()
         field = row(window, section, name)
         type_into(field.editor.line, text)
         assert field.property("bad"), text
@@ -137,7 +137,7 @@ def test_a_wrong_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
         assert name in window.errors.text
         assert "allowed" in window.errors.text
         assert window.document.text == before, text
-        assert window.document.undo.count() == changes, text
+        assert window.document.history.count() == changes, text
         # The program goes on: a right value follows.
         right = {"ends": "6", "poissons_ratio": "0.25", "youngs_modulus": "1 kPa"}
         type_into(field.editor.line, right.get(name, "0.2 mm"))
@@ -156,7 +156,7 @@ def test_a_jammed_cloth_keeps_the_last_picture(open_scene: Any) -> None:
     assert window.stages.states["surface"] == "stale"
     assert window.view.frame is frame
     assert window.view.image().std() > 20
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window) and window.errors.text == "")
     assert window.stages.states["weave"] == "fresh"
 
@@ -200,8 +200,8 @@ def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> No
     wait_until(lambda: window.view.image().shape == image.shape)
     # The last good picture stays; some of its pixels are those of a coarser surface.
     assert np.abs(window.view.image().astype(int) - image).mean() < 4
-    window.document.undo.undo()
-    window.document.undo.undo()
+    window.document.history.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
 
 

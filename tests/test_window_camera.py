@@ -13,7 +13,6 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.draw.actors.surface_actor import color_bar_share  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.settings import CAMERAS  # noqa: E402
 
@@ -37,7 +36,7 @@ def test_every_camera_is_another_picture(open_scene: Any) -> None:
 
 def test_the_face_has_no_perspective(open_scene: Any) -> None:
     window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
-    camera, parallel = window.view.plotter.camera, window.tools.orthographic
+    camera, parallel = window.view.canvas.camera, window.tools.orthographic
     assert camera.GetParallelProjection()
     assert parallel.isChecked()
     seen = image(window)[:-150]  # above the axes
@@ -66,7 +65,7 @@ def test_what_lies_behind_follows_the_window_until_it_is_said(open_scene: Any) -
 
 def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
     window = open_scene()
-    widget, camera = window.view.plotter, window.view.plotter.camera
+    widget, camera = window.view.canvas, window.view.canvas.camera
     signs = window.view.scene_view.annotations
     for way, axis in ((0, 0), (1, 1), (0, 2), (0, 2)):
         window.view.image()
@@ -80,15 +79,15 @@ def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
         np.testing.assert_allclose(camera.GetDirectionOfProjection(), wanted, atol=1e-9)
     # It is the window's own: what a scene's pictures show has not changed.
     shown = image(window)
-    window.tools.shown["triad"].trigger()
+    window.tools.part_actions["triad"].trigger()
     assert np.abs(image(window) - shown).max() > 60
     assert not window.document.scene.view.triad
-    window.tools.shown["triad"].trigger()
+    window.tools.part_actions["triad"].trigger()
 
 
 def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:
     window = open_scene()
-    widget, camera = window.view.plotter, window.view.plotter.camera
+    widget, camera = window.view.canvas, window.view.canvas.camera
     # From the side, and from above, where nothing is up: each drag would roll a trackball.
     for name in ("right", "top"):
         for on in (False, True):
@@ -123,10 +122,10 @@ def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> 
     assert clear(1.0)
     window.tools.coloring.setCurrentIndex(window.tools.coloring.findData("displacement"))
     wait_until(lambda: settled(window))
-    size = window.view.size_of_view
+    size = window.view.view_size
     assert clear(0.0)
     assert clear(1.0 - color_bar_share(size) - 2 / size[0])
-    camera = window.view.plotter.renderer.GetActiveCamera()
+    camera = window.view.canvas.renderer.GetActiveCamera()
     camera.Azimuth(10.0)
     before = camera.GetPosition()
     window.resize(1300, 760)

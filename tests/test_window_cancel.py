@@ -22,7 +22,7 @@ from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.app.work.engine import Engine  # noqa: E402
-from spacemap_vtk.app.work.job import Job  # noqa: E402
+from spacemap_vtk.app.work.frame_request import FrameRequest  # noqa: E402
 from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
 from spacemap_vtk.cancel import Cancelled, CancelToken, check  # noqa: E402
 from spacemap_vtk.parallel import for_each  # noqa: E402
@@ -86,10 +86,10 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     # It is told when the thread has come to rest, after that it was cancelled.
     wait_until(lambda: window.errors.text)
     assert window.errors.text == "The run was cancelled: the picture is older than the fields."
-    assert window.errors.run.isVisible()
+    assert window.errors.run_button.isVisible()
     # What was begun is not taken for a result: the scene before comes back whole.
     before = np.array(frame.surface.GetBounds())
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     np.testing.assert_allclose(window.view.frame.surface.GetBounds(), before, atol=1e-9)
     assert window.view.frame.cage.GetNumberOfPoints() == 72
@@ -106,7 +106,7 @@ def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
     window = open_window()
     window.document.set_many("cage", {"divisions": [12, 12, 2], "order": 2})
     cancel_when_running(window, "modal")
-    QTest.mouseClick(window.errors.run, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.errors.run_button, Qt.MouseButton.LeftButton)
     assert window.errors.text == ""
     wait_until(lambda: settled(window))
     assert window.view.frame.values == window.document.values
@@ -114,7 +114,7 @@ def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
     assert window.errors.text == ""
     # An error has nothing to run.
     window.report("value", ValueError("wrong"))
-    assert not window.errors.run.isVisible()
+    assert not window.errors.run_button.isVisible()
 
 
 def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -> None:
@@ -176,8 +176,8 @@ def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
     assert done.stderr == "wrong"
 
 
-def a_job(divisions: int, generation: int = 1) -> Job:
-    """Wish for a swatch in a cage that takes no time to solve."""
+def a_job(divisions: int, generation: int = 1) -> FrameRequest:
+    """CurveRequest for a swatch in a cage that takes no time to solve."""
     values = {
         "weave": {"ends": 3, "picks": 3},
         "cage": {"divisions": [divisions, 2, 1]},
@@ -185,7 +185,7 @@ def a_job(divisions: int, generation: int = 1) -> Job:
         "response": {},
     }
     scene = Scene(values)
-    return Job(
+    return FrameRequest(
         values=values,
         base=Path(),
         settings={name: part.settings for name, part in scene.parts.items()},
@@ -199,7 +199,7 @@ def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
     """Run an engine; the list has what becomes of its jobs: the values of a frame, "cancelled"."""
     engine, told = Engine(), []
     direct = Qt.ConnectionType.DirectConnection
-    engine.ready.connect(lambda: told.append(engine.take().values), direct)
+    engine.ready.connect(lambda: told.append(engine.take_frame().values), direct)
     engine.cancelled.connect(lambda: told.append("cancelled"), direct)
     engine.start()
     try:
@@ -213,42 +213,42 @@ def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
 def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: Any) -> None:
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
-        do, pending = engine.perform, [engine.cancel]
+        do, pending = engine.run_request, [engine.cancel]
 
-        def cancelled_first(job: Job) -> None:
+        def cancelled_first(job: FrameRequest) -> None:
             # The job is taken, and nothing of it runs yet.
             if pending:
                 pending.pop()()
             do(job)
 
-        engine.perform = cancelled_first
-        engine.ask(first)
+        engine.run_request = cancelled_first
+        engine.request(first)
         wait_until(lambda: told and not engine.busy)
         assert told == ["cancelled"]
-        engine.ask(second)
+        engine.request(second)
         wait_until(lambda: len(told) == 2)
         assert told[1] == second.values
         # Nothing runs and nothing waits: it is for no job at all.
         wait_until(lambda: not engine.busy)
         engine.cancel()
-        engine.ask(first)
+        engine.request(first)
         wait_until(lambda: len(told) == 3)
         assert told[2] == first.values
 
 
 def test_closing_between_a_job_and_its_run_ends_it(qapp: Any) -> None:
     with running_engine() as (engine, told):
-        do, taken = engine.perform, threading.Event()
+        do, taken = engine.run_request, threading.Event()
 
-        def late(job: Job) -> None:
+        def late(job: FrameRequest) -> None:
             taken.set()
             while not engine.ending:
                 time.sleep(0.001)
             time.sleep(0.2)
             do(job)
 
-        engine.perform = late
-        engine.ask(a_job(2))
+        engine.run_request = late
+        engine.request(a_job(2))
         assert taken.wait(30.0)
         engine.finish()
         assert told == ["cancelled"]
@@ -260,10 +260,10 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
     """A newer wish ends a run of some time; the run may end by itself in that very moment."""
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
-        do = engine.perform
+        do = engine.run_request
         begun, asked, taken = threading.Event(), threading.Event(), []
 
-        def slow(job: Job) -> None:
+        def slow(job: FrameRequest) -> None:
             taken.append(job)
             begun.set()
             if job is first:
@@ -280,10 +280,10 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
                 super().cancel()
 
         monkeypatch.setattr("spacemap_vtk.app.work.engine.CancelToken", Late)
-        monkeypatch.setattr("spacemap_vtk.app.work.engine.PATIENCE", 0.0)
-        engine.perform = slow
-        engine.ask(first)
+        monkeypatch.setattr("spacemap_vtk.app.work.engine.CANCEL_AFTER", 0.0)
+        engine.run_request = slow
+        engine.request(first)
         assert begun.wait(30.0)
-        engine.ask(second)
+        engine.request(second)
         wait_until(lambda: len(told) == 2)
         assert told[1] == second.values

@@ -113,7 +113,7 @@ def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_sce
     window.tabs.setCurrentWidget(window.figures)
 
     def rows() -> dict[str, list[str]]:
-        window.figures.copied.click()
+        window.figures.copy_button.click()
         lines = QGuiApplication.clipboard().text().splitlines()
         return {name: cells for name, *cells in (line.split("\t") for line in lines)}
 
@@ -139,6 +139,6 @@ def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_sce
     wait_until(lambda: not window.errors.isHidden())
     for tab in (window.modes, window.figures):
         window.tabs.setCurrentWidget(tab)
-    wait_until(lambda: not window.figures._rest.isActive())
+    wait_until(lambda: not window.figures._rest_timer.isActive())
     assert rows()["yarns"][0] == "7"
     assert rows()["spacing p [mm]"] == told["spacing p [mm]"]

@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app.draft.layout import Place  # noqa: E402
+from spacemap_vtk.app.draft.draft_layout import Place  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
@@ -38,11 +38,11 @@ def test_an_edit_builds_one_scene(
         wait_until(lambda: settled(window))
         return len(built)
 
-    window.stages.choose("modal")
+    window.stages.select("modal")
     modulus = settings.rows["youngs_modulus"].editor
     assert count(lambda: type_into(modulus.line, "2 MPa")) == 1
-    assert count(document.undo.undo) == 1
-    assert count(document.undo.redo) == 1
+    assert count(document.history.undo) == 1
+    assert count(document.history.redo) == 1
     # Of a drag each value that is taken is an edit.
     changes: list[int] = []
     document.changed.connect(lambda: changes.append(1))
@@ -54,18 +54,18 @@ def test_an_edit_builds_one_scene(
     assert count(lambda: document.open(still)) == with_engine
     assert count(lambda: document.set("cage", "divisions", [2, 2, 1])) == 1
     assert window.stages.states["modal"] == "fresh"
-    assert count(document.undo.undo) == 1
+    assert count(document.history.undo) == 1
     assert count(document.new) == with_engine
     document.open("plain_weave")
     window.tabs.setCurrentWidget(window.draft)
     wait_until(lambda: settled(window))
     grid, before = window.draft.grid, document.text
-    crossing = QPoint(*grid.layout_now().center(Place("drawdown", 1, 1)))
+    crossing = QPoint(*grid.current_layout().center(Place("drawdown", 1, 1)))
     left = Qt.MouseButton.LeftButton
     assert count(lambda: QTest.mouseClick(grid.viewport(), left, pos=crossing)) == 1
     assert document.text != before
     document.changed.disconnect()
-    document.undo.setClean()
+    document.history.setClean()
 
 
 def box(window: Any, section: str, column: int = 3) -> None:
@@ -82,11 +82,11 @@ def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     window = open_scene()
     document, stages = window.document, window.stages
     before, values = document.text, document.values
-    window.stages.choose("rotation")
-    QTest.mouseClick(window.properties.add, Qt.MouseButton.LeftButton)
+    window.stages.select("rotation")
+    QTest.mouseClick(window.properties.switch_on_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: settled(window) and stages.states["rotation"] == "fresh")
     assert document.text == before + "\n[rotation]\n"
-    assert window.properties.add.isHidden()
+    assert window.properties.switch_on_button.isHidden()
     # What runs without it stays as it was run.
     assert stages.items["modal"].text(2) == "1"
     box(window, "rotation")
@@ -101,7 +101,7 @@ def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     assert document.values == values
     assert stages.states["rotation"] == "off"
     for _ in range(4):
-        document.undo.undo()
+        document.history.undo()
     wait_until(lambda: settled(window))
     assert document.text == before
 
@@ -122,9 +122,9 @@ def test_one_stage_takes_over_from_another_what_both_declare(
     assert document.scene.parts["transient"].duration == 1.0
     assert document.scene.parts["transient"].loads[0].pressure == 1.0
     assert "response" not in document.values
-    document.undo.undo()
+    document.history.undo()
     assert document.text == before
-    document.undo.redo()
+    document.history.redo()
     document.set_many("transient", {"gravity": [0.0, 0.0, -3.0], "duration": None, "alpha": 4.0})
     box(window, "response")
     assert document.values["response"] == {
@@ -139,7 +139,7 @@ def test_eye_button_menu_and_scene_never_disagree(open_scene: Any) -> None:
     window = open_scene()
     document, cage, fabric = (
         window.document,
-        window.tools.shown["cage"],
+        window.tools.part_actions["cage"],
         window.view.scene_view.cage,
     )
     for click, show in (
@@ -147,9 +147,9 @@ def test_eye_button_menu_and_scene_never_disagree(open_scene: Any) -> None:
         (cage.trigger, "side by side"),  # as it was
         (lambda: box(window, "surface", column=4), "cage"),
         (lambda: document.set("view", "show", "both"), "both"),
-        (document.undo.undo, "cage"),
+        (document.history.undo, "cage"),
     ):
         click()
         assert document.scene.view.show == show
         assert cage.isChecked() == bool(fabric.GetVisibility()) == (show != "fabric")
-        assert window.tools.shown["fabric"].isChecked() == (show != "cage")
+        assert window.tools.part_actions["fabric"].isChecked() == (show != "cage")

@@ -16,7 +16,7 @@ from PySide6.QtGui import QColor  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog  # noqa: E402
 
-from spacemap_vtk.app.draft.layout import Place  # noqa: E402
+from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.io.drafts.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
@@ -25,7 +25,7 @@ LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
 
 def spot(window: Any, panel: str, x: int, y: int) -> QPoint:
-    return QPoint(*window.draft.grid.layout_now().center(Place(panel, x, y)))
+    return QPoint(*window.draft.grid.current_layout().center(GridCell(panel, x, y)))
 
 
 def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> None:
@@ -55,11 +55,11 @@ def test_the_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path)
     assert np.abs(window.view.image().astype(int) - image).max() > 60
     # Each stage has run once more, and one undo is all of it.
     assert runs(window) == {name: count + 1 for name, count in counts.items()}
-    assert window.document.undo.count() == 1
+    assert window.document.history.count() == 1
     window.menus.actions["Undo"].trigger()
     np.testing.assert_array_equal(woven(window), before)
     np.testing.assert_array_equal(window.draft.grid.shown.drawdown, before)
-    assert window.document.written("weave", "draft") == "twill.wif"
+    assert window.document.value_in_file("weave", "draft") == "twill.wif"
     window.menus.actions["Redo"].trigger()
     np.testing.assert_array_equal(woven(window), after)
 
@@ -77,9 +77,9 @@ def test_a_drag_threads_a_whole_line_and_is_undone_as_one(
     qtbot.mouseRelease(view, LEFT, pos=spot(window, "threading", 2, 1))
     assert window.draft.grid.shown.loom.threading[1:] == ((1,), (2,), (3,), (4,), (3,), (2,), (1,))
     wait_until(lambda: settled(window))
-    assert window.document.undo.count() == 1
+    assert window.document.history.count() == 1
     np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
-    window.document.undo.undo()
+    window.document.history.undo()
     assert window.draft.grid.shown.loom.threading[7] == (4,)
 
 
@@ -109,20 +109,20 @@ def test_a_liftplan_is_another_writing_of_the_same_cloth(
 ) -> None:
     window = draft_of(twill)
     # Pressed in an order that is not theirs; there and back they keep their numbers.
-    window.draft._reloom(window.draft.grid.shown.loom.treadled(1, (3,)), "treadling")
+    window.draft._set_loom(window.draft.grid.shown.loom.treadled(1, (3,)), "treadling")
     before, tied = woven(window), window.draft.grid.shown.loom
-    window.draft.kind.setFocus()
-    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Down)
-    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Up)
+    window.draft.loom_kind.setFocus()
+    qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Down)
+    qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Up)
     assert window.draft.grid.shown.loom == tied
-    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Down)
+    qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Down)
     shown = window.draft.grid.shown
     assert shown.loom.liftplan[:2] == ((3, 4), (2, 3))
-    assert "tieup" not in window.draft.grid.layout_now().panels
+    assert "tieup" not in window.draft.grid.current_layout().panels
     np.testing.assert_array_equal(woven(window), before)
     click(qtbot, window, "treadling", 1, 1)
     np.testing.assert_array_equal(woven(window)[0], before[0] | (np.arange(8) % 4 == 0))
-    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Up)
+    qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Up)
     loom = window.draft.grid.shown.loom
     assert loom.liftplan is None
     assert loom.treadles == 5
@@ -167,7 +167,7 @@ def test_the_drawdown_of_a_pattern_is_painted_by_hand(draft_of: Any, qtbot: Any)
     assert after[:4, 1].all()
     after[:4, 1] = before[:4, 1]
     np.testing.assert_array_equal(after, before)
-    assert window.document.undo.count() == 1
+    assert window.document.history.count() == 1
     assert Scene(window.document.values).source.pattern[0][:2] == "11"
     # Its loom is found anew: end 2 has a shaft of its own now.
     assert window.draft.grid.shown.loom.shafts == 3
@@ -199,16 +199,16 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     colors = scene_of(window).woven.cloth.warp.colors
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
     assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
-    assert window.document.undo.count() == 1
+    assert window.document.history.count() == 1
     # The same colour, wherever it is, by a double click; and back.
     QTimer.singleShot(200, lambda: choose("#aa3300"))
     index = [color.name() for color in draft.palette_row.colors].index("#112233")
     qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
     wait_until(lambda: settled(window))
     assert (scene_of(window).woven.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
-    window.document.undo.undo()
-    window.document.undo.undo()
-    assert window.document.written("weave", "warp_color") is None
+    window.document.history.undo()
+    window.document.history.undo()
+    assert window.document.value_in_file("weave", "warp_color") is None
     # A right click takes a colour up.
     qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=spot(window, "weft", 0, 2))
     assert draft.grid.color.name() == "#e8c78f"
@@ -229,21 +229,23 @@ def test_swatches_stay_where_they_are(draft_of: Any, qtbot: Any, twill: Path) ->
     qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
     qtbot.mouseMove(view, spot(window, "warp", 8, 0))
     qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 8, 0))
-    assert window.document.written("weave", "warp_color") == before[-1][0]
+    assert window.document.value_in_file("weave", "warp_color") == before[-1][0]
     assert stand() == before
     draft.hint.setText("a long hint " * 30)
     qtbot.wait(20)
     assert stand() == before
     # The pattern's squares have the yarns' colours.
     window.document.open("plain_weave")
-    window.stages.choose("weave")
+    window.stages.select("weave")
     window.document.set_many(
         "weave", {"warp_color": "#112233", "weft_color": ["#aa3300", "#ffffff"]}
     )
     grid = window.properties.rows["pattern"].editor.grid
 
     def color(pick: int, end: int) -> str:
-        return grid.grab().toImage().pixelColor(grid.square(pick, end).center().toPoint()).name()
+        return (
+            grid.grab().toImage().pixelColor(grid.square_rect(pick, end).center().toPoint()).name()
+        )
 
     wait_until(lambda: color(0, 0) == "#112233")
     assert (color(0, 1), color(1, 0)) == ("#aa3300", "#ffffff")
@@ -279,21 +281,21 @@ def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None
     window.splitter.setSizes([260, 300, 640])
     qtbot.wait(50)
     grid, loom = window.draft.grid, read_wif(library.folder() / "32-shaft_twill.wif").loom
-    layout = grid.layout_now()
-    assert layout.most == (0, 0)
+    layout = grid.current_layout()
+    assert layout.max_offset == (0, 0)
     picture = grid.viewport().grab().toImage()
     for end, (shaft,) in enumerate(loom.threading, start=1):
-        at = layout.center(Place("threading", end, shaft))
-        beside = layout.center(Place("threading", end, shaft % 32 + 1))
+        at = layout.center(GridCell("threading", end, shaft))
+        beside = layout.center(GridCell("threading", end, shaft % 32 + 1))
         assert picture.pixelColor(*at).lightness() < 80
         assert picture.pixelColor(*beside).lightness() > 200
     over = grid.shown.drawdown
     for end, pick in ((1, 1), (17, 40), (62, 62)):
-        color = picture.pixelColor(*layout.center(Place("drawdown", end, pick)))
+        color = picture.pixelColor(*layout.center(GridCell("drawdown", end, pick)))
         family = grid.shown.warp[end - 1] if over[pick - 1, end - 1] else grid.shown.weft[pick - 1]
         assert np.abs(np.array(color.getRgb()[:3]) - family).max() < 60
     # The hand says what is under it, and marks it.
-    qtbot.mouseMove(grid.viewport(), QPoint(*layout.center(Place("drawdown", 17, 40))))
+    qtbot.mouseMove(grid.viewport(), QPoint(*layout.center(GridCell("drawdown", 17, 40))))
     qtbot.wait(50)
     assert "end 17" in window.draft.hint.text()
     assert "pick 40" in window.draft.hint.text()
@@ -301,18 +303,18 @@ def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None
     assert grid.viewport().grab().toImage() != picture
     # Larger cells scroll; the threading stays where its ends are.
     for _ in range(8):
-        qtbot.mouseClick(window.draft.larger, LEFT)
-    layout = grid.layout_now()
-    assert layout.most[0] > 0
-    grid.horizontalScrollBar().setValue(layout.most[0])
-    now = grid.layout_now()
-    assert now.center(Place("threading", 5, 1))[0] == now.center(Place("drawdown", 5, 1))[0]
-    qtbot.mouseClick(window.draft.fit, LEFT)
-    assert grid.layout_now().most == (0, 0)
+        qtbot.mouseClick(window.draft.zoom_in_button, LEFT)
+    layout = grid.current_layout()
+    assert layout.max_offset[0] > 0
+    grid.horizontalScrollBar().setValue(layout.max_offset[0])
+    now = grid.current_layout()
+    assert now.center(GridCell("threading", 5, 1))[0] == now.center(GridCell("drawdown", 5, 1))[0]
+    qtbot.mouseClick(window.draft.fit_button, LEFT)
+    assert grid.current_layout().max_offset == (0, 0)
     # As on paper: the first end right, the first pick above.
-    first = grid.layout_now().center(Place("drawdown", 1, 1))
-    qtbot.mouseClick(window.draft.cloth, LEFT)
-    last = grid.layout_now().center(Place("drawdown", 1, 1))
+    first = grid.current_layout().center(GridCell("drawdown", 1, 1))
+    qtbot.mouseClick(window.draft.cloth_button, LEFT)
+    last = grid.current_layout().center(GridCell("drawdown", 1, 1))
     assert last[0] > first[0]
     assert last[1] < first[1]
 
@@ -324,8 +326,8 @@ def test_the_drawdown_lies_as_the_cloth_does(draft_of: Any, qtbot: Any, twill: P
     click(qtbot, window, "threading", 2, 4)
     wait_until(lambda: settled(window))
     window.tools.cameras["front"].trigger()
-    view, layout, shown = window.view, window.draft.grid.layout_now(), window.draft.grid.shown
-    surface, renderer = pv.wrap(view.frame.surface), view.plotter.renderer
+    view, layout, shown = window.view, window.draft.grid.current_layout(), window.draft.grid.shown
+    surface, renderer = pv.wrap(view.frame.surface), view.canvas.renderer
     yarns = [surface.extract_cells(surface["yarn"] == k).center for k in range(14)]
     left_to_right = sorted(center[0] for center in yarns[:8])
     down = sorted((center[1] for center in yarns[8:]), reverse=True)
@@ -334,9 +336,9 @@ def test_the_drawdown_lies_as_the_cloth_does(draft_of: Any, qtbot: Any, twill: P
         for column, x in enumerate(left_to_right):
             renderer.SetWorldPoint(x, y, 0.0, 1.0)
             renderer.WorldToDisplay()
-            at = np.array(renderer.GetDisplayPoint()[:2]) / view.plotter.devicePixelRatioF()
-            seen = view.pick(at[0], view.plotter.height() - 1 - at[1])
-            cell = layout.at(
+            at = np.array(renderer.GetDisplayPoint()[:2]) / view.canvas.devicePixelRatioF()
+            seen = view.pick(at[0], view.canvas.height() - 1 - at[1])
+            cell = layout.cell_at(
                 across.begin + (column + 0.5) * across.size, along.begin + (row + 0.5) * along.size
             )
             over = shown.drawdown[cell.y - 1, cell.x - 1]
@@ -348,8 +350,8 @@ def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Pat
     before = runs(window)
     for end in range(1, 9):
         qtbot.mouseMove(window.draft.grid.viewport(), spot(window, "drawdown", end, 3))
-    qtbot.mouseClick(window.draft.larger, LEFT)
-    qtbot.mouseClick(window.draft.colors, LEFT)
+    qtbot.mouseClick(window.draft.zoom_in_button, LEFT)
+    qtbot.mouseClick(window.draft.colors_button, LEFT)
     window.tabs.setCurrentWidget(window.modes)
     qtbot.wait(400)
     assert runs(window) == before
@@ -357,7 +359,7 @@ def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Pat
 
 def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
     window = draft_of(next(library.folder().rglob("*.ply")))
-    assert "not woven" in window.draft.empty.text()
+    assert "not woven" in window.draft.placeholder.text()
     assert not window.draft.grid.isVisible()
     window.document.open("plain_weave")
     assert window.draft.grid.isVisible()

@@ -15,7 +15,7 @@ require_display()
 from PySide6.QtWidgets import QFileDialog, QLabel, QMessageBox  # noqa: E402
 from test_window_draft import LEFT, click, woven  # noqa: E402
 
-from spacemap_vtk.app.documents.kept_drafts import KeptDrafts  # noqa: E402
+from spacemap_vtk.app.documents.draft_versions import DraftVersions  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
 from spacemap_vtk.io.drafts.wif import parse_wif, read_wif  # noqa: E402
 from spacemap_vtk.io.drafts.wif_writer import format_wif  # noqa: E402
@@ -50,11 +50,11 @@ def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, tw
 
 
 def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
-    keeper = KeptDrafts()
-    path = keeper.keep(read_wif(twill.with_suffix(".wif")))
-    assert keeper.holds(path)
-    assert not keeper.holds(twill)
-    assert keeper.keep(read_wif(twill.with_suffix(".wif"))) == path
+    keeper = DraftVersions()
+    path = keeper.add(read_wif(twill.with_suffix(".wif")))
+    assert keeper.contains(path)
+    assert not keeper.contains(twill)
+    assert keeper.add(read_wif(twill.with_suffix(".wif"))) == path
     del keeper
     assert not path.parent.exists()
 
@@ -68,11 +68,11 @@ def test_a_draft_that_found_no_room_is_kept_whole_later(
     wif = parse_wif(format_wif(Draft(drawdown)))
     assert len(format_wif(wif)) > 2**12
     (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # half of it will do
-    keeper = KeptDrafts()
+    keeper = DraftVersions()
     with pytest.raises(InputError, match=f"Make room in {disk}"):
-        keeper.keep(wif)
+        keeper.add(wif)
     (disk / "fill").unlink()
-    np.testing.assert_array_equal(read_wif(keeper.keep(wif)).drawdown, drawdown)
+    np.testing.assert_array_equal(read_wif(keeper.add(wif)).drawdown, drawdown)
 
 
 def test_drafts_are_opened_and_saved_as_wif(
@@ -85,11 +85,11 @@ def test_drafts_are_opened_and_saved_as_wif(
     out = twill.parent / "out"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(out), ""))
     divisions = window.document.scene.cage.divisions
-    qtbot.mouseClick(window.draft.opened, LEFT)
+    qtbot.mouseClick(window.draft.open_button, LEFT)
     assert woven(window).shape == (8, 8)
     assert window.document.scene.cage.divisions == divisions  # the rest of the scene stays
     click(qtbot, window, "treadling", 4, 1)
-    qtbot.mouseClick(window.draft.saved, LEFT)
+    qtbot.mouseClick(window.draft.save_button, LEFT)
     written = read_wif(out.with_suffix(".wif"))
     assert written.loom == window.draft.grid.shown.loom
     assert window.document.scene.source.draft == out.with_suffix(".wif")
@@ -98,7 +98,7 @@ def test_drafts_are_opened_and_saved_as_wif(
     bad = twill.parent / "bad.wif"
     bad.write_text("nonsense")
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(bad), ""))
-    qtbot.mouseClick(window.draft.opened, LEFT)
+    qtbot.mouseClick(window.draft.open_button, LEFT)
     wait_until(lambda: window.errors.text)
     window.menus.actions["Undo"].trigger()
     assert woven(window).shape == (8, 8)
@@ -106,7 +106,7 @@ def test_drafts_are_opened_and_saved_as_wif(
 
 def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: Path) -> None:
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
-    qtbot.mouseClick(window.draft.saved, LEFT)
+    qtbot.mouseClick(window.draft.save_button, LEFT)
     assert read_wif(file).loom == window.draft.grid.shown.loom
 
 
@@ -114,7 +114,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = draft_of(twill)
-    window.stages.choose("weave")
+    window.stages.select("weave")
     line = window.properties.rows["draft"].editor.line
     assert line.text() == "twill.wif"
     click(qtbot, window, "threading", 2, 4)
@@ -123,15 +123,15 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     # To leave the field as it is changes nothing.
     type_into(line, line.text())
     assert window.errors.text == ""
-    assert window.document.drafts.holds(window.document.scene.source.draft)
+    assert window.document.drafts.contains(window.document.scene.source.draft)
     # Nor does a message have its file, as when somebody tidies up.
     window.document.scene.source.draft.unlink()
     window.document.set("weave", "warp_spacing", "1 mm")
     wait_until(lambda: window.errors.text)
     assert "twill.wif, edited" in window.errors.text
     assert "spacemap-drafts" not in window.errors.text
-    window.document.undo.undo()
-    window.document.undo.undo()
+    window.document.history.undo()
+    window.document.history.undo()
     click(qtbot, window, "threading", 2, 4)
     wait_until(lambda: settled(window))
     save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
@@ -153,7 +153,7 @@ def test_a_saved_draft_is_no_unsaved_change(
     assert window.document.text == text
     click(qtbot, window, "threading", 4, 1)
     assert window.isWindowModified()
-    window.document.undo.undo()
+    window.document.history.undo()
     assert not window.isWindowModified()
     # What the draft does not hold is not saved with it.
     window.document.set("response", "alpha", 3.0)
@@ -178,9 +178,9 @@ def test_a_draft_that_was_opened_is_saved_as_one(
     again = Scene.read(file).woven.cloth
     np.testing.assert_array_equal(again.drawdown, seen.drawdown)
     np.testing.assert_array_equal(again.warp.colors, seen.warp.colors)
-    window.document.undo.undo()
+    window.document.history.undo()
     assert window.isWindowModified()
-    window.document.undo.redo()
+    window.document.history.redo()
     window.document.set("cage", "divisions", [3, 3, 1])
     save_draft(window, qtbot, monkeypatch, file)
     assert window.isWindowModified()
@@ -208,7 +208,7 @@ def test_a_draft_is_a_document(
         "NOTES": ["1=for the loom upstairs"],
     }
     monkeypatch.setattr(QMessageBox, "question", lambda *_: pytest.fail("asked"))
-    assert window.files.may_leave()
+    assert window.files.confirm_close()
     # Undo leads back to what was in the file.
     for _ in range(2):
         window.menus.actions["Undo"].trigger()
@@ -238,7 +238,7 @@ def test_a_draft_is_a_document(
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(other), ""))
     other = file.with_name("other.wif")
     other.write_bytes(original)
-    window.draft.opened.click()
+    window.draft.open_button.click()
     assert window.document.file == other
     # A format that is only read.
     file.rename(other := file.with_suffix(".wifw"))

@@ -50,7 +50,7 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
 
 def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
-    window.tools.shown["cage"].trigger()
+    window.tools.part_actions["cage"].trigger()
     done = written(window)
     pictures = []
     for camera in ("front", "right"):
@@ -63,7 +63,7 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
         pictures.append(np.asarray(Image.open(file)).astype(int))
         assert pictures[-1].shape == (240, 320, 3)
     # Told for a while, whatever is drawn meanwhile.
-    window.times.go(0.1)
+    window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
     assert window.statusBar().currentMessage() == f"Written: {file}"
     # From the side a cloth is narrow.
@@ -90,7 +90,7 @@ def test_what_the_view_shows_fills_a_picture_of_any_form(
     wait_until(lambda: settled(window))
     window.tools.cameras["front"].trigger()
     for name in ("cage", "triad", "scale_bar"):
-        window.tools.shown[name].trigger()
+        window.tools.part_actions[name].trigger()
     wait_until(lambda: settled(window))
     _, seen = colourful(window.view.image())
     file, done = tmp_path / "cloth.png", written(window)
@@ -107,19 +107,19 @@ def test_what_is_cut_by_the_edges_of_the_view_stays_in_the_picture(open_scene: A
     window.view.zoom(4.0)
     width, height = window.view.seen.size
     wide, tall = (
-        window.view.place_for((2 * height, height)),
-        window.view.place_for((height, 2 * height)),
+        window.view.viewpoint_for((2 * height, height)),
+        window.view.viewpoint_for((height, 2 * height)),
     )
     # The cloth fills the view: a wider picture has its whole height, a taller one all its width.
-    own = np.tan(np.radians(window.view.place.angle / 2))
+    own = np.tan(np.radians(window.view.viewpoint.angle / 2))
     assert np.tan(np.radians(wide.angle / 2)) == pytest.approx(own)
     assert 0.5 * np.tan(np.radians(tall.angle / 2)) == pytest.approx(own * width / height, rel=1e-6)
     window.tools.orthographic.trigger()
-    here = window.view.place
-    assert window.view.place_for((width, height)).parallel_scale == pytest.approx(
+    here = window.view.viewpoint
+    assert window.view.viewpoint_for((width, height)).parallel_scale == pytest.approx(
         here.parallel_scale
     )
-    tall = window.view.place_for((height, 2 * height))
+    tall = window.view.viewpoint_for((height, 2 * height))
     assert 0.5 * tall.parallel_scale == pytest.approx(here.parallel_scale * width / height)
 
 
@@ -129,7 +129,7 @@ def test_a_dark_window_exports_its_background_and_a_wire_frame(
     window, done = open_scene(), []
     window.exports.written.connect(done.append)
     window.menus.dark.trigger()
-    window.tools.shown["cage"].trigger()
+    window.tools.part_actions["cage"].trigger()
     window.view.zoom(6.0)
     filled = window.view.image()
     window.tools.keys.wireframe.trigger()
@@ -164,9 +164,9 @@ def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: 
         if not isinstance(dialog, ExportDialog):
             QTimer.singleShot(50, lambda: fill(name, preset))
             return
-        seen.append((dialog.file, dialog.preset.currentText(), dialog.size_chosen))
+        seen.append((dialog.file, dialog.preset.currentText(), dialog.picture_size))
         dialog.preset.textActivated.emit(preset)
-        seen.append(dialog.size_chosen)
+        seen.append(dialog.picture_size)
         dialog.line.setText(str(tmp_path / name))
         seen.append(dialog.transparent.isEnabled())
         dialog.width_box.setValue(320)
@@ -234,7 +234,7 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     assert bar.isVisible()
     window.menus.actions["Export film…"].trigger()
     assert "long.gif is being written. Wait" in window.errors.text
-    window.times.go(0.1)
+    window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
     asked: list[str] = []
 
@@ -246,11 +246,11 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     window.close()
     assert window.isVisible()
     assert "long.gif is being written. Close" in asked[0]
-    window.document.undo.setClean()
+    window.document.history.setClean()
     window.errors.clear()
     QTest.qWait(100)  # the view is larger again
     wait_until(lambda: settled(window))
-    QTest.mouseClick(window.exports.stopping, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.exports.cancel_button, Qt.MouseButton.LeftButton)
     # The film itself would take minutes.
     wait_until(lambda: not window.exports.busy, 30.0)
     assert file.read_bytes() == b"what was there"
@@ -272,10 +272,10 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
 
     def look() -> None:
         dialog = QApplication.activeModalWidget()
-        proposed.append((dialog.file.name, dialog._drawn.filters))
+        proposed.append((dialog.file.name, dialog._picture.filters))
         # What it needs is looked at before it begins.
         dialog.line.setText(str(tmp_path / "film.mp4"))
-        said.append(dialog.told.text())
+        said.append(dialog.summary.text())
         assert dialog.save.isEnabled() == encoder
         dialog.line.setText(str(tmp_path / "film.avi"))
         assert not dialog.save.isEnabled()
@@ -339,14 +339,14 @@ def test_a_series_has_the_times_that_are_typed(
         if not isinstance(dialog, ExportDialog):
             QTimer.singleShot(50, fill)
             return
-        said.append(dialog.told.text())
+        said.append(dialog.summary.text())
         for name, text in {"frames_per_second": "50", "start": "1 s", "stop": "0.3"}.items():
             dialog.lines[name].selectAll()
             QTest.keyClicks(dialog.lines[name], text)
-        said.append(dialog.told.text())
+        said.append(dialog.summary.text())
         assert not dialog.save.isEnabled()
         dialog.lines["start"].setText("292 ms")
-        said.append(dialog.told.text())
+        said.append(dialog.summary.text())
         QTest.mouseClick(dialog.save, Qt.MouseButton.LeftButton)
 
     QTimer.singleShot(50, fill)
@@ -481,13 +481,13 @@ def test_a_size_that_is_typed_keeps_its_digits(open_scene: Any, tmp_path: Path) 
         for typed in ("99999", "2400"):
             line.selectAll()
             QTest.keyClicks(line, typed)
-            seen.append((line.text(), dialog.told.text(), dialog.save.isEnabled()))
+            seen.append((line.text(), dialog.summary.text(), dialog.save.isEnabled()))
         # What is out of range when the box is left comes to the nearest in range, as is seen.
         line.selectAll()
         QTest.keyClicks(line, "99999")
         # Sent by hand: a window that is not active gives no focus, and takes none away.
         QApplication.sendEvent(dialog.width_box, QFocusEvent(QEvent.Type.FocusOut))
-        seen.append((line.text(), dialog.told.text(), dialog.save.isEnabled()))
+        seen.append((line.text(), dialog.summary.text(), dialog.save.isEnabled()))
         dialog.reject()
 
     QTimer.singleShot(50, fill)

@@ -35,7 +35,7 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
     scene = tmp_path / "scene.toml"
     scene.write_text(SMALL + PUFF)
     window = open_scene(str(scene))
-    window.stages.choose("response")
+    window.stages.select("response")
     editor = window.properties.rows["loads"].editor
     type_into(editor.cards[0].rows["pressure"].editor.line, "2 Pa")
     assert window.document.scene.response.loads[0].pressure == 2.0
@@ -50,7 +50,7 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
 
 def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> None:
     window = open_scene()
-    window.stages.choose("response")
+    window.stages.select("response")
     alpha = window.properties.rows["alpha"]
     window.document.set("response", "damping_ratio", 0.05)
     wait_until(lambda: "alpha = 0 does that" in window.errors.text)
@@ -66,7 +66,7 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
     wait_until(lambda: settled(window))
     told = [table.item(row, 2).text() for row in range(3)]
     assert told == ["overdamped", "critical", "0.050"]
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     # Two ways that contradict each other are told, and nothing breaks.
     window.document.set("response", "alpha", 3.0)
@@ -76,7 +76,7 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
 
 def test_what_does_not_count_and_is_refused_can_be_put_right(open_scene: Any) -> None:
     window = open_scene()
-    window.stages.choose("modal")
+    window.stages.select("modal")
     window.document.set("modal", "thickness", "1 mm")
     wait_until(lambda: "it does not count" in window.errors.text)
     thickness = window.properties.rows["thickness"]
@@ -128,9 +128,9 @@ def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
 
 def test_leaving_the_time_untouched_leaves_the_time(open_scene: Any) -> None:
     window = open_scene()
-    window.times.go(1 / 30)
+    window.times.go_to(1 / 30)
     asked: list[float] = []
-    window.times.moved.connect(lambda at, _: asked.append(at))
+    window.times.time_changed.connect(lambda at, _: asked.append(at))
     window.times.line.setFocus()
     window.times.line.editingFinished.emit()
     assert window.times.time == 1 / 30
@@ -146,7 +146,7 @@ def test_a_stage_that_undo_takes_away_is_off_again(open_scene: Any, tmp_path: Pa
     assert window.stages.states["modal"] == "off"
     window.document.set("response", "alpha", 1.0)
     wait_until(lambda: settled(window) and window.stages.states["modal"] == "fresh")
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     assert [s for s, state in window.stages.states.items() if state == "fresh"] == [
         "weave",
@@ -158,11 +158,11 @@ def test_a_stage_that_undo_takes_away_is_off_again(open_scene: Any, tmp_path: Pa
 def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> None:
     document = Document()
     document.open("plain_weave")
-    begin, changes, crowded = document.text, [], [False]
-    document.changed.connect(lambda: changes.append(document.written("response", "alpha")))
-    document.crowded = lambda: crowded[0]
+    begin, changes, congested = document.text, [], [False]
+    document.changed.connect(lambda: changes.append(document.value_in_file("response", "alpha")))
+    document.congested = lambda: congested[0]
     document.set("response", "alpha", 5.0, burst=1)
-    crowded[0] = True
+    congested[0] = True
     for value in (6.0, 7.0, 8.0):
         document.set("response", "alpha", value, burst=1)
     assert changes == [5.0]
@@ -178,23 +178,23 @@ def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> N
     document.set("modal", "youngs_modulus", 1500.0)  # another change comes after it
     assert changes == [5.0, 8.0, 9.0, 10.0, 10.0]
     end = document.text
-    assert document.undo.count() == 2
-    document.undo.undo()
-    assert document.written("response", "alpha") == 10.0
-    document.undo.undo()
+    assert document.history.count() == 2
+    document.history.undo()
+    assert document.value_in_file("response", "alpha") == 10.0
+    document.history.undo()
     assert document.text == begin
-    document.undo.redo()
-    document.undo.redo()
+    document.history.redo()
+    document.history.redo()
     assert document.text == end
     document.changed.disconnect()  # which keeps the document
 
 
 def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None:
     window = open_scene("gust")
-    window.stages.choose("response")
+    window.stages.select("response")
     assert isinstance(window.properties.rows["loads"].editor.cards[0].action, QComboBox)
     for section in ("weave", "response", "view"):
-        window.stages.choose(section)
+        window.stages.select(section)
         page = window.properties
         fields = [*page.findChildren(QSlider), *page.findChildren(QComboBox)]
         seen = [field for field in fields if field.isVisible()]  # a slider that is idle is not
@@ -208,7 +208,7 @@ def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None
             turn = QPoint(0, -120 if down else 120)
             QTest.wheelEvent(window.windowHandle(), at, turn)
             assert (page.verticalScrollBar().value() > before) == down
-    assert window.document.undo.isClean()
+    assert window.document.history.isClean()
 
 
 def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_scene: Any) -> None:
@@ -223,7 +223,7 @@ def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_scene: Any) 
     assert not line.property("bad")
     assert line.text() == "50 ms"
     type_into(line, "later")
-    window.times.to_start()
+    window.times.go_to_start()
     assert (line.text(), line.property("bad")) == ("0 s", False)
 
 

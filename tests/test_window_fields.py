@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
 
 def editor(window: Any, section: str, name: str) -> Any:
-    window.stages.choose(section)
+    window.stages.select(section)
     row = window.properties.rows[name]
     window.properties.ensureWidgetVisible(row)
     return row.editor
@@ -40,7 +40,7 @@ def test_one_component_of_a_vector_is_dragged(open_scene: Any) -> None:
     after = window.document.scene.response.gravity
     assert after[1] > before[1]
     assert (after[0], after[2]) == (before[0], before[2])
-    assert window.document.undo.count() == 1
+    assert window.document.history.count() == 1
     assert [c.line.text() for c in gravity.components] == [f"{v:.6g}" for v in after]
 
 
@@ -85,8 +85,8 @@ def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
     repeat = pattern.grid.repeat.copy()
     assert repeat.shape == (4, 4)
     # One stroke over a row: one step back.
-    count = window.document.undo.count()
-    start = pattern.grid.square(0, 0).center().toPoint()
+    count = window.document.history.count()
+    start = pattern.grid.square_rect(0, 0).center().toPoint()
     step = QPoint(round(pattern.grid.cell), 0)
     QTest.mousePress(pattern.grid, Qt.MouseButton.LeftButton, pos=start)
     for k in range(1, 3):
@@ -97,7 +97,7 @@ def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
     rows = window.document.scene.source.pattern
     assert rows[0][:3] == ("0" if repeat[0, 0] else "1") * 3
     assert rows[1:] == tuple("".join("01"[int(c)] for c in row) for row in repeat[1:])
-    assert window.document.undo.count() == count + 1
+    assert window.document.history.count() == count + 1
     drawdown = scene_of(window).woven.cloth.drawdown
     np.testing.assert_array_equal(drawdown[:4, :4], pattern.grid.repeat)
     click(pattern.buttons["+ end"])
@@ -119,7 +119,7 @@ def test_a_swatch_opens_the_dialog_for_its_colour(
 
     monkeypatch.setattr(QColorDialog, "getColor", choose)
     before = window.document.scene.source.warp_color
-    click(colors.swatches, colors.swatches.place(6).center().toPoint())
+    click(colors.swatches, colors.swatches.swatch_rect(6).center().toPoint())
     after = window.document.scene.source.warp_color
     assert asked == ["#3d5fa8"]
     assert after[6] == (1, 2, 3)
@@ -137,10 +137,10 @@ def test_what_is_automatic_is_seen_as_it_is_in_use(
     monkeypatch.setattr(
         QColorDialog, "getColor", lambda before, *_: asked.append(before.name()) or QColor()
     )
-    click(colors.swatches, colors.swatches.place(0).center().toPoint())
+    click(colors.swatches, colors.swatches.swatch_rect(0).center().toPoint())
     assert asked == ["#e8c78f"]
     window.properties.rows["weft_color"].automatic.click()
-    assert window.document.written("weave", "weft_color") == "#e8c78f"
+    assert window.document.value_in_file("weave", "weft_color") == "#e8c78f"
     # A line has the room of a slider that could not be dragged.
     gap = editor(window, "weave", "layer_gap")
     assert not gap.slider.isVisibleTo(gap)
@@ -148,9 +148,9 @@ def test_what_is_automatic_is_seen_as_it_is_in_use(
     assert gap.slider.isVisibleTo(gap)
     # Warp and weft of one value are one number, to as many digits as tell it.
     window.document.set_many("modal", {"elements": "sheet", "tensile_rigidity": None})
-    window.stages.choose("modal")
+    window.stages.select("modal")
     row = window.properties.rows["tensile_rigidity"]
-    wait_until(lambda: row.resolved is not None)
+    wait_until(lambda: row.automatic_value is not None)
     assert row.editor.line.placeholderText() == "0.65 N/m"
     wait_until(lambda: settled(window))
 
@@ -158,7 +158,7 @@ def test_what_is_automatic_is_seen_as_it_is_in_use(
 def test_a_new_fabric_shows_at_once_what_is_automatic(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     ends = editor(window, "weave", "ends")
-    window.properties._limited = perf_counter() + 60.0  # as behind limits that took long
+    window.properties._next_limits = perf_counter() + 60.0  # as behind limits that took long
     window.gallery.new_button.click()
     wait_until(lambda: settled(window))
     assert ends.line.text() == ""
@@ -210,7 +210,7 @@ def test_a_changed_load_keeps_the_comments_round_it(open_scene: Any) -> None:
 def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
     window = open_scene(scene)
     for section in sections():
-        window.stages.choose(section)
+        window.stages.select(section)
         for name, row in window.properties.rows.items():
             if row.reset.isEnabled():
                 row.reset.click()
@@ -222,7 +222,7 @@ def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
 
 def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
     window = open_scene()
-    window.stages.choose("cage")
+    window.stages.select("cage")
     rows = window.properties.rows
 
     def shown() -> list[str]:
@@ -239,17 +239,17 @@ def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
     assert rows["margin"].note.text() == 'does not count: method is "lattice"'
     assert not rows["margin"].editor.isEnabled()
     wait_until(lambda: settled(window))
-    assert "cage.margin does not count" in window.told.toolTip()
+    assert "cage.margin does not count" in window.status_text.toolTip()
     click(rows["margin"].reset)
     assert shown() == ["method", "divisions", "order", "padding"]
-    window.document.undo.undo()
+    window.document.history.undo()
     assert "margin" in shown()
 
 
 def test_a_page_shows_what_its_stage_asks_for(open_scene: Any) -> None:
     window = open_scene()
     for section in sections():
-        window.properties.choose(section)
+        window.properties.show_section(section)
         part = window.document.scene.parts[section]
         written = window.document.values.get(section, {})
         for name, row in window.properties.rows.items():
@@ -262,12 +262,12 @@ def type_again(line: Any, text: str) -> None:
     type_into(line, text)
 
 
-def take_back(line: Any, text: str) -> None:
+def undo_typing(line: Any, text: str) -> None:
     while line.text() != text:
         QTest.keyClick(line, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
 
 
-@pytest.mark.parametrize("again", [type_again, take_back])
+@pytest.mark.parametrize("again", [type_again, undo_typing])
 def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, again: Any) -> None:
     window = open_scene()
     for scene, section, name, wrong in (
@@ -289,17 +289,17 @@ def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, ag
         again(line, right)
         assert (line.text(), window.errors.text) == (right, ""), name
         assert not row.property("bad"), name
-        assert window.document.undo.isClean(), name
+        assert window.document.history.isClean(), name
 
 
 def test_a_picture_s_size_begins_with_the_cloth_s_own(open_scene: Any) -> None:
     window = open_scene("handweaving")
     window.document.set("view", "size", None)
-    window.stages.choose("view")
+    window.stages.select("view")
     row = window.properties.rows["size"]
-    wait_until(lambda: row.resolved is not None)
+    wait_until(lambda: row.automatic_value is not None)
     row.automatic.click()
-    assert window.document.written("view", "size") == [1280, 1280]
+    assert window.document.value_in_file("view", "size") == [1280, 1280]
     assert window.errors.text == ""
     wait_until(lambda: settled(window))
 

@@ -99,7 +99,7 @@ def test_a_painted_object_shows_its_picture(open_scene: Any, tmp_path: Path) -> 
     wait_until(lambda: settled(window))
     red, green, blue = window.view.image().astype(int)[height // 2, width // 2]
     assert green > max(red, blue) + 80
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     assert np.abs(window.view.image().astype(int) - image).max() < 30
     assert window.view.scene_view.surface.GetTexture() is texture
@@ -109,13 +109,13 @@ def test_a_draft_opens(open_scene: Any) -> None:
     window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
     assert window.errors.text == ""
     assert window.document.file is None
-    assert window.document.undo.isClean()
+    assert window.document.history.isClean()
 
 
 def test_saving_keeps_every_comment(open_scene: Any, tmp_path: Path) -> None:
     original = (library.folder() / "plain_weave.toml").read_text()
     window = open_scene()
-    window.stages.choose("modal")
+    window.stages.select("modal")
     type_into(window.properties.rows["youngs_modulus"].editor.line, "2 kPa")
     window.document.save(tmp_path / "mine.toml")
     saved = (tmp_path / "mine.toml").read_text()
@@ -143,14 +143,14 @@ def test_the_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
     window, file = open_scene(), tmp_path / "swing.toml"
     window.document.save(file)
     assert '"20 ms"' in file.read_text()
-    window.times.go(0.1 / 3)
+    window.times.go_to(0.1 / 3)
     assert not window.isWindowModified()
     window.menus.actions["Save"].trigger()
     assert Scene.read(file).view.time == 0.0333333
-    window.times.go(0.0)
+    window.times.go_to(0.0)
     window.document.open(file)
     assert window.times.time == 0.0333333
-    window.times.go(0.0)
+    window.times.go_to(0.0)
     window.menus.actions["Save"].trigger()
     assert Scene.read(file).view.time == 0.0
     assert "# half a swing" in file.read_text()
@@ -159,7 +159,7 @@ def test_the_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
 def test_a_reset_value_comes_back_with_its_comment(open_scene: Any) -> None:
     window = open_scene()
     before = window.document.text
-    window.stages.choose("modal")
+    window.stages.select("modal")
     window.properties.rows["fixed"].reset.click()
     assert "fixed" not in window.document.text
     window.menus.actions["Undo"].trigger()
@@ -251,23 +251,23 @@ def test_undo_after_save_as_keeps_every_reference(folders: tuple[Path, Path]) ->
     document.save(second / "scene.toml")
     assert leads_to(document) == whole
     # A whole path stays one: it was meant so.
-    assert document.written("weave", "draft") == str(first / "whole.wif")
-    document.undo.undo()
+    assert document.value_in_file("weave", "draft") == str(first / "whole.wif")
+    document.history.undo()
     assert leads_to(document) == wanted
-    document.undo.undo()
+    document.history.undo()
     assert leads_to(document) == wanted
-    assert document.written("weave", "draft") == "../../a/twill.wif"
+    assert document.value_in_file("weave", "draft") == "../../a/twill.wif"
     document.save()
     assert Scene.read(second / "scene.toml").source.draft.resolve() == first / "twill.wif"
     assert "on loan" in (second / "scene.toml").read_text()
     document.save(first / "again.toml")
     for _ in range(2):
-        document.undo.redo()
+        document.history.redo()
     assert leads_to(document) == whole
-    document.undo.undo()
-    assert document.written("weave", "draft") == "twill.wif"
+    document.history.undo()
+    assert document.value_in_file("weave", "draft") == "twill.wif"
     assert leads_to(document) == wanted
-    document.undo.undo()
+    document.history.undo()
     assert document.text == (first / "scene.toml").read_text()
 
 
@@ -280,7 +280,7 @@ def test_a_save_that_fails_changes_nothing(folders: tuple[Path, Path]) -> None:
     with pytest.raises(SpacemapError, match=r"scene\.toml: could not be written: no such file"):
         document.save(second / "nowhere" / "scene.toml")
     assert (document.text, document.file) == (text, first / "scene.toml")
-    assert not document.undo.isClean()
+    assert not document.history.isClean()
     assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
     document.set("weave", "picks", 5)
     assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
@@ -295,18 +295,18 @@ def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, P
     wif = document.scene.draft
     loom = replace(wif.loom, rising=not wif.loom.rising)
     edited = replace(wif, loom=loom, drawdown=loom.drawdown())
-    document.set("weave", "draft", str(document.drafts.keep(edited)))
+    document.set("weave", "draft", str(document.drafts.add(edited)))
     inverted = document.scene.woven.make_draft().drawdown
     document.save()
     assert (first / "twill.wif").read_bytes() != original
-    document.undo.undo()
+    document.history.undo()
     assert document.scene.source.draft.read_bytes() == original
-    document.undo.redo()
+    document.history.redo()
     assert (document.scene.woven.make_draft().drawdown == inverted).all()
-    document.undo.undo()
+    document.history.undo()
     document.save(second / "twill.toml")
     assert Scene.read(second / "twill.toml").source.draft.read_bytes() == original
-    document.undo.redo()
+    document.history.redo()
     assert (document.scene.woven.make_draft().drawdown == inverted).all()
 
 
@@ -316,11 +316,11 @@ def test_undo_to_a_file_that_is_gone_is_told(open_scene: Any, folders: tuple[Pat
     document = window.document
     document.set("response", "loads", [])
     (first / "puff.csv").unlink()
-    document.undo.undo()
+    document.history.undo()
     assert "puff.csv" in window.errors.text
     assert document.scene.response.loads == ()
     assert document.values["response"]["loads"] == []
-    document.undo.redo()
+    document.history.redo()
     document.set("weave", "ends", 5)
     wait_until(lambda: settled(window) and window.errors.text == "")
 
@@ -365,7 +365,7 @@ def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: P
     assert window.document.scene.source.ends == 7
     window.document.set("view", "ghost", True)  # one goes on without it
     assert window.errors.text == ""
-    window.document.undo.undo()
+    window.document.history.undo()
     drop(bad)
     drop(scene)
     wait_until(lambda: settled(window))
@@ -403,7 +403,7 @@ def test_a_picture_is_what_is_seen(
     file = tmp_path / "seen.png"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
     for name in ("cage", "triad", "scale_bar"):  # pixels that a screen has of other sizes
-        window.tools.shown[name].trigger()
+        window.tools.part_actions[name].trigger()
     wait_until(lambda: settled(window))
     window.menus.actions["Save what is seen…"].trigger()
     seen = window.view.image().astype(int)
@@ -423,7 +423,7 @@ def test_dark_and_light_and_every_key_is_told(open_scene: Any) -> None:
     assert window.palette().window().color().lightness() < light / 2
     window.menus.dark.trigger()
     for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost", "or Ctrl+Q", "or Ctrl+Y"):
-        assert words in "\n".join(window.menus.keys)
+        assert words in "\n".join(window.menus.help_texts)
 
 
 def test_no_menu_says_the_same_twice(open_scene: Any) -> None:

@@ -124,7 +124,7 @@ def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> N
     seen = screen.grab().toImage()
     assert len({seen.pixel(x, 160) for x in range(0, 480, 3)}) > 20
     window = open_window("gust", wait=False)
-    splash.give_way_to(window)
+    splash.close_after_first_frame(window)
     wait_until(lambda: settled(window))
     assert not screen.isVisible()
     assert np.isfinite(window.view.frame.time)
@@ -140,7 +140,7 @@ def test_the_first_picture_goes_when_the_first_run_is_given_up(
     splash = Splash(str(scene))
     screen = splash.shown
     window = open_window(str(scene), wait=False)
-    splash.give_way_to(window)
+    splash.close_after_first_frame(window)
     wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
     assert screen.isVisible()
     window.cancel.click()

@@ -55,7 +55,7 @@ def test_the_first_picture_of_kept_modes_needs_no_solver(tmp_path: Path) -> None
         "        print(frame.coarse, [m for m in heavy if m in sys.modules])\n"
         "        QApplication.instance().quit()\n"
         "    window.director.drawn.connect(told)\n"
-        "splash.Splash.give_way_to = watch\n"
+        "splash.Splash.close_after_first_frame = watch\n"
         "main(['gui', 'plain_weave'])"
     )
     environment = {**os.environ, "SPACEMAP_CACHE": str(tmp_path)}

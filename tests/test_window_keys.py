@@ -50,7 +50,7 @@ def view_of(open_scene: Any) -> Iterator[Callable[[], Any]]:
         window = open_scene()
         window.activateWindow()
         wait_until(window.isActiveWindow)
-        window.view.plotter.setFocus()
+        window.view.canvas.setFocus()
         point(window, QPoint(0, 0))
         return window
 
@@ -60,18 +60,18 @@ def view_of(open_scene: Any) -> Iterator[Callable[[], Any]]:
 
 def point(window: Any, off: QPoint) -> None:
     """Bring the mouse to a place beside the view's middle."""
-    plotter = window.view.plotter
-    at = plotter.mapToGlobal(plotter.rect().center() + off)
+    canvas = window.view.canvas
+    at = canvas.mapToGlobal(canvas.rect().center() + off)
     QCursor.setPos(at)
     wait_until(lambda: QCursor.pos() == at)
 
 
 def distance(window: Any) -> float:
-    return float(window.view.plotter.camera.GetDistance())
+    return float(window.view.canvas.camera.GetDistance())
 
 
 def direction(window: Any) -> np.ndarray:
-    return np.array(window.view.plotter.camera.GetDirectionOfProjection())
+    return np.array(window.view.canvas.camera.GetDirectionOfProjection())
 
 
 def image(window: Any) -> np.ndarray:
@@ -87,9 +87,9 @@ def test_arrows_zoom_in_the_view_and_choose_elsewhere(view_of: Any, hand: Press)
     hand("Down")
     wait_until(lambda: distance(window) == pytest.approx(start * 1.05))
     window.tools.orthographic.trigger()
-    scale = window.view.plotter.camera.GetParallelScale()
+    scale = window.view.canvas.camera.GetParallelScale()
     hand("Up")
-    wait_until(lambda: window.view.plotter.camera.GetParallelScale() == pytest.approx(scale / 1.05))
+    wait_until(lambda: window.view.canvas.camera.GetParallelScale() == pytest.approx(scale / 1.05))
     window.stages.setFocus()
     item = window.stages.currentItem()
     hand("Down")
@@ -102,7 +102,7 @@ def test_r_shows_the_whole_from_this_side_and_1_from_three_quarters(
 ) -> None:
     window = view_of()
     whole, at_first = image(window), direction(window)
-    camera = window.view.plotter.camera
+    camera = window.view.canvas.camera
     camera.Azimuth(25.0)
     camera.Dolly(4.0)
     window.view.render()
@@ -129,7 +129,7 @@ def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
     window = view_of()
     before = image(window)
     # So near that the facets' edges do not touch.
-    camera = window.view.plotter.camera
+    camera = window.view.canvas.camera
     camera.Dolly(8.0)
     window.view.render()
     near = image(window)
@@ -138,10 +138,10 @@ def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
     holes = np.abs(image(window) - near).max(axis=2) > 30
     assert holes.mean() > 0.3
     # A later frame stays one of edges.
-    window.times.go(0.1)
+    window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
     assert window.view.scene_view.surface.GetProperty().GetRepresentationAsString() == "Wireframe"
-    window.times.go(0.02)
+    window.times.go_to(0.02)
     hand("w")
     wait_until(lambda: settled(window) and not window.tools.keys.wireframe.isChecked())
     hand("1")
@@ -157,22 +157,22 @@ def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> 
     widths = line.GetLineWidth(), dot.GetPointSize()
     for _ in range(4):
         hand("+")
-    wait_until(lambda: document.written("view", "line_scale") == 2.44)
+    wait_until(lambda: document.value_in_file("view", "line_scale") == 2.44)
     # Later frames too are of the scene.
-    window.times.go(0.01)
+    window.times.go_to(0.01)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.01)
     assert line.GetLineWidth() == pytest.approx(2.44 * widths[0])
     assert dot.GetPointSize() == pytest.approx(2.44 * widths[1])
-    window.times.go(0.02)
+    window.times.go_to(0.02)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
     assert (np.abs(image(window) - before).max(axis=2) > 60).mean() > 0.01
     hand("-")
-    wait_until(lambda: document.written("view", "line_scale") == 1.95)
-    document.undo.undo()
-    assert document.written("view", "line_scale") == 2.44
+    wait_until(lambda: document.value_in_file("view", "line_scale") == 1.95)
+    document.history.undo()
+    assert document.value_in_file("view", "line_scale") == 2.44
     for _ in range(4):
         hand("-")
-    wait_until(lambda: document.written("view", "line_scale") is None)
+    wait_until(lambda: document.value_in_file("view", "line_scale") is None)
     wait_until(lambda: settled(window))
     assert document.text == scene
     assert np.abs(image(window) - before).max() < 8
@@ -180,7 +180,7 @@ def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> 
     document.set("view", "line_scale", 0.1)
     hand("-")
     wait_until(lambda: "line_scale" in window.errors.text)
-    assert document.written("view", "line_scale") == 0.1
+    assert document.value_in_file("view", "line_scale") == 0.1
 
 
 def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand: Press) -> None:
@@ -191,58 +191,58 @@ def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand
         QPoint(x, 60)
         for x in range(0, 100, 10)
         if window.view.pick(
-            window.view.plotter.width() // 2 + x, window.view.plotter.height() // 2 + 60
+            window.view.canvas.width() // 2 + x, window.view.canvas.height() // 2 + 60
         )
     )
     point(window, off)
     hand("p")
     wait_until(lambda: window.view.picks)
     (picked,) = window.view.picks
-    assert window.told.whole == picked.text
-    before, far, way = np.array(window.view.place.focus), distance(window), direction(window)
+    assert window.status_text.full_text == picked.text
+    before, far, way = np.array(window.view.viewpoint.focus), distance(window), direction(window)
     assert np.linalg.norm(before - picked.position) > 1e-4
     hand("Shift+f")
     wait_until(lambda: distance(window) == pytest.approx(far / 1.3))
-    np.testing.assert_allclose(window.view.place.focus, picked.position, atol=1e-12)
+    np.testing.assert_allclose(window.view.viewpoint.focus, picked.position, atol=1e-12)
     np.testing.assert_allclose(direction(window), way, atol=1e-9)
     # Beside the cloth there is nothing to pick or to fly to.
     window.tools.cameras["front"].trigger()
-    place = window.view.place
-    point(window, QPoint(0, 5 - window.view.plotter.height() // 2))
+    place = window.view.viewpoint
+    point(window, QPoint(0, 5 - window.view.canvas.height() // 2))
     hand("p")
     hand("Shift+f")
     QTest.qWait(200)
     assert window.view.picks == [picked]
-    assert window.view.place == place
+    assert window.view.viewpoint == place
 
 
 def test_no_other_key_changes_the_view(view_of: Any) -> None:
     window = view_of()
     taken = {
         key[0].key()
-        for action in [*window.menus.actions.values(), *window.tools.choices]
+        for action in [*window.menus.actions.values(), *window.tools.all_actions]
         for key in action.shortcuts()
     }
-    before, props = image(window), window.view.plotter.renderer.GetViewProps().GetNumberOfItems()
+    before, props = image(window), window.view.canvas.renderer.GetViewProps().GetNumberOfItems()
     for code in (*range(Qt.Key.Key_A, Qt.Key.Key_Z + 1), Qt.Key.Key_Left, Qt.Key.Key_Eacute):
         if code not in taken:
             key = Qt.Key(code)
-            QTest.keyClick(window.view.plotter, key)
+            QTest.keyClick(window.view.canvas, key)
             text = QKeySequence(key).toString()
             # As VTK's styles take them: with their letter.
             for kind in (QEvent.Type.KeyPress, QEvent.Type.KeyRelease):
                 QApplication.sendEvent(
-                    window.view.plotter,
+                    window.view.canvas,
                     QKeyEvent(kind, code, Qt.KeyboardModifier.NoModifier, text.lower()),
                 )
     QTest.qWait(100)
     assert window.isVisible()
-    assert window.view.plotter.renderer.GetViewProps().GetNumberOfItems() == props
+    assert window.view.canvas.renderer.GetViewProps().GetNumberOfItems() == props
     assert np.abs(image(window) - before).max() < 8
 
 
 def test_the_help_tells_every_key_of_the_view(open_scene: Any) -> None:
     window = open_scene()
-    lines = {line.split()[0]: line for line in "\n".join(window.menus.keys).splitlines()}
+    lines = {line.split()[0]: line for line in "\n".join(window.menus.help_texts).splitlines()}
     for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P", "V", "Ctrl+2", "T"):
         assert key in lines

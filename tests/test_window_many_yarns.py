@@ -13,7 +13,7 @@ from window import require_display, scene_of, settled, wait_until
 require_display()
 
 from spacemap_vtk.app.work import pipeline  # noqa: E402
-from spacemap_vtk.app.work.job import Job, Pull, Swing  # noqa: E402
+from spacemap_vtk.app.work.frame_request import FrameRequest, Pull, Swing  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.draw.camera import CameraView, Viewpoint, project_points  # noqa: E402
 from spacemap_vtk.draw.detail import yarn_parts  # noqa: E402
@@ -55,7 +55,7 @@ def test_eight_hundred_yarns_follow_the_time(opened: Any) -> None:
     wait_until(lambda: any("a sheet in the colours" in text for text in window.view.frame.warnings))
     image = window.view.image()
     assert np.ptp(image[image.shape[0] // 2].astype(int), axis=0).max() > 60
-    window.times.go(0.1)
+    window.times.go_to(0.1)
     wait_until(lambda: settled(window) and abs(window.view.frame.time - 0.1) < 1e-9)
     assert np.ptp(np.array(window.view.frame.surface.GetBounds())[4:]) > 1e-3
     assert scene_of(window).warp.executions == 0
@@ -79,7 +79,7 @@ def test_yarns_are_made_where_they_are_seen_near(
     assert any("come nearer" in text for text in view.frame.warnings)
     runs = scene_of(window).modal.executions
     view.reset_camera("front")
-    x, y = view.plotter.width() / 2, view.plotter.height() / 2
+    x, y = view.canvas.width() / 2, view.canvas.height() / 2
     afar = view.pick(x, y)
     view.zoom(8.0)
     assert view.steering
@@ -102,7 +102,7 @@ def test_yarns_are_made_where_they_are_seen_near(
     assert np.abs(fine.mean(axis=(0, 1)) - coarse.mean(axis=(0, 1))).max() < 12
     # Held, turned and let go: another part, made anew.
     part = window.engine.pipeline._near.part
-    view.plotter.camera.Azimuth(2.0)
+    view.canvas.camera.Azimuth(2.0)
     view.steer(False)
     wait_until(lambda: at_rest(window) and view.frame.seen == view.seen)
     assert view.frame.yarns is not None
@@ -125,7 +125,7 @@ def test_yarns_in_sight_move_as_all_together_do(
         Viewpoint((0.0, 0.0, 0.03), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.0, (300, 300)
     )
     given = {**values, "view": {"color": "velocity"}, "yarns": {}}
-    job = Job(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
+    job = FrameRequest(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
 
     def drawn(few: int) -> Frame:
         monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", few)
@@ -158,7 +158,7 @@ def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
     monkeypatch.setattr(yarn_parts.NearYarns, "follow", slow)
     view.zoom(1.5)
     wait_until(going.is_set)
-    assert director._looking
+    assert director._follows_camera
     view.steer(True)
     wait.set()
     wait_until(lambda: settled(window))
@@ -203,24 +203,24 @@ def test_a_sheet_lies_flat_again_without_its_motion(
     document.switch("modal", True)
     document.set_many("modal", {"youngs_modulus": "1 kPa", "gravity": [0, 0, 0]})
     document.set("response", "gravity", [0, 0, -9.8])
-    window.times.go(0.3)
+    window.times.go_to(0.3)
     wait_until(lambda: settled(window) and view.frame.time == 0.3)
     moved = view.frame.surface.GetBounds()
     depth = moved[5] - moved[4]
     assert depth > 2 * (flat[1] - flat[0])  # it has fallen far
     # Look so closely at its lower end that nothing of it is in sight where it lies flat.
-    view.plotter.camera.SetFocalPoint(0.0, 0.0, moved[4])
-    view.plotter.camera.SetPosition(0.5 * depth, 0.0, moved[4])
+    view.canvas.camera.SetFocalPoint(0.0, 0.0, moved[4])
+    view.canvas.camera.SetPosition(0.5 * depth, 0.0, moved[4])
 
     if way_back == "untick":
         document.switch("modal", False)
     else:
-        document.undo.setIndex(0)
+        document.history.setIndex(0)
     wait_until(lambda: settled(window) and view.frame.cage is None)
     assert view.frame.surface.GetBounds() == flat
     # The view is not left empty.
     x, y, _, w = project_points(
-        view.plotter.camera, points_of(view.frame.surface), view.width() / view.height()
+        view.canvas.camera, points_of(view.frame.surface), view.width() / view.height()
     ).T
     assert (abs(x) <= w).all()
     assert (abs(y) <= w).all()

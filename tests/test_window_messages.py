@@ -39,7 +39,7 @@ def test_while_time_plays_messages_stay_until_they_are_put_right(
     window = open_scene()
     play(window)
     # A refused value, until the field is right.
-    window.stages.choose("weave")
+    window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "wide")
     frames_drawn(window, 5)
@@ -109,7 +109,7 @@ def test_a_swing_that_cannot_go_on_ends(open_scene: Any) -> None:
     assert window.errors.text != ""
     QTest.qWait(300)
     # The user can look for the cure elsewhere.
-    window.stages.choose("surface")
+    window.stages.select("surface")
     QTest.qWait(300)
     assert window.properties.section == "surface"
     assert len(told) < 4
@@ -154,7 +154,7 @@ def test_undo_takes_in_what_a_drag_has_left_waiting(
     begin = document.text
     if not alone:
         document.set("response", "alpha", 5.0, burst=1)
-    monkeypatch.setattr(document, "crowded", lambda: True)
+    monkeypatch.setattr(document, "congested", lambda: True)
     for value in (6.0, 7.0):
         document.set("response", "alpha", value, burst=1)
     # Within the twentieth of a second that it may wait.
@@ -162,29 +162,29 @@ def test_undo_takes_in_what_a_drag_has_left_waiting(
     assert document.text == begin
     assert undo.text() == "Undo modal.youngs_modulus"
     window.menus.actions["Redo"].trigger()
-    assert document.written("response", "alpha") == 7.0
+    assert document.value_in_file("response", "alpha") == 7.0
     # What waits is a change like any other: nothing is left to be done again after it.
     undo.trigger()
     document.set("response", "alpha", 8.0, burst=2)
-    document.undo.redo()
-    assert document.written("response", "alpha") == 8.0
+    document.history.redo()
+    assert document.value_in_file("response", "alpha") == 8.0
     assert not window.menus.actions["Redo"].isEnabled()
     assert (undo.text(), undo.isEnabled()) == ("Undo response.alpha", True)
-    document.undo.undo()
+    document.history.undo()
     undo.trigger()
     assert not undo.isEnabled()
-    assert document.undo.isClean()
+    assert document.history.isClean()
 
 
 def test_a_drag_ends_with_its_slider(open_scene: Any) -> None:
     window = open_scene()
-    window.stages.choose("modal")
+    window.stages.select("modal")
     slider = window.properties.rows["youngs_modulus"].editor.slider
     slider.setSliderDown(True)
-    assert window.director.held
+    assert window.director.is_dragging
     # By a key, while the mouse is still down: the smooth frame must not be put off for ever.
-    window.stages.choose("weave")
-    assert not window.director.held
+    window.stages.select("weave")
+    assert not window.director.is_dragging
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window))
 
@@ -224,33 +224,40 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     # At t = 0 nothing is deformed: it is the whole motion that is told of.
     assert window.times.time == 0.0
     angle = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
-    assert angle in window.told.whole
+    assert angle in window.status_text.full_text
     for words in (angle, "times as long", "[transient]"):
-        assert words in window.told.toolTip()
+        assert words in window.status_text.toolTip()
     # What there is no room for ends in dots, and the link is there as long as its words are.
-    window.told.resize(3 * window.told.fontMetrics().horizontalAdvance(window.told.whole) // 4, 20)
-    assert window.told.text().endswith("…")
-    assert angle in window.told.text()
-    window.told.resize(window.told.fontMetrics().horizontalAdvance(window.told.whole) + 20, 20)
-    assert '<a href="rotation">switch on Rotation strain</a>' in window.told.text()
+    window.status_text.resize(
+        3 * window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text) // 4,
+        20,
+    )
+    assert window.status_text.text().endswith("…")
+    assert angle in window.status_text.text()
+    window.status_text.resize(
+        window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text) + 20, 20
+    )
+    assert '<a href="rotation">switch on Rotation strain</a>' in window.status_text.text()
     # A click on its words does what they say.
-    for x in range(0, window.told.width(), 8):
+    for x in range(0, window.status_text.width(), 8):
         QTest.mouseClick(
-            window.told, Qt.MouseButton.LeftButton, pos=QPoint(x, window.told.height() // 2)
+            window.status_text,
+            Qt.MouseButton.LeftButton,
+            pos=QPoint(x, window.status_text.height() // 2),
         )
     assert "rotation" in window.document.values
     wait_until(lambda: settled(window) and window.stages.states["rotation"] == "fresh")
-    assert "lengths change" not in window.told.whole
-    assert "times as long" in window.told.whole
+    assert "lengths change" not in window.status_text.full_text
+    assert "times as long" in window.status_text.full_text
     window.menus.actions["Undo"].trigger()
-    wait_until(lambda: settled(window) and "lengths change" in window.told.whole)
+    wait_until(lambda: settled(window) and "lengths change" in window.status_text.full_text)
     # The first words say it, all is behind the button.
-    assert len(window.told.whole.split()) < 25
+    assert len(window.status_text.full_text.split()) < 25
     assert window.details.isVisible()
     # A motion that stays small is not.
     window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
-    wait_until(lambda: settled(window) and "turns" not in window.told.whole)
-    assert window.told.toolTip() == ""
+    wait_until(lambda: settled(window) and "turns" not in window.status_text.full_text)
+    assert window.status_text.toolTip() == ""
     assert not window.details.isVisible()
 
 
@@ -259,21 +266,21 @@ def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
 ) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
-    assert "⚠" not in window.told.whole
+    assert "⚠" not in window.status_text.full_text
     assert (window.details.isVisible(), window.details.text()) == (True, "Notes")
     # Its own change is its author's to answer for.
     window.document.set("weave", "warp_diameter", "0.24 mm")
-    wait_until(lambda: settled(window) and "⚠" in window.told.whole)
-    told = window.told.whole.partition("⚠")[2]
+    wait_until(lambda: settled(window) and "⚠" in window.status_text.full_text)
+    told = window.status_text.full_text.partition("⚠")[2]
     assert "too stiffly" in told
     assert len(told.split()) <= 16
     assert not set('[]="') & set(told)
-    whole = window.told.fontMetrics().horizontalAdvance(window.told.whole)
+    whole = window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text)
     assert whole <= 900  # of a window of 1,280 pixels
     # All of it is a click away.
     shown: list[str] = []
     monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))
     QTest.mouseClick(window.details, Qt.MouseButton.LeftButton)
     assert "elements" in shown[0]
-    window.document.undo.undo()
-    wait_until(lambda: settled(window) and "⚠" not in window.told.whole)
+    window.document.history.undo()
+    wait_until(lambda: settled(window) and "⚠" not in window.status_text.full_text)

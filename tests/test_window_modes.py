@@ -58,7 +58,7 @@ def test_a_click_in_the_response_lets_the_nearest_mode_swing(
     QTest.mouseClick(plot, Qt.MouseButton.LeftButton, pos=at)
     assert window.modes.mode == plot.mode == 3
     wait_until(lambda: window.director.swing is not None and window.director.swing.mode == 3)
-    QTest.mouseClick(window.modes.back, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.modes.back_button, Qt.MouseButton.LeftButton)
     assert plot.mode is None
     still = tmp_path / "still.toml"  # without modes
     still.write_text("[weave]\nends = 3\npicks = 3\n")
@@ -85,7 +85,7 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
     assert 0.1 * side < max(sizes) <= 0.3001 * side
     assert window.view.frame.surface.GetPointData().GetArray("displacement") is not None
     assert {stage.section: stage.executions for stage in scene.stages} == before
-    QTest.mouseClick(window.modes.back, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.modes.back_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: settled(window) and window.view.frame.swing is None)
     assert window.modes.mode is None
 
@@ -203,9 +203,9 @@ def test_a_mode_that_is_rebuilt_turns_by_a_right_angle(open_scene: Any, tmp_path
         'modal = { elements = "sheet", fixed = "+y", modes = 2 }\nresponse = {}\n'
     )
     window = open_scene(file)
-    assert window.modes.told.text() == "45°"
+    assert window.modes.amplitude_text.text() == "45°"
     window.modes.amplitude.setValue(window.modes.amplitude.maximum())
-    assert window.modes.told.text() == "90°"
+    assert window.modes.amplitude_text.text() == "90°"
     turned: list[float] = []
     longest: list[float] = []
 
@@ -231,4 +231,4 @@ def test_a_mode_that_is_rebuilt_turns_by_a_right_angle(open_scene: Any, tmp_path
     window.document.open("plain_weave")
     wait_until(lambda: settled(window))
     assert window.modes.amplitude.maximum() == 50
-    assert window.modes.told.text() == "15 %"
+    assert window.modes.amplitude_text.text() == "15 %"

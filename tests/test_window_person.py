@@ -63,7 +63,7 @@ def test_keys_play_step_look_and_undo(open_scene: Any, qtbot: Any) -> None:
 
 def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
     window = active(open_scene, qtbot)
-    window.stages.choose("weave")
+    window.stages.select("weave")
     line = window.properties.rows["pattern"].editor
     line = getattr(line, "line", line)
     cage = window.view.look.cage
@@ -77,9 +77,9 @@ def test_enter_gives_the_view_the_keyboard_and_tab_goes_on_from_the_field(
     open_scene: Any, qtbot: Any
 ) -> None:
     window = active(open_scene, qtbot)
-    window.stages.choose("weave")
+    window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
-    view = window.view.plotter
+    view = window.view.canvas
 
     def tab() -> Any:
         qtbot.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
@@ -108,7 +108,7 @@ def test_enter_gives_the_view_the_keyboard_and_tab_goes_on_from_the_field(
 
 def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:
     window = active(open_scene, qtbot)
-    window.stages.choose("weave")
+    window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "0.2 mm")
     assert window.document.scene.source.warp_diameter == pytest.approx(0.2e-3)
@@ -140,13 +140,13 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
     elif moment == "stroke":
         window.tabs.setCurrentWidget(window.draft)
         grid = window.draft.grid
-        across, down = grid.layout_now().panels["threading"]
-        at = QPoint(across.pixel(3) + 3, down.pixel(2) + 3)
+        across, down = grid.current_layout().panels["threading"]
+        at = QPoint(across.pixel_of(3) + 3, down.pixel_of(2) + 3)
         qtbot.mousePress(grid.viewport(), LEFT, pos=at)
-        assert grid.stroking
+        assert grid.is_stroking
     elif moment == "curves":
         window.tabs.setCurrentWidget(window.plots)
-        wait_until(lambda: window.engine.beside is not None)
+        wait_until(lambda: window.engine.background is not None)
     elif moment == "swing":
         window.modes.table.cellClicked.emit(1, 0)
         qtbot.wait(50)
@@ -157,7 +157,7 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
 
 def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) -> None:
     window = open_scene()
-    window.stages.choose("response")
+    window.stages.select("response")
     qtbot.wait(50)
     slider = window.properties.rows["alpha"].editor.slider
     option = QStyleOptionSlider()
@@ -170,7 +170,7 @@ def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) ->
     wait_until(lambda: window.errors.text)
     assert window.properties.section == "response"
     qtbot.mouseRelease(slider, LEFT, pos=handle.center())
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     # With the hands free, the field that is wrong is shown.
     window.document.set("weave", "warp_diameter", "1.9 mm")
@@ -184,7 +184,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
     window, dice = open_window(), random.Random(6)
 
     def slide() -> None:
-        window.stages.choose(dice.choice(["weave", "modal", "response", "surface"]))
+        window.stages.select(dice.choice(["weave", "modal", "response", "surface"]))
         rows = list(window.properties.rows.values())
         sliders = [s for r in rows if (s := getattr(r.editor, "slider", None))]
         sliders = [s for s in sliders if s.isVisible() and s.isEnabled()]
@@ -193,7 +193,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
 
     def write() -> None:
         section = dice.choice(list(sections()))
-        window.stages.choose(section)
+        window.stages.select(section)
         rows = list(window.properties.rows.values())
         lines = [x for r in rows if (x := getattr(r.editor, "line", None)) and x.isVisible()]
         if lines:
@@ -226,7 +226,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
             window.modes.table.cellClicked.emit(dice.randrange(window.modes.table.rowCount()), 0)
 
     def look() -> None:
-        view = window.view.plotter
+        view = window.view.canvas
         at = QPoint(dice.randrange(view.width()), dice.randrange(view.height()))
         qtbot.mouseClick(view, LEFT, pos=at)
         dice.choice(list(window.tools.cameras.values())).trigger()
@@ -235,7 +235,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
         dice.choice([window.times.play, window.times.last, window.times.back]).click()
 
     def back() -> None:
-        dice.choice([window.document.undo.undo, window.document.undo.redo])()
+        dice.choice([window.document.history.undo, window.document.history.redo])()
 
     for _ in range(deeds):
         dice.choice([slide, write, draw, plot, swing, look, step, back, back])()

@@ -19,7 +19,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
 from spacemap_vtk.app.plots import plots_tab  # noqa: E402
-from spacemap_vtk.app.plots.curves import curves_of  # noqa: E402
+from spacemap_vtk.app.plots.curves import compute_curves  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -28,7 +28,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 def plotted(window: Any) -> bool:
     plots = window.plots
-    return plots.curves is not None and plots.curves.key == plots.wish().key
+    return plots.curves is not None and plots.curves.key == plots.make_request().key
 
 
 @pytest.fixture
@@ -60,12 +60,12 @@ def pick(qtbot: Any, window: Any, number: int = 1) -> None:
 
 def _pick_one(qtbot: Any, window: Any) -> None:
     count = len(window.plots.points)
-    middle = QPoint(window.view.plotter.width() // 2, window.view.plotter.height() // 2)
+    middle = QPoint(window.view.canvas.width() // 2, window.view.canvas.height() // 2)
     keys = Qt.KeyboardModifier
     for x in range(-40, 60, 20):
         at = middle + QPoint(x, 100 * count)
         adding = keys.ShiftModifier if count else keys.NoModifier
-        qtbot.mouseClick(window.view.plotter, LEFT, adding, at)
+        qtbot.mouseClick(window.view.canvas, LEFT, adding, at)
         if len(window.plots.points) > count:
             break
     assert len(window.plots.points) == count + 1
@@ -98,7 +98,7 @@ def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
     first, second = window.view.picks
     assert window.plots.points == [first, second]
     # A click alone begins anew.
-    widget = window.view.plotter
+    widget = window.view.canvas
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     for x in range(-40, 60, 20):
         qtbot.mouseClick(widget, LEFT, pos=middle + QPoint(x, -100))
@@ -109,7 +109,7 @@ def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
     assert alone not in (first, second)
     wait_until(lambda: plotted(window))
     np.testing.assert_allclose(window.plots.curves.points, [alone.rest])
-    qtbot.mouseClick(window.plots.clear, LEFT)
+    qtbot.mouseClick(window.plots.clear_button, LEFT)
     assert window.view.picks == []
     assert not window.view.marks.GetVisibility()
     wait_until(lambda: plotted(window))
@@ -147,7 +147,7 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
     drawn: list[int] = []
     curves = window.plots.curves
     columns = set()
-    window.director.drawn.connect(lambda _: columns.add(tuple(canvas.columns())))
+    window.director.drawn.connect(lambda _: columns.add(tuple(canvas.cursor_columns())))
     qtbot.mouseClick(window.times.play, LEFT)
     # What opening the tab has still to draw is drawn by now: the canvas takes its place, and asks.
     wait_until(lambda: len(columns) > 4)
@@ -162,12 +162,12 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
     share = window.times.time / 0.2
     box = canvas.axes[0].get_position()
     column = (box.x0 + share * box.width) * canvas.width()
-    assert all(abs(c - column) <= 1 for c in canvas.columns())
+    assert all(abs(c - column) <= 1 for c in canvas.cursor_columns())
     picture = canvas.grab().toImage()
     middle = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
     dark = [
         picture.pixelColor(x, middle + y).lightness() < 90
-        for x in range(canvas.columns()[0] - 1, canvas.columns()[0] + 2)
+        for x in range(canvas.cursor_columns()[0] - 1, canvas.cursor_columns()[0] + 2)
         for y in (0, 3, 7)
     ]
     assert sum(dark) >= 3
@@ -277,7 +277,7 @@ def test_a_scene_that_stands_still_has_no_plots(plots_of: Any, tmp_path: Path) -
     window.document.open(still)
     wait_until(lambda: settled(window) and "not move" in window.plots.hint.text())
     assert not window.plots.canvas.isVisible()
-    assert not window.plots.save.isEnabled()
+    assert not window.plots.save_button.isEnabled()
     window.document.open("plain_weave")
     wait_until(lambda: plotted(window))
     assert window.plots.canvas.isVisible()
@@ -327,7 +327,7 @@ def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
     assert plots.curves is before
     assert plots.hint.text() != "Computing…"
     # The scene before: its curves are still right. Another one: they follow.
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window) and plotted(window))
     window.document.set("cage", "divisions", [3, 3, 1])
     wait_until(lambda: settled(window) and plotted(window))
@@ -354,7 +354,7 @@ def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path:
     # makes the free end of three cells set off 3.8 % faster.
     time, fallen = curves.times[:8], curves.motion[0, 0, :8, 2]
     np.testing.assert_allclose(fallen, -9.80665 * time**2 / 2, rtol=0.05)
-    window.times.go(0.01, False)
+    window.times.go_to(0.01, False)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.01)
     rest = points_of(window.view.frame.cage)
     vertex = int(np.argmin(np.linalg.norm(rest - curves.points[0], axis=1)))
@@ -377,12 +377,12 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     seen = []
 
     def slow(scene: Any, wish: Any) -> Any:
-        for share in curves_of(scene, wish):
+        for share in compute_curves(scene, wish):
             seen.append(share)
             time.sleep(0.06)
             yield share
 
-    monkeypatch.setattr(plots_tab, "curves_of", slow)
+    monkeypatch.setattr(plots_tab, "compute_curves", slow)
     plots.curves = None
     window.tabs.setCurrentWidget(plots)
     # A report of earlier work may still be on its way to the bar.
@@ -393,7 +393,7 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     assert 0.0 <= seen[0] < seen[-1] <= 1.0
     assert plots.run.text() == "Cancel"
     QTest.mouseClick(plots.run, LEFT)
-    assert engine.beside is None
+    assert engine.background is None
     assert not plots.bar.isVisible()
     assert "Cancelled" in plots.hint.text()
     count = len(seen)
@@ -401,7 +401,7 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     assert len(seen) <= count + 1
     assert plots.curves is None
 
-    monkeypatch.setattr(plots_tab, "curves_of", curves_of)
+    monkeypatch.setattr(plots_tab, "compute_curves", compute_curves)
     assert plots.run.text() == "Compute"
     QTest.mouseClick(plots.run, LEFT)
     wait_until(lambda: plotted(window))

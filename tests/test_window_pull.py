@@ -34,10 +34,10 @@ def show_pad(window: Any, **yarns: Any) -> Any:
 def drag(window: Any, *stretches: tuple[float, float], wait: int = 10) -> None:
     """Press where the cloth is, move over some stretches, let go at the last."""
     pad = window.pull.map
-    at = pad.place(*pad.at).toPoint()
+    at = pad.position_of(*pad.stretch).toPoint()
     QTest.mousePress(pad, Qt.MouseButton.LeftButton, pos=at)
     for stretch in stretches:
-        at = pad.place(*stretch).toPoint()
+        at = pad.position_of(*stretch).toPoint()
         QTest.mouseMove(pad, at)
         QTest.qWait(wait)
     QTest.mouseRelease(pad, Qt.MouseButton.LeftButton, pos=at)
@@ -62,38 +62,40 @@ def test_the_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any
     before = {stage.section: stage.executions for stage in scene_of(window).stages}
     drag(window, (1.01, 0.99), (1.02, 0.975), (1.03, 0.96))
     wait_until(lambda: pulled(window))
-    assert pad.at == pytest.approx((1.03, 0.96), abs=2e-3)  # a pixel
+    assert pad.stretch == pytest.approx((1.03, 0.96), abs=2e-3)  # a pixel
     # At rest it is as smooth as the scene asks for, and the cloth has the size that was pulled.
     cage = window.view.frame.cage
     moved = vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     wide, high, _ = np.ptp(vtk_to_numpy(cage.GetPoints().GetData()) + moved, axis=0)
-    assert (high / size_of(cage)[1], wide / size_of(cage)[0]) == pytest.approx(pad.at, abs=1e-6)
+    assert (high / size_of(cage)[1], wide / size_of(cage)[0]) == pytest.approx(
+        pad.stretch, abs=1e-6
+    )
     strain = vtk_to_numpy(window.view.frame.surface.GetCellData().GetArray("yarn_strain"))
     assert strain.max() < 1e-6
-    assert "Yarn strain 0.00 and 0.00 %" in window.pull.told.text()
+    assert "Yarn strain 0.00 and 0.00 %" in window.pull.state_text.text()
     assert {s.section: s.executions for s in scene_of(window).stages} == before
-    QTest.mouseClick(window.pull.back, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.pull.back_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: settled(window) and window.view.frame.swing is None)
-    assert pad.at == (1.0, 1.0)
+    assert pad.stretch == (1.0, 1.0)
 
 
 def test_keys_move_the_point_and_a_jam_is_told(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window)
     shown = window.times.time
-    QTest.mouseClick(pad, Qt.MouseButton.LeftButton, pos=pad.place(1.0, 0.95).toPoint())
-    start = pad.at
+    QTest.mouseClick(pad, Qt.MouseButton.LeftButton, pos=pad.position_of(1.0, 0.95).toPoint())
+    start = pad.stretch
     QTest.keyClick(pad, Qt.Key.Key_Right)
     QTest.keyClick(pad, Qt.Key.Key_Down, Qt.KeyboardModifier.ShiftModifier)
-    assert pad.at == pytest.approx((start[0] + 0.002, start[1] - 0.01), abs=1e-9)
-    assert "slack" in window.pull.told.text()
-    assert "jams" not in window.pull.told.text()
+    assert pad.stretch == pytest.approx((start[0] + 0.002, start[1] - 0.01), abs=1e-9)
+    assert "slack" in window.pull.state_text.text()
+    assert "jams" not in window.pull.state_text.text()
     for _ in range(5):
         for key in (Qt.Key.Key_Down, Qt.Key.Key_Right):
             QTest.keyClick(pad, key, Qt.KeyboardModifier.ShiftModifier)
-    assert "The weft jams" in window.pull.told.text()
+    assert "The weft jams" in window.pull.state_text.text()
     QTest.keyClick(pad, Qt.Key.Key_Home)
-    assert pad.at == (1.0, 1.0)
+    assert pad.stretch == (1.0, 1.0)
     assert window.times.time == shown  # the key is not the menu's
     wait_until(lambda: pulled(window))
     QTest.keyClick(pad, Qt.Key.Key_Escape)
@@ -108,7 +110,7 @@ def test_a_drag_pulls_the_cloth(open_scene: Any) -> None:
     np.testing.assert_allclose(force[0], force[1].T, rtol=1e-6, atol=1e-6)  # a square cloth
     drag(window, (1.03, 1.03))
     wait_until(lambda: pulled(window))
-    assert "N/m" in window.pull.told.text()
+    assert "N/m" in window.pull.state_text.text()
 
 
 def test_another_cloth_has_another_map_and_stays_pulled(open_scene: Any) -> None:
@@ -117,17 +119,17 @@ def test_another_cloth_has_another_map_and_stays_pulled(open_scene: Any) -> None
     before = pad.map
     drag(window, (1.05, 1.02))
     wait_until(lambda: pulled(window))
-    told = window.pull.told.text()
+    told = window.pull.state_text.text()
     window.document.set("yarns", "tension", "100 N")
     wait_until(lambda: pad.map is not before and pulled(window))
     assert pad.map.force.max() > before.force.max()
-    assert window.pull.told.text() != told
-    assert window.director.swing.warp == pad.at[0]
+    assert window.pull.state_text.text() != told
+    assert window.director.swing.warp == pad.stretch[0]
     # Without what they resist there is no map, and the motion again.
     window.document.set("yarns", "inextensible", True)
     wait_until(lambda: not pad.map.force.any())
-    window.document.undo.undo()
-    window.document.undo.undo()
+    window.document.history.undo()
+    window.document.history.undo()
     wait_until(lambda: np.array_equal(pad.map.force, before.force))
 
 
@@ -141,7 +143,7 @@ def test_a_scene_without_yarns_gets_them_by_a_click(open_scene: Any) -> None:
     window.pull.hint.linkActivated.emit("yarns")  # as a click on its words does
     wait_until(lambda: settled(window) and window.pull.map.map is not None)
     assert window.stages.states["yarns"] == "fresh"
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window) and window.pull.map.map is None)
     assert window.stages.states["yarns"] == "off"
     window.document.open(library.find("lever_in_tetwild_cage"))

@@ -109,9 +109,9 @@ def test_dead_loads_are_drawn_while_it_hangs() -> None:
 
 def test_loads_are_drawn_and_follow_time(open_scene: Any) -> None:
     window = open_scene("gust")
-    window.tools.shown["loads"].trigger()
+    window.tools.part_actions["loads"].trigger()
     without = window.view.image().astype(int)
-    window.tools.shown["loads"].trigger()
+    window.tools.part_actions["loads"].trigger()
     assert np.abs(window.view.image().astype(int) - without).max() > 60
     assert {"gravity", "pressure", "traction"} == set(window.view.frame.arrows.kinds)
     type_into(window.times.line, "0.5")
@@ -138,7 +138,7 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_scene: Any) -> None:
     window.tools.cameras["three-quarter"].trigger()
     QTest.qWait(100)
     origin = np.array(window.view.scene_view.cut[1])
-    widget, at = window.view.plotter, None
+    widget, at = window.view.canvas, None
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     for step in range(-30, 40, 10):
         at = middle + QPoint(step, 60)
@@ -155,9 +155,9 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_scene: Any) -> None:
     # The scene says where it is: one change, which can be undone.
     wait_until(lambda: window.document.scene.view.clip_origin is not None)
     np.testing.assert_allclose(window.document.scene.view.clip_origin, moved, rtol=1e-4, atol=1e-9)
-    window.document.undo.undo()
+    window.document.history.undo()
     np.testing.assert_allclose(window.view.scene_view.cut[1], origin, atol=1e-9)
-    window.document.undo.redo()
+    window.document.history.redo()
     np.testing.assert_allclose(window.view.scene_view.cut[1], moved, rtol=1e-4, atol=1e-9)
     # Whole, and cut where it was.
     window.tools.clip.trigger()
@@ -193,8 +193,8 @@ def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) 
     bottom = BACKGROUNDS[name][0] or "#ffffff"
     assert np.abs(corner - list(bytes.fromhex(bottom[1:]))).max() < 8
     if name != "Automatic":
-        assert window.document.undo.count() == 1
-        window.document.undo.undo()
+        assert window.document.history.count() == 1
+        window.document.history.undo()
     assert window.document.text == before
 
 
@@ -206,7 +206,7 @@ def test_a_style_is_chosen_and_undone(open_scene: Any) -> None:
     corner = window.view.image()[-4, 4].astype(int)
     assert np.abs(corner - STYLES["blueprint"].below).max() < 3
     assert 'style = "blueprint"' in window.document.text
-    window.document.undo.undo()
+    window.document.history.undo()
     assert window.document.text == before
     assert window.tools.styles["studio"].isChecked()
 
@@ -218,7 +218,7 @@ def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
     told: list[list[Any]] = []
     window.view.picks_changed.connect(told.append)
-    widget = window.view.plotter
+    widget = window.view.canvas
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     left, shift = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier
     for k, modifier in ((0, Qt.KeyboardModifier.NoModifier), (1, shift), (2, shift)):
@@ -242,13 +242,13 @@ def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
 
 def test_an_object_is_picked_too(open_scene: Any) -> None:
     window = open_scene("animal_in_carved_cage")
-    widget = window.view.plotter
+    widget = window.view.canvas
     QTest.mouseClick(
         widget, Qt.MouseButton.LeftButton, pos=QPoint(widget.width() // 2, widget.height() // 2)
     )
     assert window.view.picks
     assert window.view.picks[0].yarn is None
-    assert "moved by" in window.told.whole
+    assert "moved by" in window.status_text.full_text
 
 
 def test_the_scale_never_shrinks_while_time_passes(open_scene: Any) -> None:

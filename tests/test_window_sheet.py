@@ -60,7 +60,7 @@ def notes(window: Any) -> dict[str, str]:
 
 def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
-    window.stages.choose("modal")
+    window.stages.select("modal")
     found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
     assert told["elements"] == "in force: sheet"  # "auto" has decided
     assert told["bending_rigidity"] == (
@@ -85,7 +85,7 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     assert "tetrahedra" in window.modes.sheet.text()
     window.document.set("modal", "elements", "tetrahedra")
     wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field says it
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     assert headings["Sheet"].isVisibleTo(window)  # what is written stays
     for name in ("tensile_rigidity", "bending_rigidity", "areal_mass"):
@@ -94,9 +94,9 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     assert not headings["Sheet"].isVisibleTo(window)
     assert headings["Hung"].isVisibleTo(window)
     for _ in range(4):
-        window.document.undo.undo()
+        window.document.history.undo()
     wait_until(lambda: settled(window) and "bending_length" in notes(window))
-    supports, times = window.tools.shown["supports"], window.times
+    supports, times = window.tools.part_actions["supports"], window.times
     assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     play = times.play.toolTip()
     # Another scene's figures are none of this one's.
@@ -110,9 +110,9 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     window.document.switch("response")
     assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     assert times.play.toolTip() == play != times.toolTip() == ""
-    window.document.undo.undo()
+    window.document.history.undo()
     assert not times.isEnabled()
-    window.stages.choose("modal")
+    window.stages.select("modal")
     assert not any("in force" in row.note.text() for row in window.properties.rows.values())
     assert not window.modes.sheet.isVisible()
 
@@ -120,10 +120,10 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
 def test_what_was_automatic_begins_with_what_was_in_force(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.document.set("modal", "bending_rigidity", None)
-    window.stages.choose("modal")
+    window.stages.select("modal")
     wait_until(lambda: settled(window) and "warp" not in notes(window)["bending_rigidity"])
     before, row = notes(window), window.properties.rows["bending_length"]
-    wait_until(lambda: row.resolved is not None)
+    wait_until(lambda: row.automatic_value is not None)
     row.automatic.click()
     wait_until(lambda: settled(window))
     assert window.document.scene.modal.bending_length is not None
@@ -139,7 +139,7 @@ def test_it_hangs_and_does_not_at_a_click(open_scene: Any, strip: Path) -> None:
     assert hung is not None
     assert hung[:, 2].min() < -0.03
     # The ghost is the undeformed cloth: flat, and as long as it is.
-    window.tools.shown["ghost"].trigger()
+    window.tools.part_actions["ghost"].trigger()
     wait_until(lambda: settled(window))
     ghost = window.view.scene_view.ghost.GetMapper().GetInput()
     assert np.ptp(points_of(ghost)[:, 2]) < 1.1e-3
@@ -154,7 +154,7 @@ def test_it_hangs_and_does_not_at_a_click(open_scene: Any, strip: Path) -> None:
         # What it hangs under stays.
         assert window.document.scene.modal.gravity == (0.0, 0.0, -9.80665)
         if undone:
-            window.document.undo.undo()
+            window.document.history.undo()
         else:
             hang.trigger()
         wait_until(lambda: settled(window) and equilibrium(window) is not None)
@@ -179,7 +179,7 @@ def test_what_has_no_gravity_hangs_under_that_of_its_motion(open_scene: Any, str
 
 def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
-    window.stages.choose("modal")
+    window.stages.select("modal")
     row, before = window.properties.rows["dead_loads"], equilibrium(window)
     choices = [action.data() for action in row.editor.add.menu().actions()]
     assert choices == list(DEAD_ACTIONS)
@@ -225,7 +225,7 @@ def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip:
     assert window.view.frame is frame
     assert window.errors.text == "The run was cancelled: the picture is older than the fields."
     # Nothing of it is taken for a result.
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window))
     assert window.errors.text == ""
     assert window.view.frame.cage.GetNumberOfPoints() == 54
@@ -245,11 +245,11 @@ def test_colours_of_what_has_gone_are_reset(open_scene: Any, strip: Path) -> Non
     wait_until(lambda: settled(window) and window.view.frame.color == "own")
     assert window.errors.text == ""
     assert "Hung state" in window.statusBar().currentMessage()
-    assert window.document.written("view", "color") is None
+    assert window.document.value_in_file("view", "color") is None
     assert not window.tools.hang.isChecked()
     # Back at once: that it hangs, and its colours.
-    window.document.undo.undo()
+    window.document.history.undo()
     wait_until(lambda: settled(window) and window.view.frame.color == "equilibrium")
     assert window.document.text == colored
-    window.document.undo.undo()
+    window.document.history.undo()
     assert window.document.text == before

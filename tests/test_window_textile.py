@@ -41,7 +41,7 @@ def test_a_draft_that_is_no_section_weave_is_not_edited(open_window: Any, tmp_pa
     wait_until(lambda: rows.rowCount() > 10)
     assert "crimp c" in [rows.item(k, 0).text() for k in range(rows.rowCount())]
     window.tabs.setCurrentWidget(window.draft)
-    wait_until(lambda: "[tabby] cannot be edited" in window.draft.empty.text())
+    wait_until(lambda: "[tabby] cannot be edited" in window.draft.placeholder.text())
 
 
 @pytest.mark.parametrize("source", [Rods, Loops])
@@ -61,8 +61,8 @@ def test_a_textile_is_shown_with_its_own_figures(
     assert rows["diameter d"] == "0.4 mm"
     assert "crimp c" not in rows
     window.tabs.setCurrentWidget(window.draft)
-    wait_until(lambda: "not woven" in window.draft.empty.text())
-    assert not window.draft.saved.isEnabled()
+    wait_until(lambda: "not woven" in window.draft.placeholder.text())
+    assert not window.draft.save_button.isEnabled()
     assert "draft" not in offered(window, monkeypatch)
     # Another value of the source is another textile.
     window.document.set(source.section, "count", 6)

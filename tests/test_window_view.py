@@ -34,9 +34,9 @@ def image(window: Any) -> np.ndarray:
 def test_what_is_shown_can_be_switched(open_scene: Any, name: str) -> None:
     window = open_scene()
     before = image(window)
-    window.tools.shown[name].trigger()
+    window.tools.part_actions[name].trigger()
     assert np.abs(image(window) - before).max() > 30
-    window.tools.shown[name].trigger()
+    window.tools.part_actions[name].trigger()
     assert np.abs(image(window) - before).max() < 8
 
 
@@ -45,7 +45,7 @@ def test_smooth_edges_are_the_same_whether_or_not_their_shader_could_be_quickene
 ) -> None:
     class Plain(canvas.Canvas):
         def _quicken(self) -> None:
-            self._quickened = True
+            self._fxaa_patched = True
 
     def drawn(kind: type[canvas.Canvas], smooth: bool = True) -> np.ndarray:
         widget = kind(None)
@@ -72,7 +72,7 @@ def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
     # Wide: its height is what is scarce.
     window.resize(1500, 600)
     wait_until(lambda: settled(window))
-    renderer = window.view.plotter.renderer
+    renderer = window.view.canvas.renderer
 
     def farthest() -> float:
         """How far from the middle of the picture an arrow ends; 1 is its edge."""
@@ -84,22 +84,22 @@ def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
         return max(ends)
 
     assert farthest() > 1.0
-    window.tools.shown["loads"].trigger()
+    window.tools.part_actions["loads"].trigger()
     wait_until(lambda: settled(window))
     assert 0.7 < farthest() < 1.0
     window.tools.cameras["right"].trigger()
     assert farthest() < 1.0
     # Whoever has moved the camera keeps it.
-    window.tools.shown["loads"].trigger()
-    window.view.plotter.camera.Azimuth(10.0)
-    before = window.view.plotter.camera.GetPosition()
-    window.tools.shown["loads"].trigger()
-    assert window.view.plotter.camera.GetPosition() == before
+    window.tools.part_actions["loads"].trigger()
+    window.view.canvas.camera.Azimuth(10.0)
+    before = window.view.canvas.camera.GetPosition()
+    window.tools.part_actions["loads"].trigger()
+    assert window.view.canvas.camera.GetPosition() == before
 
 
 def test_python_works_on_while_software_draws(open_window: Any) -> None:
     window = open_window()
-    canvas, wait, done, ticks = window.view.plotter, window.view.plotter.wait, [], []
+    canvas, wait, done, ticks = window.view.canvas, window.view.canvas._gl_finish, [], []
     interactor, drawing, ended = canvas.interactor, [], threading.Event()
 
     def tick() -> None:
@@ -120,7 +120,7 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
             interactor.Render()
             drawing.append(len(done) - before)
 
-    canvas.wait, canvas.interactor = watched, Watched()
+    canvas._gl_finish, canvas.interactor = watched, Watched()
     thread = threading.Thread(target=tick)
     usual = sys.getswitchinterval()
     # Nobody is made to let go of Python's lock: who works has been let.
@@ -163,7 +163,7 @@ def test_every_colouring_is_another_picture(open_scene: Any) -> None:
         for other in pictures[:k]:
             assert np.abs(one - other).max() > 60
     # Each was a change that can be undone.
-    assert window.document.undo.count() == 1 + len(names) - 1
+    assert window.document.history.count() == 1 + len(names) - 1
     assert window.document.values["view"]["color"] == names[-1]
 
 
@@ -171,7 +171,7 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_scene: Any) -> N
     window = open_scene()
     look = window.view.scene_view.surface.GetProperty()
     for azimuth in (0, 70, 110):
-        window.view.plotter.camera.Azimuth(azimuth)
+        window.view.canvas.camera.Azimuth(azimuth)
         window.view.render()
         assert look.GetBackfaceCulling()
         near = image(window)
@@ -195,7 +195,7 @@ def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
     view.handle.show(False)
     window.tools.cameras["right"].trigger()
     for azimuth in (0, 25, -50):
-        view.plotter.camera.Azimuth(azimuth)
+        view.canvas.camera.Azimuth(azimuth)
         solid = image(window)
         # Nothing of the inside is in sight: without the far sides it is the same picture ...
         look.BackfaceCullingOff()
@@ -231,9 +231,9 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
     QTest.qWait(100)
     picks: list[Any] = []
     window.view.picked.connect(picks.append)
-    middle = QPoint(window.view.plotter.width() // 2, window.view.plotter.height() // 2)
+    middle = QPoint(window.view.canvas.width() // 2, window.view.canvas.height() // 2)
     for x in range(-40, 60, 20):
-        QTest.mouseClick(window.view.plotter, Qt.MouseButton.LeftButton, pos=middle + QPoint(x, 0))
+        QTest.mouseClick(window.view.canvas, Qt.MouseButton.LeftButton, pos=middle + QPoint(x, 0))
     assert picks
     pick = picks[-1]
     assert 0 <= pick.yarn < 14
@@ -242,7 +242,7 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
     np.testing.assert_allclose(moved, pick.position, atol=1e-9)
     # As weavers count, and as "spacemap info" and the draft do.
     said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
-    assert window.told.whole.startswith(said + " ")
+    assert window.status_text.full_text.startswith(said + " ")
     # It is told at the point, with what is shown, while time goes on, until Escape.
     labels = window.view.scene_view.annotations
     place, words = labels.labels[0]
@@ -260,7 +260,7 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
     np.testing.assert_allclose(labels.labels[0][0], pick.rest, atol=1e-9)
-    forget = window.tools.keys.looks[-1]
+    forget = window.tools.keys.appearance_actions[-1]
     assert forget.shortcut().toString() == "Esc"
     forget.trigger()
     assert not labels.labels
@@ -273,7 +273,7 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
 
 def seen(window: Any) -> np.ndarray:
     """Return what the screen shows of the view, which nobody draws anew for that."""
-    view = window.view.plotter
+    view = window.view.canvas
     place = view.mapToGlobal(QPoint(0, 0))
     grabbed = window.screen().grabWindow(0, place.x(), place.y(), view.width(), view.height())
     drawn = grabbed.toImage().convertToFormat(QImage.Format.Format_RGB888)
@@ -283,7 +283,7 @@ def seen(window: Any) -> np.ndarray:
 
 def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_scene: Any) -> None:
     window = open_scene()
-    widget, at = window.view.plotter, QPoint(300, 300)
+    widget, at = window.view.canvas, QPoint(300, 300)
     QTest.qWait(300)
     pictures = [seen(window)]
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
@@ -301,32 +301,32 @@ def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene:
     window = open_scene()
     view = window.view
     view.steer(True)
-    assert not view.plotter.shade.on
-    moving = view.plotter.image().astype(int)
+    assert not view.canvas.shade.on
+    moving = view.canvas.image().astype(int)
     view.steer(False)
-    wait_until(lambda: view.plotter.shade.on)
-    rest = view.plotter.image().astype(int)
+    wait_until(lambda: view.canvas.shade.on)
+    rest = view.canvas.image().astype(int)
     # What is deep is darker, what light falls on as it was, and nothing is lighter.
     assert (moving - rest).max() > 40
     assert (rest - moving).max() <= 1
     assert (np.abs(moving - rest).max(axis=2) <= 1).mean() > 0.7
     window.document.set("view", "color", "displacement")
-    wait_until(lambda: settled(window) and not view._calm.isActive())
-    assert not view.plotter.shade.on
+    wait_until(lambda: settled(window) and not view._shadow_timer.isActive())
+    assert not view.canvas.shade.on
 
 
 def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
     view.zoom(4.0)  # cloth all round
-    window.tools.shown["scale_bar"].trigger()  # it would take the other's place
+    window.tools.part_actions["scale_bar"].trigger()  # it would take the other's place
     pictures = []
     for _ in range(2):
         wait_until(lambda: settled(window) and not view.steering)
         pictures.append(view.image().astype(int))
         if len(pictures) == 1:
-            _, low, right, high = (round(end) for end in view.plotter.shade.clear[0])
-            window.tools.shown["triad"].trigger()
+            _, low, right, high = (round(end) for end in view.canvas.shade.clear[0])
+            window.tools.part_actions["triad"].trigger()
     beside = slice(-high, -low or None), slice(right + 3, right + 20)
     with_, without = (picture[beside] for picture in pictures)
     assert with_.std() > 20
@@ -337,7 +337,7 @@ def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) 
 
 def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -> None:
     window = open_scene()
-    widget, at, drawn = window.view.plotter, QPoint(300, 300), []
+    widget, at, drawn = window.view.canvas, QPoint(300, 300), []
     widget.render_window.AddObserver("EndEvent", lambda *_: drawn.append(1))
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
     QTest.qWait(100)
@@ -354,15 +354,15 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
     window = open_scene()
     picks: list[Any] = []
     window.view.picked.connect(picks.append)
-    before = np.array(window.view.plotter.camera.GetPosition())
-    widget, at = window.view.plotter, QPoint(300, 300)
+    before = np.array(window.view.canvas.camera.GetPosition())
+    widget, at = window.view.canvas, QPoint(300, 300)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
     for _ in range(10):
         at += QPoint(10, 4)
         QTest.mouseMove(widget, at)
         QTest.qWait(10)
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
-    assert np.linalg.norm(window.view.plotter.camera.GetPosition() - before) > 1e-4
+    assert np.linalg.norm(window.view.canvas.camera.GetPosition() - before) > 1e-4
     assert not picks
 
 
@@ -413,7 +413,7 @@ def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_scene: Any) -> None:
     stress.trigger()
     assert window.tools.coloring.currentData() == window.document.scene.view.color == "stress"
     assert stress.isChecked()
-    window.document.undo.undo()
+    window.document.history.undo()
     assert not stress.isChecked()
 
 
@@ -442,7 +442,7 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     view.zoom(0.3)
     wait_until(lambda: settled(window) and view.frame.seen == view.seen and not view.frame.finer)
     facets, runs = view.frame.surface.GetNumberOfCells(), stage.executions
-    view.plotter.camera.Azimuth(2.0)
+    view.canvas.camera.Azimuth(2.0)
     view.render()
     wait_until(lambda: settled(window) and not view.steering)
     assert stage.executions == runs  # nobody would see more
@@ -454,7 +454,7 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     assert sides.min() <= 4
     assert near.surface.GetNumberOfCells() < 3 * facets
     # What is made with a margin serves a small turn, too.
-    view.plotter.camera.Azimuth(0.01)
+    view.canvas.camera.Azimuth(0.01)
     view.render()
     wait_until(lambda: settled(window) and view.frame.seen == view.seen)
     assert stage.executions == runs
@@ -467,14 +467,14 @@ def test_words_on_a_picked_point_outlast_another_view(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
     window.tools.cameras["front"].trigger()
-    view.click(QPointF(view.plotter.width() / 2, view.plotter.height() / 2))
+    view.click(QPointF(view.canvas.width() / 2, view.canvas.height() / 2))
     (picked,) = view.picks
-    assert window.told.whole == picked.text
+    assert window.status_text.full_text == picked.text
     view.zoom(20.0)
     wait_until(lambda: settled(window) and view.frame.finer)
-    assert window.told.whole == picked.text
+    assert window.status_text.full_text == picked.text
     window.document.set("weave", "warp_color", "#00ff00")
-    wait_until(lambda: settled(window) and "facets" in window.told.whole)
+    wait_until(lambda: settled(window) and "facets" in window.status_text.full_text)
 
 
 def test_the_view_has_the_fibres_of_the_file(
@@ -483,7 +483,7 @@ def test_the_view_has_the_fibres_of_the_file(
     window = open_scene("twill_2_2")
     view = window.view
     for name in ("triad", "scale_bar"):
-        window.tools.shown[name].trigger()
+        window.tools.part_actions[name].trigger()
     window.tools.cameras["front"].trigger()
     view.zoom(1.6)
     wait_until(lambda: settled(window) and not view.steering)
@@ -491,7 +491,7 @@ def test_the_view_has_the_fibres_of_the_file(
     done, file = [], tmp_path / "cloth.png"
     window.exports.written.connect(done.append)
     panels = view.panels(window.document.scene)
-    window.exports.start("picture", file, size=view.seen.size, panels=panels, place=view.place)
+    window.exports.start("picture", file, size=view.seen.size, panels=panels, place=view.viewpoint)
     wait_until(lambda: done or window.errors.text)
     with Image.open(file) as image:
         written = np.asarray(image)

@@ -48,18 +48,18 @@ def test_an_artist_makes_a_film_and_an_object(
 
     # 3. The camera: from the front, turned by a drag, farther away by the wheel.
     window.tools.cameras["front"].trigger()
-    front = np.array(window.view.place.position)
-    view = window.view.plotter
+    front = np.array(window.view.viewpoint.position)
+    view = window.view.canvas
     middle = view.rect().center()
     qtbot.mousePress(view, LEFT, pos=middle)
     for step in range(1, 5):
         qtbot.mouseMove(view, middle + QPoint(24 * step, -8 * step))
         qtbot.wait(10)
     qtbot.mouseRelease(view, LEFT, pos=middle + QPoint(96, -32))
-    turned = np.array(window.view.place.position)
+    turned = np.array(window.view.viewpoint.position)
     assert np.linalg.norm(turned - front) > 0.05 * np.linalg.norm(front)
     turn_wheel(view, -120)
-    away = np.array(window.view.place.position)
+    away = np.array(window.view.viewpoint.position)
     assert np.linalg.norm(away) > 1.01 * np.linalg.norm(turned)
 
     # 4. A red warp.
@@ -86,7 +86,7 @@ def test_an_artist_makes_a_film_and_an_object(
         dialog.height_box.setValue(120)
         replace_text(dialog.lines["stop"], "20 ms")
         replace_text(dialog.line, str(film))
-        assert "frames" in dialog.told.text()
+        assert "frames" in dialog.summary.text()
         qtbot.mouseClick(dialog.save, LEFT)
 
     fill_in(window.menus.actions["Export film…"], fill_film)

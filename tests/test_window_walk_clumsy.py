@@ -65,7 +65,7 @@ def test_a_clumsy_user_loses_nothing(
     assert window.errors.text == ""
 
     # 6. A cage of far too many cells, cancelled at once.
-    window.stages.choose("cage")
+    window.stages.select("cage")
     type_into(window.properties.rows["divisions"].editor.components[0].line, "40")
     wait_until(window.cancel.isVisible)
     qtbot.mouseClick(window.cancel, LEFT)

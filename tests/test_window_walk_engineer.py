@@ -66,7 +66,7 @@ def test_an_engineer_lays_out_a_twill(
 
     wait_until(lambda: "0 m (end" in figures())
     assert "146.6 g/m²" in figures()
-    qtbot.mouseClick(window.figures.copied, LEFT)
+    qtbot.mouseClick(window.figures.copy_button, LEFT)
     assert "146.588" in QApplication.clipboard().text()
     keep_picture(window, "figures.jpg")
 
@@ -90,18 +90,18 @@ def test_an_engineer_lays_out_a_twill(
     window.pull.hint.linkActivated.emit("yarns")
     pad = window.pull.map
     wait_until(lambda: pad.map is not None and settled(window))
-    here, there = pad.place(*pad.at).toPoint(), pad.place(1.03, 1.0).toPoint()
+    here, there = pad.position_of(*pad.stretch).toPoint(), pad.position_of(1.03, 1.0).toPoint()
     qtbot.mousePress(pad, LEFT, pos=here)
     for share in (0.25, 0.5, 0.75, 1.0):
         qtbot.mouseMove(pad, here + (there - here) * share)
         qtbot.wait(10)
     qtbot.mouseRelease(pad, LEFT, pos=there)
-    wait_until(lambda: "Crossings are pressed to" in window.pull.told.text())
-    assert "pressed to 86." in window.pull.told.text()
+    wait_until(lambda: "Crossings are pressed to" in window.pull.state_text.text())
+    assert "pressed to 86." in window.pull.state_text.text()
     keep_picture(window, "engineer.jpg")
 
     # 8. The middles of all yarns are a table.
-    qtbot.mouseClick(window.pull.back, LEFT)
+    qtbot.mouseClick(window.pull.back_button, LEFT)
     wait_until(lambda: settled(window))
     file = tmp_path / "twill.csv"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))

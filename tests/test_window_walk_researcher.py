@@ -22,7 +22,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
-from spacemap_vtk.app.work.job import Swing  # noqa: E402
+from spacemap_vtk.app.work.frame_request import Swing  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton
 
@@ -49,11 +49,11 @@ def test_a_researcher_compares_cages(
     first = modes.table.visualItemRect(modes.table.item(0, 0)).center()
     qtbot.mouseClick(modes.table.viewport(), LEFT, pos=first)
     wait_until(lambda: isinstance(window.director.swing, Swing))
-    qtbot.mouseClick(modes.back, LEFT)
+    qtbot.mouseClick(modes.back_button, LEFT)
     assert window.director.swing is None
 
     # 3. A sheet.
-    window.stages.choose("modal")
+    window.stages.select("modal")
     elements = window.properties.rows["elements"].editor.box
     elements.setCurrentText("sheet")
     elements.activated.emit(elements.currentIndex())
@@ -62,7 +62,7 @@ def test_a_researcher_compares_cages(
     wait_until(lambda: "shorter than the cage's cells resolve" in modes.unresolved.text())
 
     # 4. A finer cage.
-    window.stages.choose("cage")
+    window.stages.select("cage")
     divisions = window.properties.rows["divisions"].editor.components[0].line
     divisions.selectAll()
     qtbot.keyClicks(divisions, "8")
@@ -82,7 +82,7 @@ def test_a_researcher_compares_cages(
     wait_until(lambda: window.plots.curves is not None and settled(window))
     window.plots.quantity.setCurrentText("Velocity")
     window.plots.quantity.activated.emit(window.plots.quantity.currentIndex())
-    wait_until(lambda: settled(window) and window.engine.beside is None)
+    wait_until(lambda: settled(window) and window.engine.background is None)
     titles = [axes.get_title(loc="left") for axes in window.plots.canvas.figure.axes]
     assert any(title.startswith("Velocity") for title in titles)
     keep_picture(window, "researcher.jpg")
@@ -100,8 +100,8 @@ def test_a_researcher_compares_cages(
     assert file.read_text().count("<DataSet") > 1
 
     # 8. The same by steps of the nonlinear equations.
-    window.stages.choose("transient")
-    qtbot.mouseClick(window.properties.add, LEFT)
+    window.stages.select("transient")
+    qtbot.mouseClick(window.properties.switch_on_button, LEFT)
     wait_until(lambda: settled(window))
     assert window.stages.states["transient"] == "fresh"
     assert window.errors.text == ""

@@ -15,7 +15,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
-from spacemap_vtk.app.draft.layout import Place  # noqa: E402
+from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.io.drafts.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
@@ -30,7 +30,7 @@ def test_a_weaver_corrects_a_draft(
     draft = window.draft
 
     def click(panel: str, across: int, up: int) -> None:
-        at = QPoint(*draft.grid.layout_now().center(Place(panel, across, up)))
+        at = QPoint(*draft.grid.current_layout().center(GridCell(panel, across, up)))
         qtbot.mouseClick(draft.grid.viewport(), LEFT, pos=at)
 
     # 1. A draft that a loom's program has written.
@@ -52,7 +52,7 @@ def test_a_weaver_corrects_a_draft(
     click("threading", 3, 9)
     wait_until(lambda: settled(window))
     assert (scene_of(window).source.cloth.drawdown[:, 2] != woven[:, 2]).any()
-    window.stages.choose("weave")
+    window.stages.select("weave")
     name = window.properties.rows["draft"].editor.line
     assert name.text() == "32-shaft_twill.wif, edited"
     assert window.isWindowModified()
@@ -71,22 +71,22 @@ def test_a_weaver_corrects_a_draft(
     keep_picture(window, "weaver.jpg")
 
     # 5. What each pick lifts, and 6. back to treadles.
-    treadled = draft.kind.currentIndex()
-    draft.kind.setCurrentText("Liftplan")
-    draft.kind.activated.emit(draft.kind.currentIndex())
+    treadled = draft.loom_kind.currentIndex()
+    draft.loom_kind.setCurrentText("Liftplan")
+    draft.loom_kind.activated.emit(draft.loom_kind.currentIndex())
     wait_until(lambda: settled(window))
     window.menus.actions["Undo"].trigger()
     wait_until(lambda: settled(window))
-    assert draft.kind.currentIndex() == treadled
+    assert draft.loom_kind.currentIndex() == treadled
 
     # It is saved beside the one that it came from.
     mine = tmp_path / "mine.wif"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(mine), ""))
-    qtbot.mouseClick(draft.saved, LEFT)
+    qtbot.mouseClick(draft.save_button, LEFT)
     assert read_wif(mine).loom == draft.grid.shown.loom
 
     # 7. Near by yarns are seen as yarns, and what is seen is a picture.
-    turn_wheel(window.view.plotter, 120)
+    turn_wheel(window.view.canvas, 120)
     wait_until(lambda: settled(window))
     picture = tmp_path / "mine.png"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(picture), ""))

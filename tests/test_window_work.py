@@ -117,9 +117,9 @@ def test_a_drop_on_the_view_opens_and_asks_first(
 def test_every_kind_of_change_is_undone_and_done_again(open_scene: Any) -> None:
     window = open_scene("gust")
     document, texts = window.document, [window.document.text]
-    window.stages.choose("response")
+    window.stages.select("response")
     loads = window.properties.rows["loads"].editor
-    window.stages.choose("weave")
+    window.stages.select("weave")
     pattern = window.properties.rows["pattern"].editor
     assert loads is not pattern
     for change in (
@@ -151,7 +151,7 @@ def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
     window.splitter.setSizes([340, 400, 270])
     window.menus.dark.trigger()
     assert window.menus.dark.isChecked()
-    window.keep_state()
+    window.save_state()
     again = MainWindow()
     try:
         assert (again.width(), again.height()) == (1010, 707)
@@ -167,7 +167,7 @@ def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
 
 def test_every_key_in_the_help_is_one_actions_alone(open_scene: Any) -> None:
     window = open_scene()
-    keys = [line.split()[0] for line in "\n".join(window.menus.keys).splitlines()]
+    keys = [line.split()[0] for line in "\n".join(window.menus.help_texts).splitlines()]
     assert len(keys) == len(set(keys))
     for name in ("Export picture…", "Export film…", "Export data…", "Save", "Undo", "New"):
         assert window.menus.actions[name].shortcut().toString() in keys

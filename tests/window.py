@@ -45,7 +45,7 @@ def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
 
 def settled(window: Any) -> bool:
     """Whether a smooth frame of the present wishes is drawn, and nothing runs."""
-    from spacemap_vtk.app.work.job import Swing
+    from spacemap_vtk.app.work.frame_request import Swing
 
     director = window.director
     frame = window.view.frame
@@ -82,8 +82,8 @@ def as_new(window: Any) -> Any:
     window.modes.table.scrollToTop()
     tools = window.tools
     for action, on in (
-        (tools.shown["fabric"], True),
-        *((tools.shown[name], True) for name in ("cage", "triad", "scale_bar")),
+        (tools.part_actions["fabric"], True),
+        *((tools.part_actions[name], True) for name in ("cage", "triad", "scale_bar")),
         (tools.turntable, False),
         (tools.keys.wireframe, False),
         (tools.orthographic, False),
@@ -150,7 +150,7 @@ def turn_wheel(view: Any, angle: int) -> None:
 
 def type_into_field(window: Any, section: str, name: str, text: str) -> Any:
     """Replace the text of a stage's field, press Enter, and return the field's row."""
-    window.stages.choose(section)
+    window.stages.select(section)
     row = window.properties.rows[name]
     type_into(row.editor.line, text)
     return row

@@ -17,7 +17,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from window import settled, wait_until
 
-from spacemap_vtk.app.draft.layout import Place
+from spacemap_vtk.app.draft.draft_layout import GridCell
 from spacemap_vtk.app.main_window import MainWindow
 
 
@@ -27,7 +27,7 @@ def pixels_of(window: MainWindow) -> dict[str, int]:
     window.document.set("view", "color", "displacement")
     wait_until(lambda: settled(window))
     for x in range(-60, 61, 12):
-        view.click(view.plotter.rect().center().toPointF() + QPoint(x, 0).toPointF())
+        view.click(view.canvas.rect().center().toPointF() + QPoint(x, 0).toPointF())
         if view.picks:
             break
     shown.surface.VisibilityOff()
@@ -69,8 +69,8 @@ def main(picture: str) -> None:
     window.tools.cameras["front"].trigger()
     wait_until(lambda: settled(window))
     window.move(0, 0)
-    grid, view = window.draft.grid, window.view.plotter
-    at = QPoint(*grid.layout_now().center(Place("threading", 3, 2)))
+    grid, view = window.draft.grid, window.view.canvas
+    at = QPoint(*grid.current_layout().center(GridCell("threading", 3, 2)))
     QTest.mouseClick(grid.viewport(), Qt.MouseButton.LeftButton, pos=at)
     wait_until(lambda: settled(window))
     picked = []

@@ -13,23 +13,23 @@ from PySide6.QtGui import QOpenGLContext
 
 from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
-from spacemap_vtk.app.requirements import application
+from spacemap_vtk.app.requirements import create_application
 from spacemap_vtk.draw.graphics import INSTALL_DRIVERS, NO_DRIVER
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.vanishing import ENDING
 
 
-def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
+def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None = None) -> None:
     """Open the window and return when it is closed."""
-    app = application()
+    app = create_application()
     if app.platformName() == "xcb":
-        _require_drawing()
+        _require_opengl()
     app.setApplicationName("spacemap")
     app.setOrganizationName("spacemap")
     app.setApplicationVersion(__version__)
     window = MainWindow()
-    if made is not None:
-        made(window)
+    if on_created is not None:
+        on_created(window)
     try:
         window.start(scene)
     except BaseException:
@@ -37,7 +37,7 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
         window.discard()
         raise
     window.show()
-    window.director.drawn.connect(_prepare, Qt.ConnectionType.SingleShotConnection)
+    window.director.drawn.connect(_preload_eigensolver, Qt.ConnectionType.SingleShotConnection)
     # An idle Qt event loop runs no Python code, so Ctrl-C would have no effect until the next
     # click. The timer lets Python handle signals.
     signal.signal(signal.SIGINT, lambda *_: window.close())
@@ -60,7 +60,7 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
         sys.exit(128 + ended[0])
 
 
-def _require_drawing() -> None:
+def _require_opengl() -> None:
     """Raise an error if OpenGL has no driver; otherwise the window would stay grey."""
     usual = qInstallMessageHandler(lambda *_: None)
     try:
@@ -71,7 +71,7 @@ def _require_drawing() -> None:
         raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)
 
 
-def _prepare(_frame: object) -> None:
+def _preload_eigensolver(_frame: object) -> None:
     """Import the eigensolver after the first picture, or else the first drag would wait for it."""
     bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.modal.eigen",))
     QTimer.singleShot(500, bring.start)

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.documents.files import Files
+from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -39,11 +39,11 @@ from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.view.pick import Pick
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
-from spacemap_vtk.app.widgets import OneLine, action, column, tool_button
+from spacemap_vtk.app.widgets import ElidedLabel, action, column, tool_button
 from spacemap_vtk.app.work.director import Director
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.exports import Exports
-from spacemap_vtk.app.work.job import Pull
+from spacemap_vtk.app.work.frame_request import Pull
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
@@ -57,19 +57,19 @@ from spacemap_vtk.scenes.settings import View
 
 #: Highest shown progress of a running stage, in percent: after its last step it may still need
 #: time to join the results.
-_NOT_YET = 99
+_MAX_PROGRESS = 99
 #: How long a status message stays, in ms.
-_TOLD = 10_000
+_MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
-_LEAST = 690
+_MIN_WIDTH = 690
 #: Factor by which one key press makes lines and dots thicker.
-_THICKER = 1.25
+_THICKNESS_STEP = 1.25
 
 
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
 #: End of a warning's first statement, and number of its words that the status line shows.
-_ENDS, _FEW = re.compile(r"[;:]|, so that|, of which"), 16
+_STATEMENT_END, _MAX_WORDS = re.compile(r"[;:]|, so that|, of which"), 16
 
 
 class MainWindow(QMainWindow):
@@ -86,13 +86,13 @@ class MainWindow(QMainWindow):
         self.engine = Engine(self)
         self.look = ViewOptions(handled=True)
         #: The last value of ``view.show`` that showed both fabric and cage.
-        self._both = "both"
+        self._shown_together = "both"
         self.view = View3D(self.look)
         self.times = TimeBar()
         self.stages = StageList()
         self.properties = Properties(self.document)
         self.errors = ErrorBar()
-        self.errors.told = self.document.drafts.told
+        self.errors.replace_paths = self.document.drafts.replace_paths
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab(self.document, self.engine)
         self.tabs = QTabWidget(documentMode=True)
@@ -112,7 +112,7 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.draft, "Draft")
         self.tabs.addTab(self.pull, "Pull")
         self.tabs.addTab(self.figures, "Figures")
-        self.files = Files(self, self.document, self.errors, self.times)
+        self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
         self.menus = Menus(
@@ -128,7 +128,7 @@ class MainWindow(QMainWindow):
         )
         self._connect()
         self.setAcceptDrops(True)
-        self._restore()
+        self._restore_state()
         self.engine.start()
 
     def start(self, scene: str | None) -> None:
@@ -139,7 +139,7 @@ class MainWindow(QMainWindow):
 
     def report(self, about: str, error: BaseException) -> None:
         """Show an error, and mark the field that it names."""
-        self.errors.say(error, about)
+        self.errors.show_error(error, about)
         draft = self.document.scene.draft_file
         if isinstance(error, SpacemapError) and draft and error.file == str(draft):
             # For an error inside the draft file, mark the field with the file's name.
@@ -148,24 +148,24 @@ class MainWindow(QMainWindow):
             # Not during a drag: another page would replace the slider that is being dragged.
             section = error.section or ""
             other = section in sections() and section != self.properties.section
-            if other and not self.director.held:
-                self.stages.choose(section)
-            self.properties.mark(error, about)
+            if other and not self.director.is_dragging:
+                self.stages.select(section)
+            self.properties.mark_error(error, about)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before Qt frees anything."""
-        if not (self.exports.may_leave() and self.files.may_leave()):
+        if not (self.exports.confirm_close() and self.files.confirm_close()):
             event.ignore()
             return
-        self.keep_state()
+        self.save_state()
         self.modes.stop()
         self.plots.stop()
         self.exports.stop()
         self.director.stop()
-        self.view.shut()
+        self.view.release_resources()
         super().closeEvent(event)
 
-    def keep_state(self) -> None:
+    def save_state(self) -> None:
         """Store position and layout of the window for the next start."""
         settings = QSettings()
         settings.setValue("geometry", self.saveGeometry())
@@ -174,7 +174,7 @@ class MainWindow(QMainWindow):
     def discard(self) -> None:
         """Close without asking about unsaved changes or running exports."""
         self.exports.stop()
-        self.document.undo.setClean()
+        self.document.history.setClean()
         self.close()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
@@ -184,11 +184,11 @@ class MainWindow(QMainWindow):
     def dropEvent(self, event: QDropEvent) -> None:
         """Open the dropped file."""
         names = [url.toLocalFile() for url in event.mimeData().urls()]
-        if names and self.files.may_leave():
+        if names and self.files.confirm_close():
             event.acceptProposedAction()
             self.files.load(names[0])
 
-    def _restore(self) -> None:
+    def _restore_state(self) -> None:
         settings = QSettings()
         geometry, columns = settings.value("geometry"), settings.value("columns")
         if geometry is not None:
@@ -198,9 +198,9 @@ class MainWindow(QMainWindow):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
-        self._fit()
+        self._show_fitting_panels()
 
-    def _fit(self) -> None:
+    def _show_fitting_panels(self) -> None:
         """Show the panels that are switched on, as far as there is room."""
         room = self.width() - self.splitter.widget(1).minimumSizeHint().width()
         for widget, shown in self.panels.items():
@@ -224,17 +224,19 @@ class MainWindow(QMainWindow):
         self.splitter.setSizes([320, 780, 340])
         self.setCentralWidget(self.splitter)
         # A narrower window hides the tabs.
-        self.setMinimumWidth(_LEAST)
+        self.setMinimumWidth(_MIN_WIDTH)
         for widget, name, key in ((left, "Properties", "F9"), (self.tabs, "Tabs", "F10")):
-            self.panels[widget] = shown = action(self, name, self._fit, key, checkable=True)
+            self.panels[widget] = shown = action(
+                self, name, self._show_fitting_panels, key, checkable=True
+            )
             shown.setChecked(True)
         # The view is a native child window. Otherwise Qt would blend the whole main window at every
         # frame, which takes a sixth of the frame's time with software rendering. Set this only when
         # the view is in its place: moving it to another window would make a new OpenGL context.
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
-        self.told = OneLine()
-        self.told.linkActivated.connect(self._switch_stage)
+        self.status_text = ElidedLabel()
+        self.status_text.linkActivated.connect(self._switch_stage)
         self.details = tool_button("Details", "Show all warnings")
         self.details.clicked.connect(self._show_details)
         self.details.hide()
@@ -243,65 +245,65 @@ class MainWindow(QMainWindow):
         self.cancel = QPushButton("Cancel")
         self.cancel.clicked.connect(self.director.cancel)
         status = self.statusBar()
-        status.addWidget(self.told, 1)
+        status.addWidget(self.status_text, 1)
         for widget in (self.details, self.running, self.bar, self.cancel, self.exports.progress):
             status.addPermanentWidget(widget)
         self._show_progress("", 0.0, "")
 
     def _connect(self) -> None:
-        self.stages.chosen.connect(self.properties.choose)
+        self.stages.chosen.connect(self.properties.show_section)
         self.stages.switched.connect(self._switch_stage)
-        self.stages.look(self.tools.eyes)
-        self.properties.added.connect(self._switch_stage)
-        self.document.told_beside.connect(self._tell_done)
-        self.properties.held.connect(self.director.hold)
+        self.stages.set_eye_actions(self.tools.eye_actions)
+        self.properties.switched_on.connect(self._switch_stage)
+        self.document.side_effects.connect(self._show_message)
+        self.properties.dragging.connect(self.director.set_dragging)
         self._connect_errors()
-        self.director.drawn.connect(self._drawn)
+        self.director.drawn.connect(self._show_frame_state)
         self.director.progress.connect(self._show_progress)
         # After an error, stop a shown mode or pull: it would fail again at every frame.
         self.director.swing_ended.connect(self.modes.stop)
         self.director.swing_ended.connect(self.pull.stop)
-        self.director.given_up.connect(self._given_up)
-        for ended in (self.director.failed, self.director.given_up):
+        self.director.run_cancelled.connect(self._warn_cancelled)
+        for ended in (self.director.failed, self.director.run_cancelled):
             ended.connect(self.view.preview.end)
-        self.errors.run.clicked.connect(self._run)
-        self.modes.swung.connect(self.director.swing_mode)
-        self.pull.pulled.connect(self._pull)
-        self.pull.held.connect(self.director.hold)
+        self.errors.run_button.clicked.connect(self._run)
+        self.modes.swing_changed.connect(self.director.show_mode)
+        self.pull.pulled.connect(self._show_pull)
+        self.pull.dragging.connect(self.director.set_dragging)
         for stop in (self.modes.stop, self.pull.stop):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)
         self.modes.table.cellClicked.connect(self.pull.release)
         #: State of the view when the status line began to show a picked point; None if it does not.
-        self._picked_in: object = None
-        self.view.picked.connect(self._describe)
-        self.plots.asked.connect(self._asked)
+        self._pick_key: object = None
+        self.view.picked.connect(self._show_pick)
+        self.plots.time_clicked.connect(self._go_to_time)
         self.view.picks_changed.connect(self.plots.show_points)
-        self.plots.clear.clicked.connect(self.view.forget_picks)
+        self.plots.clear_button.clicked.connect(self.view.clear_picks)
         self.director.drawn.connect(self.plots.follow)
         self.director.drawn.connect(self.modes.response.follow)
         self.director.drawn.connect(self.figures.follow)
-        self.draft.held.connect(self.director.hold)
-        self.draft.saved.clicked.connect(self.files.save_draft)
-        self.draft.left.connect(self.files.leave_for)
-        self.document.changed.connect(self._name)
-        self.document.replaced.connect(self._name)
-        self.document.undo.cleanChanged.connect(self._name)
-        self.tools.looked.connect(self._look)
-        self.tools.backed.connect(self._back)
-        self.tools.hung.connect(self._hang)
-        self.tools.clipped.connect(self._clip)
-        self.tools.keys.thickened.connect(self._thicken)
+        self.draft.dragging.connect(self.director.set_dragging)
+        self.draft.save_button.clicked.connect(self.files.save_draft)
+        self.draft.open_requested.connect(self.files.switch_to)
+        self.document.changed.connect(self._set_title)
+        self.document.replaced.connect(self._set_title)
+        self.document.history.cleanChanged.connect(self._set_title)
+        self.tools.setting_changed.connect(self._set_view)
+        self.tools.background_chosen.connect(self._set_background)
+        self.tools.hang_toggled.connect(self._set_hanging)
+        self.tools.clip_changed.connect(self._set_clip_plane)
+        self.tools.keys.thickness_changed.connect(self._change_thickness)
         # Queued, because the mouse still holds the plane when the signal is emitted.
-        self.view.clipped.connect(self._clip, Qt.ConnectionType.QueuedConnection)
+        self.view.clipped.connect(self._set_clip_plane, Qt.ConnectionType.QueuedConnection)
         for told in (self.document.changed, self.document.replaced):
-            told.connect(self._show_view)
-        self.document.replaced.connect(self._begin)
-        self.files.remembered.connect(self.gallery.show_recent)
-        self.files.remembered.connect(self._name)
-        self.gallery.chosen.connect(self.files.leave_for)
+            told.connect(self._show_view_settings)
+        self.document.replaced.connect(self._clear_status)
+        self.files.recent_changed.connect(self.gallery.show_recent)
+        self.files.recent_changed.connect(self._set_title)
+        self.gallery.chosen.connect(self.files.switch_to)
         # As a temporary message: the next frame would replace the text about the view.
-        self.exports.written.connect(lambda file: self._tell_done(f"Written: {file}"))
+        self.exports.written.connect(lambda file: self._show_message(f"Written: {file}"))
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
@@ -317,178 +319,184 @@ class MainWindow(QMainWindow):
             ),
             # A change shows that the user goes on without the file that could not be opened.
             ("open", [], [document.changed]),
-            ("time", [self.times.refused], [self.times.chosen]),
+            ("time", [self.times.refused], [self.times.time_chosen]),
             ("plot", [plots.failed], [plots.shown]),
-            ("plot file", [plots.unwritten], [plots.written]),
+            ("plot file", [plots.write_failed], [plots.written]),
             ("export", [self.exports.failed], [self.exports.written]),
         ):
-            self.errors.watch(about, failing, righting)
-        self.exports.lost.connect(lambda what: self.errors.warn(f"Written, but {what}.", "export"))
+            self.errors.connect_signals(about, failing, righting)
+        self.exports.lost.connect(
+            lambda what: self.errors.show_warning(f"Written, but {what}.", "export")
+        )
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
-        document.replaced.connect(self._tell_elsewhere)
+        document.replaced.connect(self._warn_about_origin)
 
-    def _tell_elsewhere(self) -> None:
+    def _warn_about_origin(self) -> None:
         first, *more = [*elsewhere(self.document.scene), ""]
         if first:
             and_more = f", and {len(more) - 1} more" if more[1:] else ""
-            self.errors.warn(f"{first}{and_more}.", "elsewhere")
+            self.errors.show_warning(f"{first}{and_more}.", "elsewhere")
 
-    def _back(self, bottom: str | None, top: str | None) -> None:
+    def _set_background(self, bottom: str | None, top: str | None) -> None:
         written = {"background": bottom, "background_top": top}
-        self._try(self.document.set_many, "view", written)
+        self._try_change(self.document.set_many, "view", written)
 
-    def _look(self, name: str, value: object) -> None:
+    def _set_view(self, name: str, value: object) -> None:
         if name in ("fabric", "cage"):
-            self._show(name, bool(value))
+            self._show_part(name, bool(value))
             return
         usual = value == View.parameters[name].default
-        self._try(self.document.set, "view", name, None if usual else value)
+        self._try_change(self.document.set, "view", name, None if usual else value)
 
-    def _show(self, name: str, on: bool) -> None:
+    def _show_part(self, name: str, on: bool) -> None:
         # Fabric or cage is always visible: hiding one shows the other.
         scene, other = self.document.scene, "cage" if name == "fabric" else "fabric"
         show = scene.view.show
         if show not in (name, other):
-            self._both = show
-        seen = self._both if on and show != name else name if on else other
+            self._shown_together = show
+        seen = self._shown_together if on and show != name else name if on else other
         if not scene.moves:  # without motion there is only the fabric
             self.tools.show_scene(scene)
             return
-        self._look("show", seen)
+        self._set_view("show", seen)
 
     def _switch_stage(self, section: str, on: bool = True) -> None:
         values = {}
-        if on and section == "motion" and not self.document.remembers(section):
+        if on and section == "motion" and not self.document.was_switched_off(section):
             # Unlike all other stages, this one has no useful default: it needs a file.
             file, _ = QFileDialog.getOpenFileName(self, "The motion to read")
             values = {"file": file} if file else {}
             on = bool(file)
-        self._try(self.document.switch, section, on, values)
+        self._try_change(self.document.switch, section, on, values)
         self.stages.show_boxes(self.document.scene)  # the switch may have been refused
 
-    def _hang(self, on: bool) -> None:
+    def _set_hanging(self, on: bool) -> None:
         modal, response = self.document.scene.modal, self.document.scene.response
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
             used = self.view.frame.in_use if self.view.frame else {}
             now = response.gravity or used.get("response", {}).get("gravity", DOWN)
             written["gravity"] = list(now if any(now) else DOWN)
-        self._try(partial(self.document.set_many, name="hang"), "modal", written)
+        self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
 
-    def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:
+    def _set_clip_plane(
+        self, normal: Sequence[float] | None, origin: Sequence[float] | None
+    ) -> None:
         written = {
             "clip_normal": None if normal is None else list(normal),
             "clip_origin": None if origin is None else list(origin),
         }
-        self._try(partial(self.document.set_many, name="clip plane"), "view", written)
+        self._try_change(partial(self.document.set_many, name="clip plane"), "view", written)
 
-    def _thicken(self, steps: int) -> None:
+    def _change_thickness(self, steps: int) -> None:
         # In whole steps, so that the same number of steps back restores the former thickness.
-        now = round(math.log(self.document.scene.view.line_scale, _THICKER))
-        self._look("line_scale", round(_THICKER ** (now + steps), 2))
+        now = round(math.log(self.document.scene.view.line_scale, _THICKNESS_STEP))
+        self._set_view("line_scale", round(_THICKNESS_STEP ** (now + steps), 2))
 
-    def _show_view(self) -> None:
+    def _show_view_settings(self) -> None:
         moves = self.document.scene.moves
-        self.times.allow(moves)
+        self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)
-        self.view.adopt(self.document.scene.view)
+        self.view.set_view(self.document.scene.view)
 
-    def _tell_done(self, what: str) -> None:
-        self.statusBar().showMessage(what, _TOLD)
+    def _show_message(self, what: str) -> None:
+        self.statusBar().showMessage(what, _MESSAGE_TIME)
 
-    def _begin(self) -> None:
-        self.modes.forget()
-        self.figures.forget()
-        example = self.document.example
+    def _clear_status(self) -> None:
+        self.modes.clear()
+        self.figures.clear()
+        example = self.document.example_name
         self.view.preview.begin(thumbnails.file_of(example) if example else None)
-        self.told.tell("")  # clear the text about the former scene
-        self.told.setToolTip("")
+        self.status_text.show_text("")  # clear the text about the former scene
+        self.status_text.setToolTip("")
         self.details.hide()
         # Do not show the properties of a stage that the new scene does not use.
         if self.stages.states.get(self.properties.section, "off") == "off":
-            self.stages.choose(self.document.scene.source.section)
+            self.stages.select(self.document.scene.source.section)
 
-    def _try(self, change: Callable[..., None], *arguments: Any) -> None:
+    def _try_change(self, change: Callable[..., None], *arguments: Any) -> None:
         try:
             change(*arguments)
         except InputError as error:
             self.report("value", error)
 
-    def _name(self, *_: Any) -> None:
+    def _set_title(self, *_: Any) -> None:
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
-        self.setWindowModified(not self.document.undo.isClean())
+        self.setWindowModified(not self.document.history.isClean())
 
-    def _given_up(self, what: str) -> None:
-        self.errors.warn(f"The run was cancelled: {what}.", "cancel", can_run=True)
+    def _warn_cancelled(self, what: str) -> None:
+        self.errors.show_warning(f"The run was cancelled: {what}.", "cancel", can_run=True)
 
     def _run(self) -> None:
         self.errors.clear("cancel")
-        self.director.ask()
+        self.director.request_frame()
 
-    def _drawn(self, frame: Frame) -> None:
+    def _show_frame_state(self, frame: Frame) -> None:
         self.errors.clear("cancel")
         # A frame of a mode or pull does not prove that the motion works: its stages did not run.
         if frame.swing is None:
             self.errors.clear("run")
-            self.properties.clear("run")
-        if not (frame.coarse and self.director.held):
+            self.properties.clear_errors("run")
+        if not (frame.coarse and self.director.dragging):
             # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
-            self.modes.show_turns(self.document.scene.stage("rotation") is not None)
-            self.properties.show_found("modal", measures_in(frame.cage), frame.in_use)
+            self.modes.set_angles(self.document.scene.stage("rotation") is not None)
+            self.properties.show_results("modal", measures_in(frame.cage), frame.in_use)
         # If only the camera has moved, keep the text about a picked point.
-        if not frame.coarse and _shown_in(frame) != self._picked_in:
-            self._picked_in = None
-            self._tell(frame)
+        if not frame.coarse and _frame_key(frame) != self._pick_key:
+            self._pick_key = None
+            self._show_status(frame)
 
-    def _describe(self, pick: Pick) -> None:
+    def _show_pick(self, pick: Pick) -> None:
         """Describe a picked point in the status line."""
         frame = self.view.frame
-        self._picked_in = None if frame is None else _shown_in(frame)
-        self.told.tell(pick.text)
+        self._pick_key = None if frame is None else _frame_key(frame)
+        self.status_text.show_text(pick.text)
 
-    def _tell(self, frame: Frame) -> None:
+    def _show_status(self, frame: Frame) -> None:
         """Show the number of facets and the first warning, shortened, in the status line."""
         doubts, few, link = list(frame.warnings), "", ""
         if doubts:
-            few = _headline(doubts[0])
+            few = _shorten_warning(doubts[0])
         if frame.motion and frame.motion["large"]:
             doubts.insert(0, f"The motion {motion_told(frame.motion)}")
             few = f"The motion {motion_in_short(frame.motion)}"
             # A click on the cure applies it.
             link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
-        warnings = self.document.drafts.told("\n".join(doubts))
+        warnings = self.document.drafts.replace_paths("\n".join(doubts))
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
         # Warnings about an unchanged scene of the program's own are not the user's fault: they are
         # shown only after a click.
-        shown = few and not (self.document.example and self.document.undo.isClean())
-        note = f"  ⚠ {self.document.drafts.told(few)}{link and ': '}{link}" if shown else ""
-        self.told.tell(f"{count:,} facets{note}", link, "rotation")
+        shown = few and not (self.document.example_name and self.document.history.isClean())
+        note = (
+            f"  ⚠ {self.document.drafts.replace_paths(few)}{link and ': '}{link}" if shown else ""
+        )
+        self.status_text.show_text(f"{count:,} facets{note}", link, "rotation")
         # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
         # interpreted as HTML.
-        self.told.setToolTip(warnings.replace("<", "‹"))
+        self.status_text.setToolTip(warnings.replace("<", "‹"))
         self.details.setText("Details" if shown else "Notes")
         self.details.setVisible(bool(warnings))
 
     def _show_details(self) -> None:
         """Show all warnings until the next click."""
-        paragraphs = (html.escape(line) for line in self.told.toolTip().splitlines())
+        paragraphs = (html.escape(line) for line in self.status_text.toolTip().splitlines())
         page = "".join(f"<p>{line}</p>" for line in paragraphs)
         QWhatsThis.showText(self.details.mapToGlobal(QPoint(0, 0)), page, self.details)
 
-    def _pull(self, pull: Pull | None) -> None:
+    def _show_pull(self, pull: Pull | None) -> None:
         if pull is not None:
             self.modes.release()
-        self.director.pull(pull)
+        self.director.show_pull(pull)
 
-    def _asked(self, at: float, going_on: bool) -> None:
+    def _go_to_time(self, at: float, going_on: bool) -> None:
         self.modes.stop()
         self.pull.stop()
         self.times.pause()
-        self.times.go(at, going_on)
+        self.times.go_to(at, going_on)
 
     def _show_progress(self, section: str, share: float, step: str) -> None:
         for widget in (self.bar, self.cancel, self.running):
@@ -498,15 +506,15 @@ class MainWindow(QMainWindow):
             self.running.setText(f"{stage}: {step}" if step else stage)
             # A stage that reports no progress gets a busy indicator.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
-            self.bar.setValue(min(int(share * 100), _NOT_YET))
+            self.bar.setValue(min(int(share * 100), _MAX_PROGRESS))
 
 
-def _headline(warning: str) -> str:
+def _shorten_warning(warning: str) -> str:
     """Return the first statement of a warning, shortened to a few words."""
-    words = _ENDS.split(warning, maxsplit=1)[0].split()
-    return " ".join(words[:_FEW]) + " …" * (len(words) > _FEW)
+    words = _STATEMENT_END.split(warning, maxsplit=1)[0].split()
+    return " ".join(words[:_MAX_WORDS]) + " …" * (len(words) > _MAX_WORDS)
 
 
-def _shown_in(frame: Frame) -> object:
+def _frame_key(frame: Frame) -> object:
     """Return a key that identifies what a frame shows, regardless of the camera."""
     return frame.generation, frame.values, frame.time, frame.swing

@@ -18,21 +18,21 @@ from PySide6.QtWidgets import (
 )
 from shiboken6 import isValid
 
-from spacemap_vtk.app.documents.copied import as_command, as_script
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.documents.files import Files
+from spacemap_vtk.app.documents.files import FileCommands
+from spacemap_vtk.app.documents.scene_as_code import as_command, as_script
 from spacemap_vtk.app.panels.properties import Properties
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.theme import apply_theme
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.app.work.exports import Exports
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library
 
-_ENTERS = Qt.Key.Key_Return, Qt.Key.Key_Enter
-_TABS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
+_ENTER_KEYS = Qt.Key.Key_Return, Qt.Key.Key_Enter
+_TAB_KEYS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
 #: Width of the first column of the help, in letters.
 _COLUMN = 16
 #: Mouse actions in the view: those of VTK and those of this program.
@@ -60,7 +60,7 @@ class Menus(QObject):
         self,
         window: QMainWindow,
         document: Document,
-        files: Files,
+        files: FileCommands,
         exports: Exports,
         times: TimeBar,
         tools: ViewBar,
@@ -74,55 +74,55 @@ class Menus(QObject):
         self._tools, self._view = tools, view
         self.actions: dict[str, QAction] = {}
         keys = QKeySequence.StandardKey
-        menu = self._menu("&File")
-        self._add(menu, "New", keys.New, files.new)
-        self._add(menu, "Open…", keys.Open, files.open)
+        menu = self._add_menu("&File")
+        self._add_action(menu, "New", keys.New, files.new)
+        self._add_action(menu, "Open…", keys.Open, files.open)
         self.recent = menu.addMenu("Open recent")
         self.recent.aboutToShow.connect(self._fill_recent)
         self.scenes = menu.addMenu("Scenes")
         for kind, names in library.kinds().items():
             group = self.scenes.addMenu(kind)
             for name in names:
-                self._add(group, name, None, self._open_named).setData(name)
+                self._add_action(group, name, None, self._open_named).setData(name)
         menu.addSeparator()
-        self._add(menu, "Save", keys.Save, files.save)
-        self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
+        self._add_action(menu, "Save", keys.Save, files.save)
+        self._add_action(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
         menu.addSeparator()
-        self._add(menu, "Save what is seen…", "Ctrl+P", lambda: files.save_picture(view))
-        self._add(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
-        self._add(menu, "Export film…", "Ctrl+Shift+F", exports.film)
-        self._add(menu, "Export data…", "Ctrl+E", exports.data)
+        self._add_action(menu, "Save what is seen…", "Ctrl+P", lambda: files.save_picture(view))
+        self._add_action(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
+        self._add_action(menu, "Export film…", "Ctrl+Shift+F", exports.film)
+        self._add_action(menu, "Export data…", "Ctrl+E", exports.data)
         menu.addSeparator()
-        self._add(menu, "Close", keys.Close, window.close, keys.Quit)
-        menu = self._menu("&Edit")
+        self._add_action(menu, "Close", keys.Close, window.close, keys.Quit)
+        menu = self._add_menu("&Edit")
         # Not the actions of Qt's undo stack, which ignore a change that is still waiting.
-        history = document.undo
-        undo = self._add(menu, "Undo", keys.Undo, self._undo)
-        redo = self._add(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
+        history = document.history
+        undo = self._add_action(menu, "Undo", keys.Undo, self._undo)
+        redo = self._add_action(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
         for action in (undo, redo):
             action.setEnabled(False)
         history.canUndoChanged.connect(undo.setEnabled)
         for told in (properties.refused, properties.accepted):
-            told.connect(self._allow_undo)
+            told.connect(self._update_undo)
         history.canRedoChanged.connect(redo.setEnabled)
         history.undoTextChanged.connect(lambda what: undo.setText(f"Undo {what}".strip()))
         history.redoTextChanged.connect(lambda what: redo.setText(f"Redo {what}".strip()))
         menu.addSeparator()
-        self._add(menu, "Copy as command line", None, lambda: self._copy(as_command))
-        self._add(menu, "Copy as Python script", None, lambda: self._copy(as_script))
-        self.time = menu = self._menu("&Time")
-        self._add(menu, "Play or pause", "Space", times.play.click)
-        self._add(menu, "To the start", "Home", times.to_start)
-        self._add(menu, "To the end", "End", times.to_end)
-        self._add(menu, "A frame back", ",", times.step_back)
-        self._add(menu, "A frame on", ".", times.step_on)
-        menu = self._menu("&View")
-        menu.addActions([*tools.shown.values()])
+        self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
+        self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
+        self.time = menu = self._add_menu("&Time")
+        self._add_action(menu, "Play or pause", "Space", times.play.click)
+        self._add_action(menu, "To the start", "Home", times.go_to_start)
+        self._add_action(menu, "To the end", "End", times.go_to_end)
+        self._add_action(menu, "A frame back", ",", times.step_back)
+        self._add_action(menu, "A frame on", ".", times.step_forward)
+        menu = self._add_menu("&View")
+        menu.addActions([*tools.part_actions.values()])
         menu.addSeparator()
         for name, choices in (
-            ("Lines and points", tools.keys.looks),
-            ("Colour by", tools.coloring_choices),
-            ("Camera", tools.camera_choices),
+            ("Lines and points", tools.keys.appearance_actions),
+            ("Colour by", tools.coloring_actions),
+            ("Camera", tools.camera_actions),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Style", [*tools.styles.values()]),
             ("Background", [*tools.backgrounds.values()]),
@@ -130,38 +130,38 @@ class Menus(QObject):
             inside = menu.addMenu(name)
             inside.addActions(choices)
             if name == "Camera":
-                inside.addMenu("Zoom").addActions(tools.keys.cameras)
+                inside.addMenu("Zoom").addActions(tools.keys.camera_actions)
         menu.addSeparator()
         inside = menu.addMenu("Window")
         for shown in panels:
             inside.addAction(shown)
             self.actions[shown.text()] = shown
-        self.dark = self._add(inside, "Dark window", "Ctrl+D", self._theme)
+        self.dark = self._add_action(inside, "Dark window", "Ctrl+D", self._set_theme)
         self.dark.setCheckable(True)
         self.dark.setChecked(QSettings().value("dark") == "true")
-        menu = self._menu("&Help")
-        self._add(menu, "Keys and mouse", "F1", self._tell_keys)
-        self._theme()
-        _LineKeys(window, view.plotter)
+        menu = self._add_menu("&Help")
+        self._add_action(menu, "Keys and mouse", "F1", self._show_keys)
+        self._set_theme()
+        _FieldKeyFilter(window, view.canvas)
 
     @property
-    def keys(self) -> tuple[str, str]:
+    def help_texts(self) -> tuple[str, str]:
         """Help texts: one line for each action with a shortcut, of the menus and of the view."""
         menus, view = (
-            "\n".join(_told(action) for action in actions if action.shortcuts())
-            for actions in (self.actions.values(), self._tools.choices)
+            "\n".join(_help_line(action) for action in actions if action.shortcuts())
+            for actions in (self.actions.values(), self._tools.all_actions)
         )
         return menus, view
 
-    def _menu(self, title: str) -> QMenu:
+    def _add_menu(self, title: str) -> QMenu:
         return self.parent().menuBar().addMenu(title)
 
-    def _add(
+    def _add_action(
         self, menu: QMenu, name: str, key: object, slot: Callable[..., object], *more: object
     ) -> QAction:
         action = QAction(name, self)
         if key is not None:
-            _give_keys(action, key, *more)
+            _set_shortcuts(action, key, *more)
         action.triggered.connect(slot)
         menu.addAction(action)
         self.actions[name] = action
@@ -169,12 +169,12 @@ class Menus(QObject):
 
     def _undo(self) -> None:
         """Undo; if a value was refused, that is the last action, and its field is restored."""
-        if not self._properties.take_back():
-            self._document.undo.undo()
+        if not self._properties.restore_refused():
+            self._document.history.undo()
 
-    def _allow_undo(self, _: object) -> None:
-        refused = any(row.about == "value" for row in self._properties.rows.values())
-        self.actions["Undo"].setEnabled(refused or self._document.undo.canUndo())
+    def _update_undo(self, _: object) -> None:
+        refused = any(row.error_kind == "value" for row in self._properties.rows.values())
+        self.actions["Undo"].setEnabled(refused or self._document.history.canUndo())
 
     def _fill_recent(self) -> None:
         self.recent.clear()
@@ -185,11 +185,11 @@ class Menus(QObject):
         self.recent.setToolTipsVisible(True)
 
     def _open_named(self) -> None:
-        self._files.leave_for(self.sender().data())
+        self._files.switch_to(self.sender().data())
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene as text; refused if its draft exists only in a temporary file."""
-        if self._document.drafts.holds(self._document.scene.draft_file):
+        if self._document.drafts.contains(self._document.scene.draft_file):
             words = "The draft is edited and in no file yet: save the scene, then copy"
             self.refused.emit(InputError(words))
             return
@@ -200,15 +200,15 @@ class Menus(QObject):
         else:
             QGuiApplication.clipboard().setText(text)
 
-    def _theme(self) -> None:
+    def _set_theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
         apply_theme(QApplication.instance(), self.dark.isChecked())
-        self._view.darken(self.dark.isChecked())
+        self._view.set_dark(self.dark.isChecked())
 
-    def _tell_keys(self) -> None:
+    def _show_keys(self) -> None:
         box = QMessageBox(self.parent())
         box.setWindowTitle("Keys and mouse")
-        menus, view = self.keys
+        menus, view = self.help_texts
         # Side by side, because one above the other they are higher than a small screen.
         box.setText(
             f"<table><tr><td><pre>{menus}</pre></td>"
@@ -217,7 +217,7 @@ class Menus(QObject):
         box.exec()
 
 
-class _LineKeys(QObject):
+class _FieldKeyFilter(QObject):
     """Pass keys on to the window that Qt's input fields would otherwise consume."""
 
     # Undo and redo are passed on if the field has nothing to undo. After Enter, the view gets the
@@ -227,12 +227,12 @@ class _LineKeys(QObject):
         super().__init__(parent)
         self._view = view
         #: The field that had the focus before Enter gave it to the view.
-        self._left: QWidget | None = None
-        self._entered = later(self, self._leave, 0)
+        self._last_field: QWidget | None = None
+        self._enter_pressed = single_shot(self, self._focus_view, 0)
         view.installEventFilter(self)
         # Filter only the events of the focused field: a filter for all widgets would slow down
         # every event.
-        QApplication.instance().focusChanged.connect(self._follow)
+        QApplication.instance().focusChanged.connect(self._watch_field)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Pass a key to the window's shortcuts, or move the focus between field and view."""
@@ -240,13 +240,13 @@ class _LineKeys(QObject):
             return False
         pressed = event.type() == QEvent.Type.KeyPress
         if watched is self._view:
-            left = self._left
-            if not (pressed and left and isValid(left) and event.key() in _TABS):
+            left = self._last_field
+            if not (pressed and left and isValid(left) and event.key() in _TAB_KEYS):
                 return False
             left.setFocus()
             return QApplication.sendEvent(left, event)
-        if pressed and event.key() in _ENTERS:
-            self._entered.start()  # after the field has processed Enter
+        if pressed and event.key() in _ENTER_KEYS:
+            self._enter_pressed.start()  # after the field has processed Enter
         if event.type() != QEvent.Type.ShortcutOverride:
             return False
         line = watched if isinstance(watched, QLineEdit) else watched.findChild(QLineEdit)
@@ -254,45 +254,45 @@ class _LineKeys(QObject):
         # A refused value is undone as a whole, not letter by letter.
         if line is None:  # a combo box without an input field
             return False
-        idle = (event.matches(keys.Undo) and (_refused(line) or not line.isUndoAvailable())) or (
+        idle = (event.matches(keys.Undo) and (_is_refused(line) or not line.isUndoAvailable())) or (
             event.matches(keys.Redo) and not line.isRedoAvailable()
         )
         if idle:
             event.ignore()
         return idle
 
-    def _follow(self, before: QWidget | None, now: QWidget | None) -> None:
+    def _watch_field(self, before: QWidget | None, now: QWidget | None) -> None:
         if before is self._view:
-            self._left = None
+            self._last_field = None
         elif before is not None:
             before.removeEventFilter(self)
         if isinstance(now, (QLineEdit, QAbstractSpinBox, QComboBox)):
             now.installEventFilter(self)
 
-    def _leave(self) -> None:
+    def _focus_view(self) -> None:
         """Give the focus to the view, unless the value was refused or it is a search field."""
         line = QApplication.focusWidget()
-        if not isinstance(line, (QLineEdit, QAbstractSpinBox)) or _refused(line):
+        if not isinstance(line, (QLineEdit, QAbstractSpinBox)) or _is_refused(line):
             return
         searched = isinstance(line, QLineEdit) and line.isClearButtonEnabled()
         if line.window() is self.parent() and not searched:
             self._view.setFocus()
-            self._left = line
+            self._last_field = line
 
 
-def _refused(widget: QWidget | None) -> bool:
+def _is_refused(widget: QWidget | None) -> bool:
     """Return whether a widget or one of its parents is marked as refused."""
     while widget is not None and not widget.property("bad"):
         widget = widget.parentWidget()
     return widget is not None
 
 
-def _give_keys(action: QAction, *keys: object) -> None:
+def _set_shortcuts(action: QAction, *keys: object) -> None:
     # A standard key can map to the same keys as another one; Qt wants each once.
     action.setShortcuts(list(dict.fromkeys(QKeySequence(key) for key in keys)))
 
 
-def _told(action: QAction) -> str:
+def _help_line(action: QAction) -> str:
     """Format the shortcuts and name of an action as a line of the help."""
     key, *more = (key.toString() for key in action.shortcuts())
     also = f" (or {', '.join(more)})" if more else ""

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 #: Packages of the extra ``[qt]``, by their import names.
 PACKAGES = ("PySide6", "tomlkit")
 #: Debian packages with the libraries that Qt loads on X11 and that its wheels do not contain.
-_DEBIAN = (
+_DEBIAN_PACKAGES = (
     "libegl1 libgl1 libdbus-1-3 libfontconfig1 libglib2.0-0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0"
 )
-_INSTALL = f'On Debian or Ubuntu: "apt-get install {_DEBIAN}".'
+_INSTALL = f'On Debian or Ubuntu: "apt-get install {_DEBIAN_PACKAGES}".'
 _NO_DISPLAY = "there is no display to open a window on"
 _NEEDS_DISPLAY = (
     'Start it from a desktop, or with "xvfb-run -a spacemap gui"; '
@@ -62,8 +62,8 @@ def require_window() -> None:
         builtins.__import__ = usual
 
 
-def application() -> QApplication:
-    """Return Qt's application; end the program with one sentence if Qt cannot open a window."""
+def create_application() -> QApplication:
+    """Create Qt's application; if Qt cannot open a window, print one sentence and exit."""
     from PySide6.QtCore import QtMsgType, qInstallMessageHandler
     from PySide6.QtWidgets import QApplication
 

@@ -9,7 +9,7 @@ from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPixmap
 from PySide6.QtWidgets import QLabel
 
-from spacemap_vtk.app.requirements import application
+from spacemap_vtk.app.requirements import create_application
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
@@ -18,13 +18,13 @@ class Splash:
     """Show a scene's thumbnail at once, until the window has drawn its first picture."""
 
     def __init__(self, scene: str | None) -> None:
-        self.app = application()
+        self.app = create_application()
         name = Path(scene or "plain_weave").stem
         named = name if name in library.names() else "plain_weave"
         # Not a QSplashScreen: without a window manager it waits one second for one.
         label = QLabel()
         label.setWindowFlags(Qt.WindowType.SplashScreen | Qt.WindowType.FramelessWindowHint)
-        picture = _picture(named)
+        picture = _make_card(named)
         label.setPixmap(picture)
         middle = self.app.primaryScreen().availableGeometry().center()
         label.move(middle - QRect(QPoint(), picture.size()).center())
@@ -34,7 +34,7 @@ class Splash:
         self.app.processEvents()
         self.shown: QLabel | None = label
 
-    def give_way_to(self, window: Any) -> None:
+    def close_after_first_frame(self, window: Any) -> None:
         """Close when the window has drawn its first picture, or has failed to."""
         for told in (window.director.drawn, window.director.failed, window.engine.cancelled):
             told.connect(self.close)
@@ -45,7 +45,7 @@ class Splash:
             self.shown = None
 
 
-def _picture(name: str) -> QPixmap:
+def _make_card(name: str) -> QPixmap:
     picture = QPixmap(str(thumbnails.file_of(name)))
     width, height = thumbnails.SIZE
     card = QPixmap(width, height + 64)

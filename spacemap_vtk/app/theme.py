@@ -25,7 +25,7 @@ _COLORS = {
     _Role.LinkVisited: ("#2d6a8e", "#6db3dc"),
 }
 #: Colour of each placeholder of the style sheet in the light and in the dark theme.
-_WORDS = {
+_SHEET_COLORS = {
     "faint": ("#66717e", "#93a0ae"),
     "bad": ("#c0394b", "#ff7a85"),
     "bad_back": ("#fdecee", "#4a2229"),
@@ -80,7 +80,7 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     if app.property("styled") is None:
         app.setStyle("Fusion")
         app.setProperty("styled", True)
-    words = {word: colors[dark] for word, colors in _WORDS.items()}
+    words = {word: colors[dark] for word, colors in _SHEET_COLORS.items()}
     sheet = _SHEET.format(**words) + (_DARK_SHEET if dark else "")
     if app.styleSheet() == sheet:
         return  # setting it again would lay out and paint all widgets again

@@ -40,15 +40,15 @@ Item: TypeAlias = "QWidget | QLayout | tuple[QWidget | QLayout, int] | None"
 
 def column(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
     """Lay out items vertically; without an owner, for use inside another layout."""
-    return _filled(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **look)
+    return _fill_layout(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **look)
 
 
 def row(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
     """Lay out items horizontally; without an owner, for use inside another layout."""
-    return _filled(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **look)
+    return _fill_layout(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **look)
 
 
-def _filled(
+def _fill_layout(
     layout: QBoxLayout,
     items: tuple[Item, ...],
     margins: tuple[int, int, int, int] = (0, 0, 0, 0),
@@ -111,15 +111,15 @@ class CountBox(QSpinBox):
     # QSpinBox silently drops digits that leave the range: typing 99999 gives 999.
 
     #: Emits why the typed number is out of range, and an empty text once it is in range.
-    strayed = Signal(str)
+    range_error_changed = Signal(str)
 
     def __init__(self, **look: Any) -> None:
         super().__init__(**look)
         self.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
-        self.lineEdit().textEdited.connect(lambda: self.strayed.emit(self.complaint))
+        self.lineEdit().textEdited.connect(lambda: self.range_error_changed.emit(self.range_error))
 
     @property
-    def complaint(self) -> str:
+    def range_error(self) -> str:
         """Why the typed number is refused; empty if it is accepted."""
         typed = self.cleanText().strip()
         if typed.isdecimal() and self.minimum() <= int(typed) <= self.maximum():
@@ -137,18 +137,18 @@ class CountBox(QSpinBox):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Limit the typed number to the range on Enter."""
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
-            self._bound()
+            self._clamp()
         super().keyPressEvent(event)
 
     def focusOutEvent(self, event: QFocusEvent) -> None:
         """Limit the typed number to the range when the field loses the focus."""
-        self._bound()
+        self._clamp()
         super().focusOutEvent(event)
 
-    def _bound(self) -> None:
+    def _clamp(self) -> None:
         # Qt would replace a number that is too large by the minimum.
         typed = self.cleanText().strip()
-        if self.complaint and typed.isdecimal():
+        if self.range_error and typed.isdecimal():
             self.setValue(min(max(int(typed), self.minimum()), self.maximum()))
 
 
@@ -162,7 +162,7 @@ def table(name: str, headings: Sequence[str]) -> QTableWidget:
     return made
 
 
-def later(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
+def single_shot(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
     """Create a timer that calls `slot` once after each start."""
     timer = QTimer(owner, singleShot=True, interval=milliseconds)
     timer.timeout.connect(slot)
@@ -183,19 +183,19 @@ def is_dark(widget: QWidget) -> bool:
     return bool(widget.palette().window().color().lightness() < 128)
 
 
-class OneLine(QLabel):
+class ElidedLabel(QLabel):
     """A line of text, shortened with dots if necessary; some of its words can be a link."""
 
     def __init__(self) -> None:
         super().__init__()
         #: The unshortened text.
-        self.whole = ""
+        self.full_text = ""
         self._link = "", ""
 
-    def tell(self, text: str, words: str = "", link: str = "") -> None:
+    def show_text(self, text: str, words: str = "", link: str = "") -> None:
         """Show a text; `words` in it become a link."""
-        self.whole, self._link = text, (words, link)
-        self._fit()
+        self.full_text, self._link = text, (words, link)
+        self._shorten()
 
     def minimumSizeHint(self) -> QSize:
         """Return a width of 0, so that the text does not limit the width of the window."""
@@ -204,11 +204,11 @@ class OneLine(QLabel):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Shorten the text to the new width."""
         super().resizeEvent(event)
-        self._fit()
+        self._shorten()
 
-    def _fit(self) -> None:
+    def _shorten(self) -> None:
         width = self.contentsRect().width()
-        shown = self.fontMetrics().elidedText(self.whole, Qt.TextElideMode.ElideRight, width)
+        shown = self.fontMetrics().elidedText(self.full_text, Qt.TextElideMode.ElideRight, width)
         words, link = self._link
         linked = bool(words) and words in shown
         self.setTextFormat(Qt.TextFormat.RichText if linked else Qt.TextFormat.PlainText)
@@ -217,7 +217,7 @@ class OneLine(QLabel):
         self.setText(shown)
 
 
-def mark(widget: QWidget, bad: bool) -> bool:
+def mark_bad(widget: QWidget, bad: bool) -> bool:
     """Mark a widget as bad or not; return whether this changed."""
     if bool(widget.property("bad")) == bad:
         return False

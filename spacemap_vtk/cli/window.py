@@ -40,4 +40,4 @@ def gui(
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
-    launch(scene, splash.give_way_to)
+    launch(scene, splash.close_after_first_frame)

@@ -13,9 +13,9 @@ import tomlkit
 from PySide6.QtCore import QObject, Signal
 from tomlkit.items import AoT, Array
 
+from spacemap_vtk.app.documents.draft_versions import DraftVersions
 from spacemap_vtk.app.documents.edit import Edit, History, Version
-from spacemap_vtk.app.documents.kept_drafts import KeptDrafts
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
@@ -27,12 +27,12 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: Lists with more values are written one value per line.
-_LINE = 8
+_MAX_VALUES_PER_LINE = 8
 #: Weave parameters that a draft file stores; the draft tab edits exactly these.
-DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
+DRAFT_KEYS = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
 #: Longest time that a change made by a drag waits, in ms.
-_LATEST = 50
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
+_MAX_DELAY = 50
+_NO_VALUES: Mapping[str, Any] = MappingProxyType({})
 #: Section, values, burst and name, as in `Document.set_many`.
 _Change = tuple[str, dict[str, Any], int, str]
 
@@ -47,19 +47,19 @@ class Document(QObject):
     #: Another scene has been opened.
     replaced = Signal()
     #: A message about side effects of a change: other stages, or another colouring.
-    told_beside = Signal(str)
+    side_effects = Signal(str)
     #: Undo or redo would lead to an invalid scene; nothing was changed.
     failed = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.undo = History(self)
+        self.history = History(self)
         #: Scene or draft file that "Save" writes; None before the first "Save as".
         self.file: Path | None = None
         #: File that was opened; it can also be a draft or one of the program's own scenes.
         self.source: Path | None = None
         #: Edited drafts that the user has not saved yet.
-        self.drafts = KeptDrafts()
+        self.drafts = DraftVersions()
         self._saved_draft: Path | None = None
         #: Former content of each section that was switched off, and whether that happened together
         #: with other sections.
@@ -72,12 +72,12 @@ class Document(QObject):
         self._values: dict[str, Any] | None = None
         #: Whether frames are requested faster than they are computed. The changes of a drag then
         #: wait, and a newer one replaces the waiting one. Each change costs a tenth of a frame.
-        self.crowded: Callable[[], bool] = lambda: False
+        self.congested: Callable[[], bool] = lambda: False
         self._waiting: _Change | None = None
-        self._latest = later(self, self.catch_up, _LATEST)
+        self._delay = single_shot(self, self.apply_waiting_change, _MAX_DELAY)
         self._parse("")
         self._scene = Scene({}, self.base)
-        self._clean = self._settings()
+        self._saved_settings = self._settings()
 
     def open(self, name: str | Path) -> None:
         """Open a scene, a draft, or one of the program's own scenes."""
@@ -111,8 +111,8 @@ class Document(QObject):
         before = self.version
         try:
             if time is not None and time != self.scene.view.time:
-                self._put("view", "time", float(f"{time:.6g}"))
-            self._move_from(self._folder, target.parent)
+                self._write_value("view", "time", float(f"{time:.6g}"))
+            self._relocate_paths(self._folder, target.parent)
             with atomic_files(target) as folder:
                 self._save_draft(target, folder)
                 self._scene = Scene(self.values, target)
@@ -124,8 +124,8 @@ class Document(QObject):
         self.file = self.source = target
         self._folder = target.parent
         self._saved_draft = self.scene.draft_file
-        self._clean = self._settings()
-        self.undo.setClean()
+        self._saved_settings = self._settings()
+        self.history.setClean()
         if self.text != before.text:
             self.changed.emit()
         return []
@@ -136,12 +136,12 @@ class Document(QObject):
         path = path.resolve()
         check_output(path, registry.writer_endings("draft"))
         draft, format_ = self.scene.draft, registry.writer(path, "draft")
-        self.remember(path)
+        self.back_up_draft(path)
         with atomic_file(path) as file:
             format_.write(file, draft)
-        if adopt or self.drafts.holds(self.scene.draft_file):
+        if adopt or self.drafts.contains(self.scene.draft_file):
             beside = self.file is not None and path.parent == self._folder
-            self._put("weave", "draft", path.name if beside else str(path))
+            self._write_value("weave", "draft", path.name if beside else str(path))
             self._scene = Scene(self.values, self.base)
             self.changed.emit()
         drafted = self.opened_draft is not None
@@ -149,10 +149,11 @@ class Document(QObject):
             f"{section}.{key}"
             for section, values in self._settings().items()
             for key, value in values.items()
-            if value != self._clean[section][key] and not (drafted and _in_draft(section, key))
+            if value != self._saved_settings[section][key]
+            and not (drafted and _is_in_draft(section, key))
         ]
         if not left:
-            self.undo.setClean()
+            self.history.setClean()
         lost = format_.loses(draft) if format_.loses else []
         if left and drafted:
             lost.append(f'a draft holds no {", ".join(left)}: "Save as" keeps that in a scene')
@@ -165,17 +166,17 @@ class Document(QObject):
         return self.source if drafted else None
 
     @property
-    def example(self) -> str | None:
+    def example_name(self) -> str | None:
         """Name of the opened scene if it is one of the program's own; otherwise None."""
         if self.source is None or self.source.parent != library.folder().resolve():
             return None
         return self.source.stem
 
-    def told(self, file: Path) -> str:
+    def display_name(self, file: Path) -> str:
         """Return the name to show for a file; without a folder if it lies in the scene's folder."""
-        return file.name if file.parent == self._folder else self.drafts.told(file)
+        return file.name if file.parent == self._folder else self.drafts.replace_paths(file)
 
-    def proposed(self, ending: str) -> str:
+    def propose_name(self, ending: str) -> str:
         """Propose a file name for this scene; in its folder, unless it is the program's own."""
         if self.source is None:
             return "_".join(re.findall(r"\w+", self.name.lower())) + ending
@@ -185,13 +186,13 @@ class Document(QObject):
     @property
     def scene(self) -> Scene:
         """The scene as the text describes it."""
-        self.catch_up()
+        self.apply_waiting_change()
         return self._scene
 
     @property
     def text(self) -> str:
         """The scene as TOML."""
-        self.catch_up()
+        self.apply_waiting_change()
         if self._text is None:
             self._text = tomlkit.dumps(self._toml)
         return self._text
@@ -204,7 +205,7 @@ class Document(QObject):
     @property
     def values(self) -> dict[str, Any]:
         """The scene as plain dictionaries. Do not modify them; each change makes new ones."""
-        self.catch_up()
+        self.apply_waiting_change()
         if self._values is None:
             self._values = self._toml.unwrap()
         return self._values
@@ -221,7 +222,7 @@ class Document(QObject):
         """Name of the scene in the title bar."""
         return self.file.name if self.file else self.scene.title or "New fabric"
 
-    def written(self, section: str, key: str) -> Any:
+    def value_in_file(self, section: str, key: str) -> Any:
         """Return a value as it is written in the scene file; None if it is not written."""
         return self.values.get(section, {}).get(key)
 
@@ -234,24 +235,24 @@ class Document(QObject):
     ) -> None:
         """Change several values of a section in one undo step."""
         change = section, dict(written), burst, name
-        if self._waiting is not None and not _replaces(change, self._waiting):
-            self.catch_up()
-        if burst and self.crowded() and self._accepts(section, written):
+        if self._waiting is not None and not _supersedes(change, self._waiting):
+            self.apply_waiting_change()
+        if burst and self.congested() and self._is_valid(section, written):
             self._waiting = change
-            if not self._latest.isActive():
-                self._latest.start()
+            if not self._delay.isActive():
+                self._delay.start()
             return
         waiting, self._waiting = self._waiting, None
-        if all(self.written(section, k) == v for k, v in written.items()):
+        if all(self.value_in_file(section, k) == v for k, v in written.items()):
             return
         try:
-            self._make(section, written, burst, name)
+            self._apply(section, written, burst, name)
         except InputError:
             # The waiting change is valid; the new one does not replace it.
             self._waiting = waiting
             raise
 
-    def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NOTHING) -> None:
+    def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NO_VALUES) -> None:
         """Switch a stage on, with its former values, or off; switch the stages it needs as well."""
         scene, given = self.scene, self.values.keys() - {"title"}
         if on == (scene.parts[section] in scene.stages) and not values:
@@ -275,11 +276,11 @@ class Document(QObject):
                 if name in wanted - given:
                     self._toml[name] = self._off.get(name, (tomlkit.table(), False))[0]
                     for former in gone:
-                        self._take_over(name, former)
+                        self._copy_common_values(name, former)
             for key, value in values.items():
-                self._put(section, key, value)
+                self._write_value(section, key, value)
             if on and not scene.moves and "show" not in self.values.get("view", {}):
-                self._put("view", "show", "both")  # show what the change adds
+                self._write_value("view", "show", "both")  # show what the change adds
 
         self._change(
             change, f"{words_of(type(scene.parts[section]).__name__)} {'on' if on else 'off'}"
@@ -292,24 +293,24 @@ class Document(QObject):
         also["Off"] = [n for n in before if n not in after]
         words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
         if words:
-            self.told_beside.emit(words)
+            self.side_effects.emit(words)
 
-    def _take_over(self, section: str, former: str) -> None:
+    def _copy_common_values(self, section: str, former: str) -> None:
         """Copy values of the same name from a stage to the stage that replaces it in its role."""
         new, old = (self._scene.parts[name] for name in (section, former))
         if isinstance(new, Stage) and isinstance(old, Stage) and new.role == old.role:
             table = self._off[former][0]
             for key in new.parameters.keys() & old.parameters.keys():
-                self._put(section, key, table.get(key))
+                self._write_value(section, key, table.get(key))
 
-    def remembers(self, section: str) -> bool:
+    def was_switched_off(self, section: str) -> bool:
         """Return whether a stage was on before and is now off."""
         return section in self._off
 
-    def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
+    def _apply(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
         def put() -> None:
             for key, value in written.items():
-                self._put(section, key, value)
+                self._write_value(section, key, value)
 
         self._change(put, name or ", ".join(f"{section}.{key}" for key in written), burst)
 
@@ -321,25 +322,25 @@ class Document(QObject):
             self._scene = Scene(self.values, self.base)
             if (lost := self._scene.view.color) in colors and lost not in self._scene.colorings:
                 # The quantity shown by colour has just gone; a run would fail until it is reset.
-                self._put("view", "color", None)
+                self._write_value("view", "color", None)
                 self._scene = Scene(self.values, self.base)
                 label = COLORINGS[lost].label
-                self.told_beside.emit(f'Own colours again: "{label}" is there no more')
+                self.side_effects.emit(f'Own colours again: "{label}" is there no more')
         except InputError:
             self._parse(before.text)
             self._values = former
             raise
         if self.text != before.text:
-            self.undo.push(Edit(self.restore, name, before, self.version, burst))
+            self.history.push(Edit(self.restore, name, before, self.version, burst))
             self.changed.emit()
 
-    def catch_up(self) -> None:
+    def apply_waiting_change(self) -> None:
         """Apply the change that waits, if there is one; the properties of this class call this."""
         if self._waiting is None:
             return
         waiting, self._waiting = self._waiting, None
         try:
-            self._make(*waiting)
+            self._apply(*waiting)
         except InputError as error:  # it was checked, but a file can be deleted meanwhile
             self.failed.emit(error)
 
@@ -350,9 +351,9 @@ class Document(QObject):
         draft = self.values.get("weave", {}).get("draft")
         for file, kept in self._overwritten[version.overwritten :]:
             if draft is not None and os.path.normpath(version.folder / draft) == str(file):
-                self._put("weave", "draft", str(kept))
+                self._write_value("weave", "draft", str(kept))
                 break
-        self._move_from(version.folder, self._folder)
+        self._relocate_paths(version.folder, self._folder)
         try:
             self._scene = Scene(self.values, self.base)
         except InputError as error:  # a file that it names does not exist any more
@@ -361,12 +362,12 @@ class Document(QObject):
         else:
             self.changed.emit()
 
-    def remember(self, draft: Path) -> None:
+    def back_up_draft(self, draft: Path) -> None:
         """Copy a draft file before it is overwritten, so that undo can restore it."""
         if draft.exists():
-            self._overwritten.append((draft, self.drafts.keep_file(draft)))
+            self._overwritten.append((draft, self.drafts.add_file(draft)))
 
-    def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
+    def _is_valid(self, section: str, written: Mapping[str, Any]) -> bool:
         """Return whether the values are valid for certain."""
         if section not in self._scene.parts or None in written.values():
             return False
@@ -388,10 +389,10 @@ class Document(QObject):
         self._scene = read or Scene(self.values, self.base)
         self._scene.file = self.base  # if a draft was opened, Scene.read has set the draft's file
         self._saved_draft = self.scene.draft_file if self.file else None
-        self._clean = self._settings()
+        self._saved_settings = self._settings()
         self._overwritten.clear()
         self._off.clear()
-        self.undo.clear()
+        self.history.clear()
         self.replaced.emit()
 
     def _settings(self) -> dict[str, dict[str, Any]]:
@@ -405,7 +406,7 @@ class Document(QObject):
         self._toml = tomlkit.parse(text)
         self._text, self._values = text, None
 
-    def _put(self, section: str, key: str, written: Any) -> None:
+    def _write_value(self, section: str, key: str, written: Any) -> None:
         self._text = self._values = None
         there = self._toml.get(section, {})
         if written is None:
@@ -419,21 +420,21 @@ class Document(QObject):
                     del table[name]
                 for name, value in wanted.items():
                     parameter = declared.record.parameters.get(name)
-                    if name not in table or not self._same(table[name], value, parameter):
+                    if name not in table or not self._is_same_value(table[name], value, parameter):
                         table[name] = value
         elif section in self._toml:
             self._toml[section][key] = written
         else:
             self._toml[section] = {key: written}
-        if isinstance(written, list) and len(written) > _LINE:
+        if isinstance(written, list) and len(written) > _MAX_VALUES_PER_LINE:
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
 
-    def _same(self, here: Any, wanted: Any, parameter: Any) -> bool:
+    def _is_same_value(self, here: Any, wanted: Any, parameter: Any) -> bool:
         """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""
         # Likewise for paths: an editor gives the absolute path.
-        one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
+        one, other = (parameter.within(v, self._folder) for v in (_unwrap(here), wanted))
         try:
             return bool(parameter.check(one) == parameter.check(other))
         except InputError:
@@ -442,52 +443,52 @@ class Document(QObject):
     def _save_draft(self, target: Path, folder: Path) -> None:
         """Write an edited draft into the folder of files that are saved with the scene."""
         draft = self.scene.draft_file
-        if draft is None or not self.drafts.holds(draft):
+        if draft is None or not self.drafts.contains(draft):
             return
         # Overwrite only the draft that this scene has saved, never another file of that name.
         beside = free = target.with_suffix(".wif")
         number = 2
         while free.exists() and free != self._saved_draft:
             free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
-        self.remember(free)
+        self.back_up_draft(free)
         write_parts(folder / free.name, [draft.read_bytes()])
-        self._put("weave", "draft", free.name)
+        self._write_value("weave", "draft", free.name)
 
-    def _move_from(self, old: Path, new: Path) -> None:
+    def _relocate_paths(self, old: Path, new: Path) -> None:
         """Change relative paths so that they refer to the same files from another folder."""
         if old == new:
             return
         for section, table in self.values.items():
             for key, value in table.items() if isinstance(table, dict) else ():
-                moved = _moved(value, self.scene.parts[section].parameters.get(key), old, new)
+                moved = _relocate(value, self.scene.parts[section].parameters.get(key), old, new)
                 if moved != value:
-                    self._put(section, key, moved)
+                    self._write_value(section, key, moved)
 
 
-def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
+def _relocate(value: Any, parameter: Any, old: Path, new: Path) -> Any:
     """Return a value with its paths, also those in records, relative to another folder."""
     if isinstance(parameter, FilePath) and isinstance(value, str):
         there = parameter.within(value, old)
         # The word for an automatic path is not a path, and an absolute path stays.
         return value if there == value or Path(value).is_absolute() else os.path.relpath(there, new)
     if isinstance(value, list) and hasattr(parameter, "record"):
-        return [_moved(item, parameter, old, new) for item in value]
+        return [_relocate(item, parameter, old, new) for item in value]
     if isinstance(value, dict) and hasattr(parameter, "record"):
         keys = parameter.record.parameters
-        return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
+        return {key: _relocate(item, keys.get(key), old, new) for key, item in value.items()}
     return value
 
 
-def _in_draft(section: str, key: str) -> bool:
+def _is_in_draft(section: str, key: str) -> bool:
     """Return whether a value needs no scene file: a draft stores it, or it belongs to the view."""
-    return section == "view" or (section == "weave" and key in DRAFTED)
+    return section == "view" or (section == "weave" and key in DRAFT_KEYS)
 
 
-def _replaces(change: _Change, former: _Change) -> bool:
+def _supersedes(change: _Change, former: _Change) -> bool:
     """Return whether a newer change of a drag makes the former one unnecessary."""
     section, written, *rest = change
     return section == former[0] and written.keys() == former[1].keys() and rest == [*former[2:]]
 
 
-def _unwrapped(item: Any) -> Any:
+def _unwrap(item: Any) -> Any:
     return item.unwrap() if hasattr(item, "unwrap") else item

@@ -53,14 +53,14 @@ class Edit(QUndoCommand):
     def redo(self) -> None:
         """Apply the edit again; Qt's first call does nothing, as the edit is already applied."""
         if not self._done:
-            self._go_to(self._after)
+            self._restore_version(self._after)
         self._done = True
 
     def undo(self) -> None:
-        self._go_to(self._before)
+        self._restore_version(self._before)
         self._done = False
 
-    def _go_to(self, version: Version) -> None:
+    def _restore_version(self, version: Version) -> None:
         restore = self._restore()
         if restore is not None:
             restore(version)
@@ -70,14 +70,14 @@ class History(QUndoStack):
     """Undo stack of a `Document`, its parent; applies a waiting change before undo and redo."""
 
     def undo(self) -> None:
-        self.parent().catch_up()
+        self.parent().apply_waiting_change()
         super().undo()
 
     def redo(self) -> None:
-        self.parent().catch_up()
+        self.parent().apply_waiting_change()
         super().redo()
 
     def isClean(self) -> bool:
         """Return whether the document equals its saved state."""
-        self.parent().catch_up()
+        self.parent().apply_waiting_change()
         return super().isClean()

@@ -9,8 +9,8 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtWidgets import QMessageBox, QWidget
 
-from spacemap_vtk.app.documents.ask_file import ask_file, ask_opened
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.documents.file_dialogs import ask_input_file, ask_output_file
 from spacemap_vtk.app.panels.error_bar import ErrorBar
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
@@ -27,14 +27,14 @@ from spacemap_vtk.io.registry import (
 from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.origin import record_of
 
-_RECENT = 8
+_MAX_RECENT = 8
 
 
-class Files(QObject):
+class FileCommands(QObject):
     """Commands of the menu "File"."""
 
     #: The list of recent files has changed; this is the new list.
-    remembered = Signal(list)
+    recent_changed = Signal(list)
 
     def __init__(
         self, window: QWidget, document: Document, errors: ErrorBar, times: TimeBar
@@ -45,19 +45,19 @@ class Files(QObject):
 
     @property
     def recent(self) -> list[str]:
-        """Files opened or saved recently that still exist, the latest first."""
+        """FileCommands opened or saved recently that still exist, the latest first."""
         kept = QSettings().value("recent") or []
         kept = [kept] if isinstance(kept, str) else list(kept)
         return [name for name in kept if Path(name).is_file()]
 
     def new(self) -> None:
-        if self.may_leave():
+        if self.confirm_close():
             self._document.new()
 
     def open(self) -> None:
         """Ask for a file and open it."""
-        if self.may_leave():
-            name = ask_opened(self._window, "Open", scene_dialog_filters())
+        if self.confirm_close():
+            name = ask_input_file(self._window, "Open", scene_dialog_filters())
             if name:
                 self.load(name)
 
@@ -66,22 +66,22 @@ class Files(QObject):
         try:
             self._document.open(name)
         except (SpacemapError, OSError) as error:
-            self._errors.say(error, "open")
+            self._errors.show_error(error, "open")
             return False
         if self._document.source is not None:
-            self._remember(self._document.source)
+            self._add_recent(self._document.source)
         return True
 
-    def leave_for(self, name: str) -> None:
+    def switch_to(self, name: str) -> None:
         """Open another scene, unless the user decides to stay with the present one."""
-        if self.may_leave():
+        if self.confirm_close():
             self.load(name)
 
     def save(self) -> bool:
         """Save; ask for a file name if there is none or if its format cannot be written."""
         file = self._document.file
         draft = self._document.opened_draft
-        if file is None or (draft is not None and draft.suffix.lower() not in _drafts()):
+        if file is None or (draft is not None and draft.suffix.lower() not in _draft_endings()):
             return self.save_as()
         return self._save(None)
 
@@ -91,12 +91,12 @@ class Files(QObject):
         draft = self._document.opened_draft
         if draft is not None:
             own = draft.suffix.lower()
-            ending = own if own in _drafts() else ".wif"
-            filters = f"{name_filter('Drafts', _drafts())};;{filters}"
+            ending = own if own in _draft_endings() else ".wif"
+            filters = f"{name_filter('Drafts', _draft_endings())};;{filters}"
             if own != ending:
                 title = f"Save as (no {own} can be written: the draft goes into a {ending})"
-        proposal = self._document.proposed(ending)
-        path = ask_file(self._window, title, proposal, filters, ending)
+        proposal = self._document.propose_name(ending)
+        path = ask_output_file(self._window, title, proposal, filters, ending)
         return path is not None and self._save(path)
 
     def save_draft(self) -> None:
@@ -104,8 +104,8 @@ class Files(QObject):
         if self._document.opened_draft is not None:
             self.save_as()
             return
-        proposal = self._document.proposed(".wif")
-        path = ask_file(self._window, "Save draft", proposal, "Drafts (*.wif)", ".wif")
+        proposal = self._document.propose_name(".wif")
+        path = ask_output_file(self._window, "Save draft", proposal, "Drafts (*.wif)", ".wif")
         if path is not None:
             self._write(partial(self._document.save_draft, path))
 
@@ -113,24 +113,24 @@ class Files(QObject):
         """Ask for a file name and save a picture of the view."""
         endings = writer_endings("picture")
         filters, first = name_filter("Pictures", endings), next(iter(endings))
-        path = ask_file(
-            self._window, "Save picture", self._document.proposed(first), filters, first
+        path = ask_output_file(
+            self._window, "Save picture", self._document.propose_name(first), filters, first
         )
         if path is None:
             return
 
         def save() -> list[str]:
             check_output(path, endings)
-            with atomic_file(path) as file, attach_record(self._record(path, view)):
+            with atomic_file(path) as file, attach_record(self._provenance(path, view)):
                 writer(path, "picture").write(file, view.image())
             return []
 
         self._write(save, "picture")
 
-    def _record(self, path: Path, view: View3D) -> Record | None:
+    def _provenance(self, path: Path, view: View3D) -> Record | None:
         """Return the provenance of a picture of the view; None if an unsaved draft is shown."""
         scene = self._document.scene
-        if view.frame is None or self._document.drafts.holds(scene.draft_file):
+        if view.frame is None or self._document.drafts.contains(scene.draft_file):
             return None
         height, width, _ = view.image().shape
         time = view.frame.time
@@ -139,7 +139,7 @@ class Files(QObject):
             time,
             (width, height),
             view.panels(scene),
-            view.place,
+            view.viewpoint,
             wireframe=view.look.wireframe,
         )
         before = scene.view.settings
@@ -149,9 +149,9 @@ class Files(QObject):
         finally:
             scene.adopt({"view": before})
 
-    def may_leave(self) -> bool:
+    def confirm_close(self) -> bool:
         """Ask whether to save unsaved changes; return whether the document may be closed."""
-        if self._document.undo.isClean():
+        if self._document.history.isClean():
             return True
         box = QMessageBox.StandardButton
         answer = QMessageBox.question(
@@ -166,26 +166,26 @@ class Files(QObject):
     def _save(self, path: Path | None) -> bool:
         saved = self._write(partial(self._document.save, path, self._times.time))
         if saved and self._document.file is not None:
-            self._remember(self._document.file)
-        return saved and self._document.undo.isClean()
+            self._add_recent(self._document.file)
+        return saved and self._document.history.isClean()
 
     def _write(self, write: Callable[[], list[str]], about: str = "file") -> bool:
         try:
             lost = write()
         except (SpacemapError, OSError) as error:
-            self._errors.say(error, about)
+            self._errors.show_error(error, about)
             return False
         self._errors.clear(about)
         if lost:
-            self._errors.warn(f"Written, but {'; '.join(lost)}.", about)
+            self._errors.show_warning(f"Written, but {'; '.join(lost)}.", about)
         return True
 
-    def _remember(self, path: Path) -> None:
+    def _add_recent(self, path: Path) -> None:
         names = [str(path), *(name for name in self.recent if name != str(path))]
-        QSettings().setValue("recent", names[:_RECENT])
-        self.remembered.emit(self.recent)
+        QSettings().setValue("recent", names[:_MAX_RECENT])
+        self.recent_changed.emit(self.recent)
 
 
-def _drafts() -> list[str]:
+def _draft_endings() -> list[str]:
     """Return the file endings of draft formats that can be both read and written."""
     return [ending for ending in writer_endings("draft") if kind_of(Path(f"a{ending}")) == "draft"]

@@ -15,14 +15,14 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QScrollBar
 
-from spacemap_vtk.app.draft.draft_painter import Inks, Painting
-from spacemap_vtk.app.draft.layout import GAP, STRIP, Layout, Place, fitting
+from spacemap_vtk.app.draft.draft_layout import GAP, STRIP, DraftLayout, GridCell, fit_cell_size
+from spacemap_vtk.app.draft.draft_painter import DraftColors, DraftPainter
 from spacemap_vtk.app.draft.strokes import Stroke
 from spacemap_vtk.app.widgets import is_dark
 from spacemap_vtk.scenes.shown import Shown
 
 #: Steps of the arrow keys, across and down.
-_STEPS = {
+_ARROW_STEPS = {
     Qt.Key.Key_Left: (-1, 0),
     Qt.Key.Key_Right: (1, 0),
     Qt.Key.Key_Up: (0, -1),
@@ -42,7 +42,7 @@ class DraftGrid(QAbstractScrollArea):
     #: Reason why a click has no effect.
     refused = Signal(str)
     #: A colour picked from a strip.
-    took = Signal(object)
+    color_picked = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -54,51 +54,53 @@ class DraftGrid(QAbstractScrollArea):
         self.color = QColor("#2d6a8e")
         self._fits = True
         self._stroke: Stroke | None = None
-        self._last: Place | None = None
-        self._hover: Place | None = None
+        self._last: GridCell | None = None
+        self._highlighted: GridCell | None = None
         self._picture: QImage | None = None
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.viewport().setMouseTracking(True)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        for bar in self._bars:
+        for bar in self._scroll_bars:
             bar.valueChanged.connect(self.repaint_all)
 
     @property
-    def stroking(self) -> bool:
+    def is_stroking(self) -> bool:
         """Whether a stroke is in progress."""
         return self._stroke is not None
 
-    def layout_now(self) -> Layout | None:
+    def current_layout(self) -> DraftLayout | None:
         """Compute the present layout; None without a draft."""
         if self.shown is None:
             return None
-        across, down = (bar.value() for bar in self._bars)
-        return Layout(self.shown, self.cell, self._room(), (across, down), self.as_cloth)
+        across, down = (bar.value() for bar in self._scroll_bars)
+        return DraftLayout(
+            self.shown, self.cell, self._viewport_size(), (across, down), self.as_cloth
+        )
 
     def show_draft(self, shown: Shown | None) -> None:
         """Show a draft."""
         before = self.shown
         self.shown = shown
         if shown is None:
-            self._stroke = self._hover = None
-        if before is None or shown is None or _form(before) != _form(shown):
-            self._hover = None
+            self._stroke = self._highlighted = None
+        if before is None or shown is None or _grid_sizes(before) != _grid_sizes(shown):
+            self._highlighted = None
             if self._fits:
                 self.fit()
-        self._range()
+        self._update_scroll_range()
         self.repaint_all()
 
     def fit(self) -> None:
         """Choose the size of cells so that the whole draft is visible."""
         self._fits = True
         if self.shown is not None:
-            self.cell = fitting(self.shown, self._room(), SIZES[0], 24)
-            self._range()
+            self.cell = fit_cell_size(self.shown, self._viewport_size(), SIZES[0], 24)
+            self._update_scroll_range()
             self.repaint_all()
 
     def zoom(self, larger: bool, about: QPointF | None = None) -> None:
         """Change the size of cells; keep the point `about` at its place."""
-        layout = self.layout_now()
+        layout = self.current_layout()
         if layout is None:
             return
         self._fits = False
@@ -107,12 +109,12 @@ class DraftGrid(QAbstractScrollArea):
             return
         about = about or QPointF(self.viewport().rect().center())
         before, self.cell = self.cell, min(sizes) if larger else max(sizes)
-        self._range()
-        now = self.layout_now()
+        self._update_scroll_range()
+        now = self.current_layout()
         assert now is not None
         axes = (layout.x, now.x, about.x()), (layout.y, now.y, about.y())
-        for bar, (old, new, at) in zip(self._bars, axes, strict=True):
-            bar.setValue(round((at - old.main) * self.cell / before + new.before - at))
+        for bar, (old, new, at) in zip(self._scroll_bars, axes, strict=True):
+            bar.setValue(round((at - old.drawdown_begin) * self.cell / before + new.before - at))
         self.repaint_all()
 
     def set_view(self, as_cloth: bool, colored: bool) -> None:
@@ -125,40 +127,42 @@ class DraftGrid(QAbstractScrollArea):
         self._picture = None
         self.viewport().update()
 
-    def words(self, place: Place) -> str:
+    def describe(self, grid_cell: GridCell) -> str:
         """Describe a cell."""
         shown = self.shown
         assert shown is not None
-        loom, panel = shown.loom, place.panel
+        loom, panel = shown.loom, grid_cell.panel
         lifted = loom.liftplan is not None
         if panel in ("threading", "warp"):
-            shafts = _listed(loom.threading[place.x - 1], "no shaft")
-            shaft = f"shaft {place.y} · " if panel == "threading" else ""
-            return f"{shaft}end {place.x}, threaded on {shafts}"
+            shafts = _join_numbers(loom.threading[grid_cell.x - 1], "no shaft")
+            shaft = f"shaft {grid_cell.y} · " if panel == "threading" else ""
+            return f"{shaft}end {grid_cell.x}, threaded on {shafts}"
         if panel == "tieup":
-            return f"shaft {place.y} · treadle {place.x}"
-        pressed = _listed(shown.lifted[place.y - 1], "nothing")
+            return f"shaft {grid_cell.y} · treadle {grid_cell.x}"
+        pressed = _join_numbers(shown.lifted[grid_cell.y - 1], "nothing")
         verb = "lifts" if lifted else "presses"
         if panel in ("treadling", "weft"):
-            column = ("shaft" if lifted else "treadle") + f" {place.x} · "
-            return f"{column if panel == 'treadling' else ''}pick {place.y} {verb} {pressed}"
-        over = shown.drawdown[place.y - 1, place.x - 1]
+            column = ("shaft" if lifted else "treadle") + f" {grid_cell.x} · "
+            return f"{column if panel == 'treadling' else ''}pick {grid_cell.y} {verb} {pressed}"
+        end, pick = grid_cell.x, grid_cell.y
+        side = "over" if shown.drawdown[pick - 1, end - 1] else "under"
+        shafts = _join_numbers(loom.threading[end - 1], "–")
+        marks = _join_numbers(shown.lifted[pick - 1], "–")
         return (
-            f"end {place.x} {'over' if over else 'under'} pick {place.y} · "
-            f"shaft {_listed(loom.threading[place.x - 1], '–')} · "
-            f"{'lifts' if lifted else 'treadle'} {_listed(shown.lifted[place.y - 1], '–')}"
+            f"end {end} {side} pick {pick} · shaft {shafts} · "
+            f"{'lifts' if lifted else 'treadle'} {marks}"
         )
 
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the cached picture, and the highlight under the mouse."""
         painter = QPainter(self.viewport())
-        inks = Inks.of(is_dark(self))
-        layout = self.layout_now()
+        inks = DraftColors.for_theme(is_dark(self))
+        layout = self.current_layout()
         if layout is None or self.shown is None:
             painter.fillRect(self.viewport().rect(), inks.back)
             painter.end()
             return
-        painting = Painting(self.shown, layout, inks, self.colored)
+        painting = DraftPainter(self.shown, layout, inks, self.colored)
         if self._picture is None:
             ratio = self.devicePixelRatioF()
             size = self.viewport().size() * ratio
@@ -170,79 +174,79 @@ class DraftGrid(QAbstractScrollArea):
             painting.paint(inside, ratio)
             inside.end()
         painter.drawImage(0, 0, self._picture)
-        if self._hover is not None and not self.stroking:
-            painting.hover(painter, self._hover)
+        if self._highlighted is not None and not self.is_stroking:
+            painting.highlight(painter, self._highlighted)
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Start a stroke, or pick a colour with the right button."""
-        place = self._place(event.position())
-        if place is None or self.shown is None:
+        grid_cell = self._cell_at(event.position())
+        if grid_cell is None or self.shown is None:
             return
-        if event.button() == Qt.MouseButton.RightButton and place.panel in ("warp", "weft"):
-            colors = self.shown.strip(place.panel)
-            self.took.emit(QColor(*colors[(place.x or place.y) - 1].tolist()))
+        if event.button() == Qt.MouseButton.RightButton and grid_cell.panel in ("warp", "weft"):
+            colors = self.shown.strip(grid_cell.panel)
+            self.color_picked.emit(QColor(*colors[(grid_cell.x or grid_cell.y) - 1].tolist()))
         if event.button() == Qt.MouseButton.LeftButton:
-            self._begin(place, event.modifiers())
+            self._start_stroke(grid_cell, event.modifiers())
 
-    def _begin(self, place: Place, keys: Qt.KeyboardModifier) -> None:
+    def _start_stroke(self, grid_cell: GridCell, keys: Qt.KeyboardModifier) -> None:
         assert self.shown is not None
-        if place.panel == "drawdown" and not self.shown.bare:
+        if grid_cell.panel == "drawdown" and not self.shown.bare:
             self.refused.emit(
                 "The loom weaves this cloth: change threading, tie-up or "
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
             )
             return
         second = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
-        self._stroke = Stroke(self.shown, place, bool(keys & second), self.color)
-        self._last = place
-        self._pass(place)
+        self._stroke = Stroke(self.shown, grid_cell, bool(keys & second), self.color)
+        self._last = grid_cell
+        self._apply_stroke(grid_cell)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Continue a stroke, or describe the cell under the mouse."""
         if self._stroke is None:
-            self._point(self._place(event.position()))
+            self._highlight(self._cell_at(event.position()))
             return
-        place = self._place(event.position(), self._stroke.panel)
-        if place is None or self._last is None:
+        grid_cell = self._cell_at(event.position(), self._stroke.panel)
+        if grid_cell is None or self._last is None:
             return
         # Fill in the cells that a fast mouse has skipped.
-        steps = max(abs(place.x - self._last.x), abs(place.y - self._last.y))
+        steps = max(abs(grid_cell.x - self._last.x), abs(grid_cell.y - self._last.y))
         for step in range(1, steps + 1):
-            x = round(self._last.x + (place.x - self._last.x) * step / steps)
-            y = round(self._last.y + (place.y - self._last.y) * step / steps)
-            self._pass(Place(place.panel, x, y))
-        self._last = place
+            x = round(self._last.x + (grid_cell.x - self._last.x) * step / steps)
+            y = round(self._last.y + (grid_cell.y - self._last.y) * step / steps)
+            self._apply_stroke(GridCell(grid_cell.panel, x, y))
+        self._last = grid_cell
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a stroke."""
         if self._stroke is not None and event.button() == Qt.MouseButton.LeftButton:
-            self._end()
-            self._point(self._place(event.position()))
+            self._end_stroke()
+            self._highlight(self._cell_at(event.position()))
 
-    def _end(self) -> None:
+    def _end_stroke(self) -> None:
         if self._stroke is not None:
             name, self._stroke = self._stroke.name, None
             self.edited.emit(self.shown, name, False)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move between cells with the arrow keys, edit with Enter, zoom with + and -."""
-        key, place = event.key(), self._hover
-        if key in _STEPS and self.shown is not None and not self.stroking:
-            self._step(*_STEPS[key])
-        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and place is not None:
-            self._begin(place, event.modifiers())
-            self._end()
-            self.hovered.emit(self.words(place))
+        key, grid_cell = event.key(), self._highlighted
+        if key in _ARROW_STEPS and self.shown is not None and not self.is_stroking:
+            self._move_highlight(*_ARROW_STEPS[key])
+        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and grid_cell is not None:
+            self._start_stroke(grid_cell, event.modifiers())
+            self._end_stroke()
+            self.hovered.emit(self.describe(grid_cell))
         elif event.text() in ("+", "-"):
             self.zoom(event.text() == "+")
         else:
             super().keyPressEvent(event)
 
-    def _step(self, across: int, down: int) -> None:
+    def _move_highlight(self, across: int, down: int) -> None:
         """Move to the next cell; at the edge of a grid, to the next grid."""
-        at = self._show(self._hover or Place("threading", 1, 1))
-        layout = self.layout_now()
+        at = self._scroll_to(self._highlighted or GridCell("threading", 1, 1))
+        layout = self.current_layout()
         assert layout is not None
         spans, ways = layout.panels[at.panel], (across, down)
         x, y = (
@@ -252,30 +256,34 @@ class DraftGrid(QAbstractScrollArea):
         if all(
             min(span.cells, 1) <= n <= span.cells for n, span in zip((x, y), spans, strict=True)
         ):
-            self._point(self._show(Place(at.panel, x, y)))
+            self._highlight(self._scroll_to(GridCell(at.panel, x, y)))
             return
         middle = layout.center(at)
         for far in range(self.cell + GAP + STRIP):
-            there = layout.at(middle[0] + across * far, middle[1] + down * far)
+            there = layout.cell_at(middle[0] + across * far, middle[1] + down * far)
             if there not in (None, at):
-                self._point(there)
+                self._highlight(there)
                 return
 
-    def _show(self, place: Place) -> Place:
+    def _scroll_to(self, grid_cell: GridCell) -> GridCell:
         """Scroll until a cell is visible."""
-        layout = self.layout_now()
+        layout = self.current_layout()
         assert layout is not None
         for bar, span, number, room in zip(
-            self._bars, layout.panels[place.panel], place[1:], self._room(), strict=True
+            self._scroll_bars,
+            layout.panels[grid_cell.panel],
+            grid_cell[1:],
+            self._viewport_size(),
+            strict=True,
         ):
-            begin = span.pixel(number)
+            begin = span.pixel_of(number)
             low, high = max(span.low, 0), min(span.high, room)
             bar.setValue(bar.value() + min(0, begin - low) + max(0, begin + span.size - high))
-        return place
+        return grid_cell
 
     def leaveEvent(self, _event: QEvent) -> None:
         """Remove the highlight."""
-        self._point(None)
+        self._highlight(None)
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom with Ctrl, otherwise scroll."""
@@ -291,7 +299,7 @@ class DraftGrid(QAbstractScrollArea):
         super().resizeEvent(event)
         if self._fits:
             self.fit()
-        self._range()
+        self._update_scroll_range()
         self.repaint_all()
 
     def changeEvent(self, event: QEvent) -> None:
@@ -304,46 +312,46 @@ class DraftGrid(QAbstractScrollArea):
         """Return a size that is enough for a small draft."""
         return QSize(360, 420)
 
-    def _pass(self, place: Place) -> None:
+    def _apply_stroke(self, grid_cell: GridCell) -> None:
         assert self._stroke is not None
         assert self.shown is not None
-        shown = self._stroke.applied(self.shown, place)
+        shown = self._stroke.apply(self.shown, grid_cell)
         if shown is not self.shown:
             self.shown = shown
-            self._range()
+            self._update_scroll_range()
             self.repaint_all()
             self.edited.emit(shown, self._stroke.name, True)
 
-    def _point(self, place: Place | None) -> None:
-        if place != self._hover:
-            self._hover = place
-            self.hovered.emit("" if place is None else self.words(place))
+    def _highlight(self, grid_cell: GridCell | None) -> None:
+        if grid_cell != self._highlighted:
+            self._highlighted = grid_cell
+            self.hovered.emit("" if grid_cell is None else self.describe(grid_cell))
             self.viewport().update()
 
-    def _place(self, at: QPointF, panel: str | None = None) -> Place | None:
-        layout = self.layout_now()
-        return None if layout is None else layout.at(at.x(), at.y(), panel)
+    def _cell_at(self, at: QPointF, panel: str | None = None) -> GridCell | None:
+        layout = self.current_layout()
+        return None if layout is None else layout.cell_at(at.x(), at.y(), panel)
 
-    def _room(self) -> tuple[int, int]:
+    def _viewport_size(self) -> tuple[int, int]:
         return self.viewport().width(), self.viewport().height()
 
     @property
-    def _bars(self) -> tuple[QScrollBar, QScrollBar]:
+    def _scroll_bars(self) -> tuple[QScrollBar, QScrollBar]:
         return self.horizontalScrollBar(), self.verticalScrollBar()
 
-    def _range(self) -> None:
-        layout = self.layout_now()
-        most = (0, 0) if layout is None else layout.most
-        for bar, end, room in zip(self._bars, most, self._room(), strict=True):
+    def _update_scroll_range(self) -> None:
+        layout = self.current_layout()
+        most = (0, 0) if layout is None else layout.max_offset
+        for bar, end, room in zip(self._scroll_bars, most, self._viewport_size(), strict=True):
             bar.setRange(0, end)
             bar.setPageStep(room)
             bar.setSingleStep(4 * self.cell)
 
 
-def _form(shown: Shown) -> tuple[object, ...]:
+def _grid_sizes(shown: Shown) -> tuple[object, ...]:
     """Return the numbers of cells of all grids, for comparison."""
     return shown.size, shown.loom.shafts, shown.columns, shown.loom.liftplan is None
 
 
-def _listed(numbers: tuple[int, ...], nothing: str) -> str:
+def _join_numbers(numbers: tuple[int, ...], nothing: str) -> str:
     return ", ".join(map(str, numbers)) or nothing

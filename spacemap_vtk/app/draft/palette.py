@@ -10,10 +10,10 @@ from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 from spacemap_vtk.app.widgets import painter_on
 from spacemap_vtk.scenes.shown import Shown
 
-_SIDE, _ROOM = 22, 5
+_SIDE, _GAP = 22, 5
 #: Colours offered in addition to the draft's.
-_OFFERED = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
-_MOST = 24
+_DEFAULT_COLORS = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
+_MAX_COLORS = 24
 
 
 class Palette(QWidget):
@@ -27,13 +27,13 @@ class Palette(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.colors: list[QColor] = []
-        self.color = QColor(_OFFERED[2])
+        self.color = QColor(_DEFAULT_COLORS[2])
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)
         self.setMouseTracking(True)
 
-    def begin(self) -> None:
+    def clear(self) -> None:
         """Clear the palette for another draft."""
         self.colors = []
 
@@ -41,27 +41,27 @@ class Palette(QWidget):
         """Add the colours of a draft; present ones keep their places."""
         both = np.concatenate([shown.warp, shown.weft])
         found, first = np.unique(both, axis=0, return_index=True)
-        own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MOST]]
-        self._add(*own, *(QColor(word) for word in _OFFERED))
+        own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MAX_COLORS]]
+        self._add_colors(*own, *(QColor(word) for word in _DEFAULT_COLORS))
 
     def choose(self, color: QColor) -> None:
         """Select the colour to paint with."""
-        self._add(color)
+        self._add_colors(color)
         self.color = color
         self.update()
         self.chosen.emit(color)
 
     def rect_of(self, index: int) -> QRect:
         """Return the rectangle of a colour; the index after the last is the +."""
-        columns = max(1, (self.width() - _ROOM) // (_SIDE + _ROOM))
+        columns = max(1, (self.width() - _GAP) // (_SIDE + _GAP))
         row, column = divmod(index, columns)
-        step = _SIDE + _ROOM
-        return QRect(_ROOM + column * step, _ROOM + row * step, _SIDE, _SIDE)
+        step = _SIDE + _GAP
+        return QRect(_GAP + column * step, _GAP + row * step, _SIDE, _SIDE)
 
     def heightForWidth(self, width: int) -> int:
         """Return the height of all rows."""
-        columns = max(1, (width - _ROOM) // (_SIDE + _ROOM))
-        return _ROOM + -(-(len(self.colors) + 1) // columns) * (_SIDE + _ROOM)
+        columns = max(1, (width - _GAP) // (_SIDE + _GAP))
+        return _GAP + -(-(len(self.colors) + 1) // columns) * (_SIDE + _GAP)
 
     def sizeHint(self) -> QSize:
         """Return the size of the rows."""
@@ -86,7 +86,7 @@ class Palette(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Select a colour, or add one."""
-        index = self._index(event.position().toPoint())
+        index = self._index_at(event.position().toPoint())
         if index is None or event.button() != Qt.MouseButton.LeftButton:
             return
         if index < len(self.colors):
@@ -98,7 +98,7 @@ class Palette(QWidget):
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Change a colour in the whole draft."""
-        index = self._index(event.position().toPoint())
+        index = self._index_at(event.position().toPoint())
         if index is None or index >= len(self.colors):
             return
         old = self.colors[index]
@@ -111,20 +111,20 @@ class Palette(QWidget):
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Show a tooltip for the colour under the mouse."""
-        index = self._index(event.position().toPoint())
+        index = self._index_at(event.position().toPoint())
         if index is not None:
             words = "Another colour"
             if index < len(self.colors):
                 words = f"{self.colors[index].name()}: double click changes it everywhere"
             QToolTip.showText(event.globalPosition().toPoint(), words, self)
 
-    def _add(self, *colors: QColor) -> None:
+    def _add_colors(self, *colors: QColor) -> None:
         for color in colors:
             if color not in self.colors:
                 self.colors.append(color)
         self.updateGeometry()
         self.update()
 
-    def _index(self, at: QPoint) -> int | None:
+    def _index_at(self, at: QPoint) -> int | None:
         places = range(len(self.colors) + 1)
         return next((place for place in places if self.rect_of(place).contains(at)), None)

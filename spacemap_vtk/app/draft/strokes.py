@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 from PySide6.QtGui import QColor
 
-from spacemap_vtk.app.draft.layout import Place
+from spacemap_vtk.app.draft.draft_layout import GridCell
 from spacemap_vtk.scenes.shown import Shown
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: Names of the edits in the undo menu.
-NAMES = {
+EDIT_NAMES = {
     "threading": "threading",
     "tieup": "tie-up",
     "treadling": "treadling",
@@ -30,31 +30,31 @@ class Stroke:
     # The first cell decides: if it has a mark, the stroke removes marks, otherwise it sets marks.
     # An end is on one shaft and a pick on one treadle, unless `several`.
 
-    def __init__(self, shown: Shown, place: Place, several: bool, color: QColor) -> None:
-        self.panel = place.panel
-        self.name = NAMES[place.panel]
+    def __init__(self, shown: Shown, grid_cell: GridCell, several: bool, color: QColor) -> None:
+        self.panel = grid_cell.panel
+        self.name = EDIT_NAMES[grid_cell.panel]
         self._color = color.red(), color.green(), color.blue()
         # A new mark replaces the present one of its end or pick, unless `several`.
-        if place.panel == "drawdown":
-            self._wanted = not shown.drawdown[place.y - 1, place.x - 1]
-        elif place.panel not in ("warp", "weft"):
-            row, number, _ = _row(shown, place)
+        if grid_cell.panel == "drawdown":
+            self._wanted = not shown.drawdown[grid_cell.y - 1, grid_cell.x - 1]
+        elif grid_cell.panel not in ("warp", "weft"):
+            row, number, _ = _marks_of(shown, grid_cell)
             self._wanted = number not in row
-        several = several or place.panel == "tieup" or shown.loom.liftplan is not None
+        several = several or grid_cell.panel == "tieup" or shown.loom.liftplan is not None
         self._several = several
 
-    def applied(self, shown: Shown, place: Place) -> Shown:
-        """Return the draft with the stroke applied to a cell."""
+    def apply(self, shown: Shown, grid_cell: GridCell) -> Shown:
+        """Return the draft with the stroke apply to a cell."""
         if self.panel in ("warp", "weft"):
-            return self._painted(shown, place)
+            return self._paint(shown, grid_cell)
         if self.panel == "drawdown":
-            here = place.y - 1, place.x - 1
+            here = grid_cell.y - 1, grid_cell.x - 1
             if shown.drawdown[here] == self._wanted:
                 return shown
             drawdown = shown.drawdown.copy()
             drawdown[here] = self._wanted
             return replace(shown, drawdown=drawdown)
-        row, number, changed = _row(shown, place)
+        row, number, changed = _marks_of(shown, grid_cell)
         marks = row
         if self._wanted and not self._several:
             marks = (number,)
@@ -62,9 +62,9 @@ class Stroke:
             marks = shown.loom.toggled(row, number)
         return shown if marks == row else shown.with_loom(changed(marks))
 
-    def _painted(self, shown: Shown, place: Place) -> Shown:
+    def _paint(self, shown: Shown, grid_cell: GridCell) -> Shown:
         colors = shown.strip(self.panel)
-        index = (place.x or place.y) - 1
+        index = (grid_cell.x or grid_cell.y) - 1
         if tuple(colors[index].tolist()) == self._color:
             return shown
         colors = colors.copy()
@@ -72,14 +72,14 @@ class Stroke:
         return shown.painted(self.panel, colors)
 
 
-def _row(
-    shown: Shown, place: Place
+def _marks_of(
+    shown: Shown, grid_cell: GridCell
 ) -> tuple[tuple[int, ...], int, Callable[[tuple[int, ...]], Loom]]:
     """Return the marks of an end, pick or treadle, the cell's number, and a setter of marks."""
     loom = shown.loom
-    if place.panel == "threading":
-        return loom.threading[place.x - 1], place.y, partial(loom.threaded, place.x)
-    if place.panel == "treadling":
-        return shown.lifted[place.y - 1], place.x, partial(loom.treadled, place.y)
-    tied = loom.tieup[place.x - 1] if place.x <= len(loom.tieup) else ()
-    return tied, place.y, partial(loom.tied, place.x)
+    if grid_cell.panel == "threading":
+        return loom.threading[grid_cell.x - 1], grid_cell.y, partial(loom.threaded, grid_cell.x)
+    if grid_cell.panel == "treadling":
+        return shown.lifted[grid_cell.y - 1], grid_cell.x, partial(loom.treadled, grid_cell.y)
+    tied = loom.tieup[grid_cell.x - 1] if grid_cell.x <= len(loom.tieup) else ()
+    return tied, grid_cell.y, partial(loom.tied, grid_cell.x)

@@ -1,1 +1,1 @@
-"""Editors of parameters, one class for each kind; `row.editor_of` selects the class."""
+"""Editors of parameters, one class for each kind; `row.make_editor` selects the class."""

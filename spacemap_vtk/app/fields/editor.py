@@ -19,7 +19,7 @@ class Editor(QWidget):
     #: A value as in a scene file, and the burst: a number that is the same during one drag.
     edited = Signal(object, int)
     #: Whether a drag is in progress.
-    held = Signal(bool)
+    dragging = Signal(bool)
     #: The text is again that of the present value, so that a refused text is gone.
     restored = Signal()
 
@@ -36,10 +36,10 @@ class Editor(QWidget):
     def show_in_use(self, value: Any) -> None:
         """Show the value in use while the parameter is automatic."""
 
-    def stack(self) -> None:
+    def set_half_width(self) -> None:
         """Change to a layout of half the width, beside another editor."""
 
-    def limit(self, low: float, high: float) -> None:
+    def set_feasible(self, low: float, high: float) -> None:
         """Set the interval of feasible values."""
 
     def is_new(self, text: str) -> bool:
@@ -57,7 +57,7 @@ class LineEditor(Editor):
         self.line = QLineEdit(placeholderText=parameter.automatic)
         self.line.textEdited.connect(self.is_new)
         self.setFocusProxy(self.line)
-        self.line.editingFinished.connect(self._typed)
+        self.line.editingFinished.connect(self._submit)
 
     def show_in_use(self, value: Any) -> None:
         """Show the value in use in grey; without one, show the meaning of "automatic"."""
@@ -73,23 +73,23 @@ class LineEditor(Editor):
         self.shown = text
         self.line.setText(text)
 
-    def written(self, text: str) -> Any:
+    def parse_text(self, text: str) -> Any:
         """Convert a text to a value for a scene file; None for the default."""
         return text.strip() or None
 
-    def _typed(self) -> None:
+    def _submit(self) -> None:
         # Leaving a line without a change is not an edit.
         if self.is_new(self.line.text()):
-            self.edited.emit(self.written(self.line.text()), 0)
+            self.edited.emit(self.parse_text(self.line.text()), 0)
 
 
-def leave_wheel(widget: QWidget) -> None:
+def ignore_wheel(widget: QWidget) -> None:
     """Let a widget ignore the mouse wheel: scrolling the page would change its value."""
     widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-    widget.installEventFilter(_Passing(widget))
+    widget.installEventFilter(_WheelFilter(widget))
 
 
-class _Passing(QObject):
+class _WheelFilter(QObject):
     def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
         """Pass wheel events on to the page of fields, which scrolls."""
         if event.type() != QEvent.Type.Wheel:

@@ -15,13 +15,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, leave_wheel
-from spacemap_vtk.app.fields.row import ParameterRow, editor_of
+from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
+from spacemap_vtk.app.fields.parameter_row import ParameterRow, make_editor
 from spacemap_vtk.app.widgets import column, row, tool_button
 from spacemap_vtk.filters.load import ACTIONS, TIME_KEYS, Load, Loads
 
 #: First values of a new load, by action.
-_BEGINNINGS: dict[str, dict[str, Any]] = {
+_ACTION_DEFAULTS: dict[str, dict[str, Any]] = {
     "pressure": {"pressure": "1 Pa", "on": "-z"},
     "traction": {"traction": ["1 Pa", 0.0, 0.0], "on": "-z"},
     "force": {"force": ["1 mN", 0.0, 0.0], "at": [0.0, 0.0, 0.0]},
@@ -31,14 +31,14 @@ _BEGINNINGS: dict[str, dict[str, Any]] = {
     "base_displacement": {"base_displacement": [0.0, 0.0, "1 mm"]},
 }
 #: First values of the required parameters of time functions.
-_NEEDED: dict[str, Any] = {
+_TIME_DEFAULTS: dict[str, Any] = {
     "length": "100 ms",
     "rise": "100 ms",
     "times": [0.0, 0.1],
     "values": [1.0, 0.0],
     "frequency": "10 Hz",
 }
-assert set(_BEGINNINGS) == set(ACTIONS)
+assert set(_ACTION_DEFAULTS) == set(ACTIONS)
 
 
 class LoadsEditor(Editor):
@@ -46,7 +46,7 @@ class LoadsEditor(Editor):
 
     def __init__(self, parameter: Loads) -> None:
         super().__init__(parameter)
-        self.cards: list[_Card] = []
+        self.cards: list[_LoadCard] = []
         self._tables: list[dict[str, Any]] = []
         self.add = QToolButton(text="Add a load ▾")
         self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
@@ -63,22 +63,22 @@ class LoadsEditor(Editor):
         # Reuse cards that have the same rows: making a card costs as much as a frame.
         for number, load in enumerate(value):
             here = self.cards[number : number + 1]
-            if not here or here[0].keys != _keys(load, self._declared):
-                self._take(here)
-                self._insert(_Card(number, load, self._declared))
-        self._take(self.cards[len(value) :])
+            if not here or here[0].keys != _row_names(load, self._declared):
+                self._remove_cards(here)
+                self._insert_card(_LoadCard(number, load, self._declared))
+        self._remove_cards(self.cards[len(value) :])
         for card, load in zip(self.cards, value, strict=True):
             card.show_load(load)
-        self._tables = [{k: _plain(v) for k, v in table.items()} for table in tables]
+        self._tables = [{k: _as_written(v) for k, v in table.items()} for table in tables]
 
-    def _insert(self, card: _Card) -> None:
-        card.edited.connect(self._card_edited)
-        card.held.connect(self.held)
+    def _insert_card(self, card: _LoadCard) -> None:
+        card.edited.connect(self._change_load)
+        card.dragging.connect(self.dragging)
         card.restored.connect(self.restored)
         self._layout.insertWidget(card.number, card)
         self.cards.insert(card.number, card)
 
-    def _take(self, cards: list[_Card]) -> None:
+    def _remove_cards(self, cards: list[_LoadCard]) -> None:
         for card in cards:
             self.cards.remove(card)
             self._layout.removeWidget(card)
@@ -86,9 +86,9 @@ class LoadsEditor(Editor):
             card.deleteLater()
 
     def add_load(self, action: Any) -> None:
-        self.edited.emit([*self._tables, dict(_BEGINNINGS[action.data()])], 0)
+        self.edited.emit([*self._tables, dict(_ACTION_DEFAULTS[action.data()])], 0)
 
-    def _card_edited(self, number: int, changes: dict[str, Any] | None, burst: int) -> None:
+    def _change_load(self, number: int, changes: dict[str, Any] | None, burst: int) -> None:
         tables = [dict(table) for table in self._tables]
         if changes is None:
             del tables[number]
@@ -98,22 +98,22 @@ class LoadsEditor(Editor):
         self.edited.emit(tables, burst)
 
 
-class _Card(QFrame):
+class _LoadCard(QFrame):
     """A card for one load: action, place and time function."""
 
     #: Index of the load, changed values (None removes the load), and burst.
     edited = Signal(int, object, int)
-    held = Signal(bool)
+    dragging = Signal(bool)
     #: As `Editor.restored`.
     restored = Signal()
 
     def __init__(self, number: int, load: Load, declared: Loads) -> None:
         super().__init__(objectName="card")
         self.setFrameShape(QFrame.Shape.StyledPanel)
-        self.number, self.keys = number, _keys(load, declared)
+        self.number, self.keys = number, _row_names(load, declared)
         self.action = QComboBox()
-        self.action.activated.connect(self._acted)
-        leave_wheel(self.action)
+        self.action.activated.connect(self._change_action)
+        ignore_wheel(self.action)
         for action in declared.actions:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
         self.remove = tool_button("✕", "Remove this load")
@@ -122,39 +122,39 @@ class _Card(QFrame):
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             parameter = Load.parameters[name]
-            made = ParameterRow(parameter, editor_of(parameter))
+            made = ParameterRow(parameter, make_editor(parameter))
             made.resettable = name in TIME_KEYS[load.time][1]
-            made.edited.connect(self._row_edited)
-            made.held.connect(self.held)
+            made.edited.connect(self._change_value)
+            made.dragging.connect(self.dragging)
             made.restored.connect(self.restored)
             self.rows[name] = made
         column(self, head, *self.rows.values(), margins=(8, 6, 6, 4), spacing=4)
 
     def show_load(self, load: Load) -> None:
         """Show a load of the same kind."""
-        self._now = load
+        self._load = load
         with QSignalBlocker(self.action):
             self.action.setCurrentIndex(self.action.findData(load.action))
         for name, shown in self.rows.items():
             shown.show_value(getattr(load, name), name not in load._values)
 
-    def _acted(self, _index: int) -> None:
+    def _change_action(self, _index: int) -> None:
         chosen = self.action.currentData()
-        if chosen != self._now.action:
-            gone = dict.fromkeys([self._now.action, "on", "at", "follower"])
-            self.edited.emit(self.number, {**gone, **_BEGINNINGS[chosen]}, 0)
+        if chosen != self._load.action:
+            gone = dict.fromkeys([self._load.action, "on", "at", "follower"])
+            self.edited.emit(self.number, {**gone, **_ACTION_DEFAULTS[chosen]}, 0)
 
-    def _row_edited(self, name: str, written: object, burst: int) -> None:
+    def _change_value(self, name: str, written: object, burst: int) -> None:
         changes: dict[str, Any] = {name: written}
         if name == "time":
             needed, possible = TIME_KEYS[str(written)]
             others = {key for pair in TIME_KEYS.values() for keys in pair for key in keys}
             changes |= dict.fromkeys(others - set(needed) - set(possible))
-            changes |= {key: _NEEDED[key] for key in needed if key not in self._now._values}
+            changes |= {key: _TIME_DEFAULTS[key] for key in needed if key not in self._load._values}
         self.edited.emit(self.number, changes, burst)
 
 
-def _keys(load: Load, declared: Loads) -> list[str]:
+def _row_names(load: Load, declared: Loads) -> list[str]:
     """Return the keys of the rows of a load, starting with its action."""
     place = ACTIONS[load.action]
     needed, possible = TIME_KEYS[load.time]
@@ -163,8 +163,8 @@ def _keys(load: Load, declared: Loads) -> list[str]:
     return [load.action, *([place] if place else []), *follower, *times]
 
 
-def _plain(value: Any) -> Any:
+def _as_written(value: Any) -> Any:
     """Convert a valid value to its form in a scene file."""
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        return [_as_written(item) for item in value]
     return str(value) if isinstance(value, Path) else value

@@ -12,7 +12,7 @@ from spacemap_vtk.app.widgets import row, tool_button
 from spacemap_vtk.errors import SpacemapError, one_line, shown
 
 #: Most letters of a list of allowed values.
-_MOST = 200
+_MAX_LENGTH = 200
 
 
 class ErrorBar(QWidget):
@@ -31,37 +31,39 @@ class ErrorBar(QWidget):
         self.label = QLabel(wordWrap=True, textFormat=Qt.TextFormat.PlainText)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         #: Starts a cancelled run again.
-        self.run = QPushButton("Run")
+        self.run_button = QPushButton("Run")
         close = tool_button("✕")
         close.clicked.connect(self.hide)
-        row(self, (self.label, 1), self.run, close, margins=(10, 6, 6, 6))
-        self._about = ""
+        row(self, (self.label, 1), self.run_button, close, margins=(10, 6, 6, 6))
+        self._kind = ""
         #: Replaces names of temporary files by words for the user.
-        self.told: Callable[[str], str] = str
+        self.replace_paths: Callable[[str], str] = str
         self.hide()
 
-    def watch(self, about: str, failing: Iterable[Any], righting: Iterable[Any]) -> None:
+    def connect_signals(
+        self, kind: str, error_signals: Iterable[Any], clear_signals: Iterable[Any]
+    ) -> None:
         """Report the errors of some signals as one kind; clear this kind at other signals."""
-        matter = _Matter(about, self)
-        for signal in failing:
-            signal.connect(matter.report)
-        for signal in righting:
-            signal.connect(matter.clear)
+        error_kind = _ErrorKind(kind, self)
+        for signal in error_signals:
+            signal.connect(error_kind.report)
+        for signal in clear_signals:
+            signal.connect(error_kind.clear)
 
-    def say(self, error: BaseException, about: str) -> None:
-        self.warn(_words(error), about)
+    def show_error(self, error: BaseException, kind: str) -> None:
+        self.show_warning(_format_error(error), kind)
 
-    def warn(self, text: str, about: str, can_run: bool = False) -> None:
+    def show_warning(self, text: str, kind: str, can_run: bool = False) -> None:
         """Show a message."""
-        self._about = about
-        text = self.told(text)
-        self.run.setVisible(can_run)
+        self._kind = kind
+        text = self.replace_paths(text)
+        self.run_button.setVisible(can_run)
         self.label.setText(text)
         self.show()
 
-    def clear(self, about: str | None = None) -> None:
+    def clear(self, kind: str | None = None) -> None:
         """Hide the bar if it shows this kind of message; None hides it in any case."""
-        if about in (None, self._about) and not self.isHidden():
+        if kind in (None, self._kind) and not self.isHidden():
             self.hide()
 
     @property
@@ -70,23 +72,23 @@ class ErrorBar(QWidget):
         return "" if self.isHidden() else self.label.text()
 
 
-class _Matter(QObject):
+class _ErrorKind(QObject):
     """Slots for one kind of error."""
 
     # A QObject instead of a `partial`, which would keep the window alive.
 
-    def __init__(self, about: str, bar: ErrorBar) -> None:
+    def __init__(self, kind: str, bar: ErrorBar) -> None:
         super().__init__(bar)
-        self._about = about
+        self._kind = kind
 
     def report(self, error: BaseException) -> None:
-        self.parent().reported.emit(self._about, error)
+        self.parent().reported.emit(self._kind, error)
 
     def clear(self) -> None:
-        self.parent().clear(self._about)
+        self.parent().clear(self._kind)
 
 
-def _words(error: BaseException) -> str:
+def _format_error(error: BaseException) -> str:
     if not isinstance(error, SpacemapError):
         return one_line(error)
     # Without the file name: the window shows it, and it would push the cure out of view.
@@ -96,8 +98,8 @@ def _words(error: BaseException) -> str:
     text = f"{where}: {error.message}" if where else error.message
     if error.allowed:
         # A full list of file endings would leave no room for the view.
-        few, more, _ = error.allowed[:_MOST].rpartition(", ")
-        many = len(error.allowed) > _MOST and more
+        few, more, _ = error.allowed[:_MAX_LENGTH].rpartition(", ")
+        many = len(error.allowed) > _MAX_LENGTH and more
         text += f"; allowed: {few + ' and more' if many else error.allowed}"
     text += "."
     return f"{text} {error.cure}" if error.cure else text

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import RIGHT, column, is_dark, later, note, table
+from spacemap_vtk.app.widgets import RIGHT, column, is_dark, note, single_shot, table
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.figure.page import PageStyle, lay_out_page
 from spacemap_vtk.draw.figure.section_drawing import Colors, section_tile
@@ -39,9 +39,9 @@ from spacemap_vtk.textile.geometry.cross_section import CrossSection, cross_sect
 from spacemap_vtk.units import UNITS
 
 #: Time without changes until the figures are computed, in ms.
-_REST = 250
+_REST_TIME = 250
 #: Dots per inch of the drawing, and its smallest width in pixels, which its labels need.
-_DPI, _NARROWEST = 100.0, 240
+_DPI, _MIN_WIDTH = 100.0, 240
 #: Figures of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
@@ -72,17 +72,17 @@ _TIPS = {
 }
 
 
-class _Told(NamedTuple):
-    known: Any
+class _Result(NamedTuple):
+    key: Any
     figures: dict[str, Any]
     whole: bool
     cuts: Sequence[CrossSection] = ()
     colors: Colors = ()
 
 
-def _figures(
-    scene: Scene, known: Any, figures: dict[str, Any] | None = None
-) -> Generator[None, None, _Told]:
+def _compute_figures(
+    scene: Scene, key: Any, figures: dict[str, Any] | None = None
+) -> Generator[None, None, _Result]:
     """Compute all figures but the least clearance; with `figures`, the least clearance."""
     yield
     if figures is None:
@@ -91,12 +91,12 @@ def _figures(
         yield
         ways = range(2 if figures["thickness"] is not None else 0)
         cuts, colors = [cross_section(cloth, n) for n in ways], [t.colors for t in cloth.threads]
-        return _Told(known, figures, False, cuts, colors)
+        return _Result(key, figures, False, cuts, colors)
     yield from report.clearance(scene, figures)
-    return _Told(known, figures, True)
+    return _Result(key, figures, True)
 
 
-class _Sections(QScrollArea):
+class _SectionDrawings(QScrollArea):
     """Drawings of the cloth cut along an end and along a pick (Peirce), as wide as possible."""
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class _Sections(QScrollArea):
         self.setWidget(self.picture)
         self._cuts: Sequence[CrossSection] = ()
         self._colors: Colors = ()
-        self._soon = later(self, self._draw, 60)
+        self._soon = single_shot(self, self._draw, 60)
 
     def show_cuts(self, cuts: Sequence[CrossSection] = (), colors: Colors = ()) -> None:
         self._cuts, self._colors = cuts, colors
@@ -129,7 +129,7 @@ class _Sections(QScrollArea):
             return
         ratio = self.devicePixelRatioF()
         paper = PageStyle(
-            width=max(self.viewport().width(), _NARROWEST) * 25.4 / _DPI,
+            width=max(self.viewport().width(), _MIN_WIDTH) * 25.4 / _DPI,
             dpi=_DPI * ratio,
             dark=is_dark(self),
             transparent=True,
@@ -156,34 +156,34 @@ class FiguresTab(QWidget):
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
         tip = "The table, for a spreadsheet: numbers in columns, units beside"
-        self.copied = QPushButton("Copy", toolTip=tip)
-        self.copied.clicked.connect(self._copy)
-        self.sections = _Sections()
+        self.copy_button = QPushButton("Copy", toolTip=tip)
+        self.copy_button.clicked.connect(self._copy)
+        self.sections = _SectionDrawings()
         parts = QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False)
         parts.addWidget(self.table)
         parts.addWidget(self.sections)
         parts.setSizes([420, 350])
-        column(self, self.hint, (parts, 1), self.copied, margins=(6, 6, 6, 6))
+        column(self, self.hint, (parts, 1), self.copy_button, margins=(6, 6, 6, 6))
         self._rows: list[tuple[Figure, ...]] = []
         #: Key of the cloth whose figures were requested, and whether all of them are complete.
-        self._asked: Any = None
-        self._whole = False
+        self._requested: Any = None
+        self._is_complete = False
         #: Values of the drawn scene.
         self._drawn: Any = None
-        self._rest = later(self, self._ask, _REST)
-        engine.beside_ready.connect(self._ready)
-        self.forget()
+        self._rest_timer = single_shot(self, self._request, _REST_TIME)
+        engine.background_ready.connect(self._receive)
+        self.clear()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Request missing figures, as another tab may have replaced the work."""
         super().showEvent(event)
-        self._asked = self._asked if self._whole else None
-        self._rest.start()
+        self._requested = self._requested if self._is_complete else None
+        self._rest_timer.start()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Clear the tab for a new scene."""
-        self._asked, self._whole, self._drawn = None, False, None
-        self._show([])
+        self._requested, self._is_complete, self._drawn = None, False, None
+        self._show_rows([])
         self.sections.show_cuts()
 
     def follow(self, frame: Frame) -> None:
@@ -192,50 +192,52 @@ class FiguresTab(QWidget):
             # Frames are coarse while playing and during a drag, but only a drag changes the cloth.
             still = not frame.coarse or frame.values is self._drawn
             self._drawn = frame.values
-            still = still and self.isVisible() and not self._rest.isActive()
-            if still and self._known() != self._asked:
-                self._rest.start()
+            still = still and self.isVisible() and not self._rest_timer.isActive()
+            if still and self._cloth_key() != self._requested:
+                self._rest_timer.start()
 
-    def _known(self) -> Any:
+    def _cloth_key(self) -> Any:
         scene = self._document.scene
         return scene.woven is not None, scene.source.settings
 
-    def _ask(self) -> None:
-        known = self._known()
-        if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
+    def _request(self) -> None:
+        key = self._cloth_key()
+        if not self.isVisible() or key == self._requested or self._drawn != self._document.values:
             return  # if the cloth cannot be woven, view and tab keep showing the last good one
-        self._asked, self._whole = known, not known[0]
+        self._requested, self._is_complete = key, not key[0]
         textile = self._document.scene.textile
-        if known[0]:
+        if key[0]:
             self.hint.setText(_HINTS[0])
-            self._engine.ask_beside(partial(_figures, known=known))
+            self._engine.start_background(partial(_compute_figures, key=key))
         else:
             self.hint.setText(_HINTS[1 if textile is not None else 2])
-            self._show([(f,) for f in textile_figures(textile)] if textile is not None else [])
+            self._show_rows([(f,) for f in textile_figures(textile)] if textile is not None else [])
 
-    def _ready(self, result: Any) -> None:
-        if isinstance(result, Exception) and self.isVisible() and not self._whole:
+    def _receive(self, result: Any) -> None:
+        if isinstance(result, Exception) and self.isVisible() and not self._is_complete:
             self.hint.setText(str(result))
-        if not isinstance(result, _Told) or result.known != self._asked:
+        if not isinstance(result, _Result) or result.key != self._requested:
             return  # the result belongs to another tab, or to a former cloth
-        self._whole = result.whole
+        self._is_complete = result.whole
         cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
         if not result.whole:
             self.sections.show_cuts(result.cuts, result.colors)
             cloth = [f._replace(told="…") if f.key == "least_clearance" else f for f in cloth]
-        self._show([*yarn_figures(result.figures), *((f,) for f in cloth)])
+        self._show_rows([*yarn_figures(result.figures), *((f,) for f in cloth)])
         if not result.whole:
-            self._engine.ask_beside(partial(_figures, known=result.known, figures=result.figures))
+            self._engine.start_background(
+                partial(_compute_figures, key=result.key, figures=result.figures)
+            )
 
-    def _show(self, rows: list[tuple[Figure, ...]]) -> None:
+    def _show_rows(self, rows: list[tuple[Figure, ...]]) -> None:
         self._rows = rows
-        self.copied.setEnabled(bool(rows))
+        self.copy_button.setEnabled(bool(rows))
         self.table.clearSpans()
         self.table.setRowCount(len(rows))
         for number, figures in enumerate(rows):
             if len(figures) == 1:
                 self.table.setSpan(number, 1, 1, 2)
-            tip = _tip(figures[0])
+            tip = _tooltip(figures[0])
             for place, text in enumerate([figures[0].label, *(f.told for f in figures)]):
                 item = QTableWidgetItem(text)
                 item.setToolTip(tip if len(text) < 30 else f"{text}\n{tip}")
@@ -253,7 +255,7 @@ class FiguresTab(QWidget):
         QGuiApplication.clipboard().setText("\n".join(lines) + "\n")
 
 
-def _tip(figure: Figure) -> str:
+def _tooltip(figure: Figure) -> str:
     tip = _TIPS.get(figure.key.removeprefix("warp_"), "")
     if figure.key == "areal_mass" and figure.value is not None:
         tip = f"{figure.value / UNITS['kg/m2']['oz/yd2']:.3g} oz/yd². {tip}"

@@ -21,7 +21,7 @@ from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
 #: Smallest width of a thumbnail in pixels, and its height over its width.
-_WIDTH, _FORM = 140, 2 / 3
+_MIN_WIDTH, _ASPECT = 140, 2 / 3
 _NAME = Qt.ItemDataRole.UserRole
 
 
@@ -37,7 +37,7 @@ class Gallery(QWidget):
         about = note("Click one to open it. Everything in it can then be changed.")
         self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
         buttons = row(None, self.new_button, self.open_button)
-        self.list = _Pictures()
+        self.list = _ThumbnailList()
         for name in library.names():
             item = QListWidgetItem(thumbnails.title_of(name))
             item.setData(_NAME, name)
@@ -47,7 +47,7 @@ class Gallery(QWidget):
         self._recent_label = QLabel("Used lately")
         self.recent = QListWidget(objectName="recent")
         self.recent.itemClicked.connect(lambda item: self.chosen.emit(item.data(_NAME)))
-        _see_through(self.recent)
+        _make_transparent(self.recent)
         column(
             self,
             heading,
@@ -58,17 +58,17 @@ class Gallery(QWidget):
             self.recent,
             margins=(12, 10, 8, 8),
         )
-        self._pictured = False
+        self._has_icons = False
         self.show_recent([])
 
     def showEvent(self, event: QShowEvent) -> None:
         """Load the thumbnails when the tab is first shown."""
         super().showEvent(event)
-        if not self._pictured:
-            self._pictured = True
+        if not self._has_icons:
+            self._has_icons = True
             for number in range(self.list.count()):
                 item = self.list.item(number)
-                item.setIcon(_picture(item.data(_NAME)))
+                item.setIcon(_load_icon(item.data(_NAME)))
 
     def show_recent(self, files: list[str]) -> None:
         self.recent.clear()
@@ -83,14 +83,14 @@ class Gallery(QWidget):
         self.recent.setFixedHeight(height * self.recent.count() + 6)
 
 
-class _Pictures(QListWidget):
+class _ThumbnailList(QListWidget):
     """Thumbnails in as many columns as fit."""
 
     chosen = Signal(str)
 
     def __init__(self) -> None:
         super().__init__(objectName="gallery", wordWrap=True)
-        _see_through(self)
+        _make_transparent(self)
         self.setViewMode(QListView.ViewMode.IconMode)
         self.setResizeMode(QListView.ResizeMode.Adjust)
         self.setMovement(QListView.Movement.Static)
@@ -103,11 +103,11 @@ class _Pictures(QListWidget):
         """Adapt the size of the thumbnails to the width."""
         super().resizeEvent(event)
         room = self.viewport().width() - 4
-        cell = room // max(1, room // (_WIDTH + 16))
+        cell = room // max(1, room // (_MIN_WIDTH + 16))
         width = cell - 12
-        self.setIconSize(QSize(width, round(width * _FORM)))
+        self.setIconSize(QSize(width, round(width * _ASPECT)))
         lines = 3 * self.fontMetrics().lineSpacing()  # the longest titles have three
-        self.setGridSize(QSize(cell, round(width * _FORM) + lines + 16))
+        self.setGridSize(QSize(cell, round(width * _ASPECT) + lines + 16))
         for number in range(self.count()):  # equal widths, whatever the titles
             self.item(number).setSizeHint(self.gridSize() - QSize(4, 4))
 
@@ -122,14 +122,14 @@ class _Pictures(QListWidget):
         self.chosen.emit(item.data(_NAME))
 
 
-def _see_through(pictures: QListWidget) -> None:
+def _make_transparent(pictures: QListWidget) -> None:
     """Make the background of a list transparent."""
     # A style sheet would paint the groove of the scroll bar black.
     pictures.setFrameShape(QFrame.Shape.NoFrame)
     pictures.viewport().setAutoFillBackground(False)
 
 
-def _picture(name: str) -> QIcon:
+def _load_icon(name: str) -> QIcon:
     pixmap = QPixmap(str(thumbnails.file_of(name)))
     if pixmap.isNull():
         pixmap = QPixmap(*thumbnails.SIZE)

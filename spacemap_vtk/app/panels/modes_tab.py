@@ -27,7 +27,7 @@ from spacemap_vtk.app.panels.response_plot import ResponsePlot
 from spacemap_vtk.app.plots.curves import Spectrum
 from spacemap_vtk.app.widgets import RIGHT, column, note, row, table
 from spacemap_vtk.app.work.engine import Engine
-from spacemap_vtk.app.work.job import Swing
+from spacemap_vtk.app.work.frame_request import Swing
 from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -40,7 +40,7 @@ from spacemap_vtk.units import aligned, pretty
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
 _FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
 #: Prefix of a frequency whose mode the cells of the cage are too large to resolve.
-_ROUGHLY = "≈ "
+_APPROXIMATE = "≈ "
 _TIPS = (
     "",
     "Frequency without damping",
@@ -48,7 +48,7 @@ _TIPS = (
     "Effective mass along the axis of which the mode moves most, of the mass that can move",
 )
 #: An effective mass below this fraction is shown as a dash.
-_NONE = 0.005
+_MIN_MASS = 0.005
 #: Period of the animation on the screen in s, whatever the mode's frequency.
 _PERIOD = 1.2
 _TICK = 15
@@ -80,7 +80,7 @@ class ModesTab(QWidget):
     """Show frequency, damping and effective mass of each mode; a click animates the mode."""
 
     #: A `Swing` to show, or None for the motion.
-    swung = Signal(object)
+    swing_changed = Signal(object)
 
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
@@ -96,24 +96,24 @@ class ModesTab(QWidget):
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.amplitude = QSlider(Qt.Orientation.Horizontal)
-        self.amplitude.valueChanged.connect(self._tell_amplitude)
+        self.amplitude.valueChanged.connect(self._show_amplitude)
         #: The amplitude in words.
-        self.told = QLabel()
-        self._turns: bool | None = None
-        self.show_turns(False)
-        self.back = QPushButton("Back to the motion", enabled=False)
-        self.back.clicked.connect(self.stop)
+        self.amplitude_text = QLabel()
+        self._uses_angles: bool | None = None
+        self.set_angles(False)
+        self.back_button = QPushButton("Back to the motion", enabled=False)
+        self.back_button.clicked.connect(self.stop)
         self.hint = note(_HINTS[0])
         #: Plot of the frequency response, which also provides the effective masses.
         self.response = ResponsePlot(document, engine)
-        self.response.chosen.connect(self._chosen)
-        self.response.found.connect(self._found)
+        self.response.chosen.connect(self._animate_mode)
+        self.response.found.connect(self._show_spectrum)
         #: Kind of the cage: a sheet with areal mass and bending length, or other elements.
         self.sheet = note(name="note")
         #: Warning about modes that the cells are too large to resolve.
         self.unresolved = note(name="note")
         self.unresolved.hide()
-        below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
+        below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
         column(
             self,
             self.hint,
@@ -122,32 +122,32 @@ class ModesTab(QWidget):
             (self.table, 1),
             self.response,
             below,
-            self.back,
+            self.back_button,
             margins=(6, 6, 6, 6),
         )
-        self._known: Any = None
+        self._modes_key: Any = None
         #: Modes and damping to which the shown masses and the response belong.
-        self._found_of: Any = None
+        self._masses_key: Any = None
         #: Index of the animated mode, or None.
         self.mode: int | None = None
         self._begun = 0.0
         self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
-        self.table.cellClicked.connect(self._clicked)
-        self.table.currentCellChanged.connect(self._moved)
+        self.table.cellClicked.connect(self._start_animation)
+        self.table.currentCellChanged.connect(self._follow_selection)
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
-        self.response.seen()
+        self.response.request_again()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Clear the tab until the first frame of a new scene."""
-        self._known = None
+        self._modes_key = None
         self.table.setRowCount(0)
         self.hint.clear()
         self.sheet.hide()
         self.unresolved.hide()
-        self.response.forget()
+        self.response.clear()
 
     def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
         """Fill the table if the modes or the damping have changed."""
@@ -159,15 +159,15 @@ class ModesTab(QWidget):
             return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
         found = measures_in(cage)
-        self.sheet.setText(_told(found))
+        self.sheet.setText(_describe_cage(found))
         self.sheet.setVisible(bool(found))
         known = (values.tobytes(), damping)
-        if known == self._known:
+        if known == self._modes_key:
             return
-        self._known = known
+        self._modes_key = known
         self.unresolved.hide()
         if cage is None:
-            self.response.forget()
+            self.response.clear()
         self.table.setRowCount(len(values))
         rates = damping.alphas(values), damping.beta
         lost = 0.0 if cage is None or array is None else rounding_of(cage)
@@ -190,22 +190,22 @@ class ModesTab(QWidget):
                 self.table.setItem(number, place, item)
         if spectrum is not None:
             self._show_masses(spectrum)
-        self._fit()
+        self._fit_columns()
         if self.mode is not None and self.mode >= len(values):
             self.stop()
 
-    def _fit(self) -> None:
+    def _fit_columns(self) -> None:
         # All but the last column, which takes the remaining width.
         for place in range(self.table.columnCount() - 1):
             self.table.resizeColumnToContents(place)
 
-    def _found(self, spectrum: Spectrum) -> None:
-        self._found_of = self._known if self.response.current else None
+    def _show_spectrum(self, spectrum: Spectrum) -> None:
+        self._masses_key = self._modes_key if self.response.is_current else None
         self._show_masses(spectrum)
 
     def _show_masses(self, spectrum: Spectrum) -> None:
         """Write the effective masses; those of former modes are grey until the new ones follow."""
-        old = self._found_of != self._known
+        old = self._masses_key != self._modes_key
         self.response.fade(old)
         if len(spectrum.shares) != self.table.rowCount():
             return  # the masses belong to other modes; the new ones will follow
@@ -213,7 +213,7 @@ class ModesTab(QWidget):
         for number, (share, total) in enumerate(zip(spectrum.shares, sums, strict=True)):
             axis = int(np.argmax(share))
             item = self.table.item(number, _MASS)
-            item.setText(f"{share[axis]:.0%} {'xyz'[axis]}" if share[axis] >= _NONE else "–")
+            item.setText(f"{share[axis]:.0%} {'xyz'[axis]}" if share[axis] >= _MIN_MASS else "–")
             lines = (
                 f"{x}: {a:.1%}, with those above {b:.1%}"
                 for x, a, b in zip("xyz", share, total, strict=True)
@@ -224,14 +224,14 @@ class ModesTab(QWidget):
             item.setForeground(faint if old else QBrush())
         if not old:
             self._mark_unresolved(spectrum.errors.tolist())
-        self._fit()
+        self._fit_columns()
 
     def _mark_unresolved(self, errors: Sequence[float]) -> None:
         """Mark the frequencies of the modes that the cells of the cage are too large to resolve."""
         for number, error in enumerate(errors):
             if error > UNRESOLVED:
                 item = self.table.item(number, _FREQUENCY)
-                item.setText(_ROUGHLY + item.text().removeprefix(_ROUGHLY))
+                item.setText(_APPROXIMATE + item.text().removeprefix(_APPROXIMATE))
                 item.setToolTip(
                     f"Shorter than the cage's cells resolve: about {error:.0%} too high"
                 )
@@ -239,63 +239,63 @@ class ModesTab(QWidget):
         self.unresolved.setText(f"{clause.capitalize()}; set finer divisions of the cage.")
         self.unresolved.setVisible(bool(clause))
 
-    def show_turns(self, turns: bool) -> None:
+    def set_angles(self, turns: bool) -> None:
         """Set whether amplitudes are angles; large ones need reconstructed rotations."""
-        if turns == self._turns:
+        if turns == self._uses_angles:
             return
-        self._turns = turns
+        self._uses_angles = turns
         most, value, tip = _ANGLES if turns else _SHARES
         self.amplitude.setRange(1, most)
         self.amplitude.setValue(value)
         self.amplitude.setToolTip(tip)
-        self._tell_amplitude()
+        self._show_amplitude()
 
     def stop(self) -> None:
         """End the animation and show the motion again."""
         if self.mode is not None:
             self.release()
-            self.swung.emit(None)
+            self.swing_changed.emit(None)
 
     def release(self) -> None:
         """End the animation because something else will be shown."""
-        self._choose(None)
+        self._set_mode(None)
         self._timer.stop()
         self.table.clearSelection()
-        self.back.setEnabled(False)
+        self.back_button.setEnabled(False)
 
-    def _choose(self, mode: int | None) -> None:
+    def _set_mode(self, mode: int | None) -> None:
         self.mode = self.response.mode = mode
         self.response.update()
 
-    def _chosen(self, mode: int) -> None:
+    def _animate_mode(self, mode: int) -> None:
         """Animate the mode that was clicked in the plot."""
         self.table.setCurrentCell(mode, 0)
         self.table.cellClicked.emit(mode, 0)
 
-    def _clicked(self, row: int, _column: int) -> None:
-        self._choose(row)
+    def _start_animation(self, row: int, _column: int) -> None:
+        self._set_mode(row)
         self._begun = time.perf_counter()
-        self.back.setEnabled(True)
+        self.back_button.setEnabled(True)
         self._timer.start()
 
-    def _moved(self, row: int, *_: int) -> None:
+    def _follow_selection(self, row: int, *_: int) -> None:
         """During an animation, change to the mode that the arrow keys select."""
         if self.mode is not None and row >= 0:
-            self._choose(row)
+            self._set_mode(row)
 
     def _tick(self) -> None:
         if self.mode is not None:
             phase = (time.perf_counter() - self._begun) / _PERIOD
             value = self.amplitude.value()
-            angle = math.radians(value) if self._turns else None
-            self.swung.emit(Swing(self.mode, value / 100, phase, angle))
+            angle = math.radians(value) if self._uses_angles else None
+            self.swing_changed.emit(Swing(self.mode, value / 100, phase, angle))
 
-    def _tell_amplitude(self) -> None:
+    def _show_amplitude(self) -> None:
         value = self.amplitude.value()
-        self.told.setText(f"{value}°" if self._turns else f"{value} %")
+        self.amplitude_text.setText(f"{value}°" if self._uses_angles else f"{value} %")
 
 
-def _told(found: dict[str, Any]) -> str:
+def _describe_cage(found: dict[str, Any]) -> str:
     """Return a sentence about the kind of the cage."""
     if "bending_length" not in found:
         return f"The cage is of {found['elements']}." if found else ""

@@ -12,12 +12,12 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QWidget
 
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.fields.basic_editors import FileEditor
 from spacemap_vtk.app.fields.editor import Editor
-from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of
-from spacemap_vtk.app.fields.lines import FileEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
-from spacemap_vtk.app.fields.row import Group, Pair, ParameterRow, editor_of
-from spacemap_vtk.app.widgets import column, later, note
+from spacemap_vtk.app.fields.parameter_info import automatic_values, feasible_intervals, idle_reason
+from spacemap_vtk.app.fields.parameter_row import ParameterRow, RowGroup, RowPair, make_editor
+from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
@@ -30,7 +30,7 @@ from spacemap_vtk.scenes.face import picture_size
 #: that they may take: during a drag, one computation costs as much as a few frames.
 _LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
 #: Sections with more parameters get a search field.
-_MANY = 8
+_SEARCH_FROM = 8
 
 
 class Properties(QScrollArea):
@@ -41,9 +41,9 @@ class Properties(QScrollArea):
     #: The burst of an accepted value.
     accepted = Signal(int)
     #: Whether a drag is in progress.
-    held = Signal(bool)
+    dragging = Signal(bool)
     #: The shown section, which shall be switched on.
-    added = Signal(str)
+    switched_on = Signal(str)
 
     def __init__(self, document: Document) -> None:
         super().__init__(widgetResizable=True)
@@ -52,64 +52,64 @@ class Properties(QScrollArea):
         self._shown: tuple[str, Mapping[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
         #: Groups of rows below a heading, and pairs of rows for warp and weft.
-        self.groups: dict[str, Group] = {}
-        self.pairs: list[Pair] = []
+        self.groups: dict[str, RowGroup] = {}
+        self.pairs: list[RowPair] = []
         #: Section and title of each folded group.
         self._folded: set[tuple[str, str]] = set()
         self.search = QLineEdit()
-        #: Results of the last run about the parameters, by section and name; see `show_found`.
-        self._found: dict[str, dict[str, Any]] = {}
+        #: Results of the last run about the parameters, by section and name; see `show_results`.
+        self._results: dict[str, dict[str, Any]] = {}
         #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
-        self._limited = 0.0
+        self._next_limits = 0.0
         #: Cache: settings, and their feasible intervals.
         self._feasible: tuple[dict[str, Any], dict[str, tuple[float, float]]] = {}, {}
         #: Name of the row that was edited last, or "" after another change.
-        self._last = ""
-        self._later = later(self, self._show_limits)
+        self._last_edited = ""
+        self._limits_timer = single_shot(self, self._show_limits)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
-        document.replaced.connect(self._forget)
+        document.replaced.connect(self._clear_results)
         document.replaced.connect(self.refresh)
 
-    def choose(self, section: str) -> None:
+    def show_section(self, section: str) -> None:
         # A slider that is deleted during a drag never emits its release.
-        self.held.emit(False)
+        self.dragging.emit(False)
         self.section = section
         self.rows, self.groups, self.pairs = {}, {}, []
         self._shown = None
-        self._limited = 0.0
+        self._next_limits = 0.0
         page = QWidget()
         cls = sections()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
         self.search = QLineEdit(placeholderText="Search what can be set", clearButtonEnabled=True)
-        self.search.textChanged.connect(self._seek)
-        self.add = QPushButton("Switch it on")
-        self.add.clicked.connect(lambda: self.added.emit(section))
-        parts: list[QWidget] = [about, self.add]
-        if len(cls.parameters) > _MANY:
+        self.search.textChanged.connect(self._filter_rows)
+        self.switch_on_button = QPushButton("Switch it on")
+        self.switch_on_button.clicked.connect(lambda: self.switched_on.emit(section))
+        parts: list[QWidget] = [about, self.switch_on_button]
+        if len(cls.parameters) > _SEARCH_FROM:
             parts.insert(1, self.search)
         for name, parameter in cls.parameters.items():
             if name in self.rows:
                 continue  # the weft's row, which is already beside the warp's
             if parameter.group and parameter.group not in self.groups:
-                self.groups[parameter.group] = made = Group(parameter.group)
+                self.groups[parameter.group] = made = RowGroup(parameter.group)
                 parts.append(made)
             group = self.groups[parameter.group].rows if parameter.group else parts
             partner = name.replace("warp_", "weft_", 1)
             if partner != name and partner in cls.parameters:
                 warp, weft = (
-                    self._row(parameter, "Warp"),
-                    self._row(cls.parameters[partner], "Weft"),
+                    self._make_row(parameter, "Warp"),
+                    self._make_row(cls.parameters[partner], "Weft"),
                 )
-                self.pairs.append(Pair(warp, weft))
+                self.pairs.append(RowPair(warp, weft))
                 group.append(self.pairs[-1])
             else:
-                group.append(self._row(parameter))
+                group.append(self._make_row(parameter))
         for made in self.groups.values():
             made.lay_out((section, made.title) in self._folded)
-            made.head.toggled.connect(partial(self._fold, section, made.title))
+            made.head.toggled.connect(partial(self._set_folded, section, made.title))
         column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
         self.setWidget(page)
         self.refresh()
@@ -127,30 +127,30 @@ class Properties(QScrollArea):
         name = row.parameter.name
         row.show_value(getattr(self._part, name), name not in self._written)
 
-    def _row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
-        # The editor of loads is made here, not by `editor_of`, because it contains rows.
+    def _make_row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
+        # The editor of loads is made here, not by `make_editor`, because it contains rows.
         editor: Editor = (
-            LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
+            LoadsEditor(parameter) if isinstance(parameter, Loads) else make_editor(parameter)
         )
         if isinstance(editor, FileEditor):
-            editor.told = self._document.told
+            editor.display_name = self._document.display_name
         made = ParameterRow(parameter, editor, beside)
-        made.edited.connect(self._edited)
-        made.held.connect(self.held)
-        made.restored.connect(self._restored)
+        made.edited.connect(self._set_value)
+        made.dragging.connect(self.dragging)
+        made.restored.connect(self._clear_refusal)
         self.rows[parameter.name] = made
         return made
 
-    def _fold(self, section: str, title: str, open_: bool) -> None:
+    def _set_folded(self, section: str, title: str, open_: bool) -> None:
         (self._folded.discard if open_ else self._folded.add)((section, title))
 
-    def _seek(self, text: str) -> None:
+    def _filter_rows(self, text: str) -> None:
         """Show only the rows that match the search."""
         for row in self.rows.values():
-            row.seek(text.lower().split())
-        self._frame()
+            row.match_search(text.lower().split())
+        self._hide_empty_groups()
 
-    def _frame(self) -> None:
+    def _hide_empty_groups(self) -> None:
         """Hide pairs and groups without visible rows."""
         for pair in self.pairs:
             pair.setVisible(not all(row.isHidden() for row in pair.rows))
@@ -160,13 +160,15 @@ class Properties(QScrollArea):
 
     def refresh(self) -> None:
         """Show the values of the document."""
-        self._last = ""
+        self._last_edited = ""
         if not self.section:
             return
         part, written = self._part, self._written
         # Setting a value switches a stage on. A stage that needs no value, such as RotationStrain,
         # needs this button.
-        self.add.setVisible(isinstance(part, Stage) and part not in self._document.scene.stages)
+        self.switch_on_button.setVisible(
+            isinstance(part, Stage) and part not in self._document.scene.stages
+        )
         # A drag elsewhere changes nothing in this section.
         known_state = self.section, written, part.settings
         if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
@@ -176,44 +178,44 @@ class Properties(QScrollArea):
             known = before and (before[2][name], name in before[1])
             if known != (getattr(part, name), name in written) or row.property("bad"):
                 self._show_value(row)
-        self._show_what_counts()
+        self._show_relevant_rows()
 
-    def _show_what_counts(self) -> None:
+    def _show_relevant_rows(self) -> None:
         part, written = self._part, self._written
         for name, row in self.rows.items():
             if row.parameter.when:
-                why = idle_of(part, name, self._found.get(self.section, {}))
-                row.show_idle(self._document.drafts.told(why), name in written)
-        self._frame()
-        rest = self._limited - time.perf_counter()
+                why = idle_reason(part, name, self._results.get(self.section, {}))
+                row.show_idle(self._document.drafts.replace_paths(why), name in written)
+        self._hide_empty_groups()
+        rest = self._next_limits - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()
-        elif not self._later.isActive():
-            self._later.start(round(rest * 1e3) + 1)
+        elif not self._limits_timer.isActive():
+            self._limits_timer.start(round(rest * 1e3) + 1)
 
-    def show_found(
+    def show_results(
         self, section: str, figures: dict[str, Any], in_use: dict[str, Mapping[str, Any]]
     ) -> None:
         """Show results of a run about a section's parameters, and all automatic values it used."""
-        if figures == self._found.get(section, {}) and in_use == self._in_use:
+        if figures == self._results.get(section, {}) and in_use == self._in_use:
             return
-        self._found[section], self._in_use = figures, in_use
+        self._results[section], self._in_use = figures, in_use
         if self.section:
-            self._show_what_counts()
+            self._show_relevant_rows()
 
-    def _forget(self) -> None:
-        self._found, self._in_use = {}, {}
-        self._limited = 0.0  # show the new scene's intervals without delay
+    def _clear_results(self) -> None:
+        self._results, self._in_use = {}, {}
+        self._next_limits = 0.0  # show the new scene's intervals without delay
         for row in self.rows.values():
-            row.show_resolved(None)  # remove the former scene's automatic values
+            row.show_automatic_value(None)  # remove the former scene's automatic values
 
     def _show_limits(self) -> None:
         begun, part = time.thread_time(), self._part
         # Feasible intervals depend only on the settings, except that a draft file may have changed.
         if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
-            self._feasible = part.settings, feasible_of(part)
-        feasible, found = self._feasible[1], self._found.get(self.section, {})
-        known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
+            self._feasible = part.settings, feasible_intervals(part)
+        feasible, found = self._feasible[1], self._results.get(self.section, {})
+        known = {**automatic_values(part), **self._in_use.get(self.section, {}), **found}
         if part is self._document.scene.view:
             known |= {"size": picture_size(self._document.scene)}
         if isinstance(part, Woven) and "pattern" in self.rows and part.draft_file is None:
@@ -221,59 +223,61 @@ class Properties(QScrollArea):
                 threads = part.cloth.threads
                 self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))
         for name, row in self.rows.items():
-            row.show_resolved(known.get(name))
+            row.show_automatic_value(known.get(name))
             row.show_feasible(feasible.get(name))
             # A choice that already shows this value needs no note.
             same = row.parameter.kind == "choice" and found.get(name) == getattr(part, name)
-            row.show_in_force(row.parameter.tell(found[name]) if name in found and not same else "")
+            row.show_used(row.parameter.tell(found[name]) if name in found and not same else "")
         taken = time.thread_time() - begun
-        self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
+        self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 
-    def mark(self, error: SpacemapError, about: str = "value") -> None:
+    def mark_error(self, error: SpacemapError, about: str = "value") -> None:
         """Mark the field that an error names, if it is on this page."""
         row = self.rows.get(error.key or "")
         if row is not None and row.automatic is not None and row.automatic.isChecked():
-            row = self.rows.get(self._last, row)  # the automatic value follows from the edited one
+            row = self.rows.get(
+                self._last_edited, row
+            )  # the automatic value follows from the edited one
         if row is not None and error.section in (None, self.section):
-            row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
+            row.mark_error(error.message + (f": {error.cure}" if error.cure else ""), about)
             if row.parameter.group:
                 self.groups[row.parameter.group].head.setChecked(True)
             self.ensureWidgetVisible(row)
 
-    def take_back(self) -> bool:
+    def restore_refused(self) -> bool:
         """Replace refused values by the document's; return whether there were any."""
-        refused = [row for row in self.rows.values() if row.about == "value"]
+        refused = [row for row in self.rows.values() if row.error_kind == "value"]
         for row in refused:
             self._show_value(row)
         if refused:
             self.accepted.emit(0)
         return bool(refused)
 
-    def clear(self, about: str) -> None:
+    def clear_errors(self, about: str) -> None:
         """Remove the marks of one kind of error."""
         for row in self.rows.values():
-            if row.about == about:
-                row.mark(None)
+            if row.error_kind == about:
+                row.mark_error(None)
 
-    def _edited(self, name: str, written: object, burst: int) -> None:
+    def _set_value(self, name: str, written: object, burst: int) -> None:
         try:
             self._document.set(self.section, name, written, burst)
         except InputError as error:
             error.section = error.section or self.section
-            self.mark(error)
-            # The error may name a part of the value, for which there is no row. `take_back` must
-            # find this row.
-            self.rows[name].about = "value"
+            self.mark_error(error)
+            # The error may name a part of the value, for which there is no row; `restore_refused`
+            # must find this row.
+            self.rows[name].error_kind = "value"
             self.refused.emit(error)
         else:
             # If the former value is chosen again after a refused one, the document does not change
             # and `refresh` does not run.
-            self.rows[name].mark(None)
-            self._last = name
+            self.rows[name].mark_error(None)
+            self._last_edited = name
             self.accepted.emit(burst)
 
-    def _restored(self) -> None:
+    def _clear_refusal(self) -> None:
         row = self.sender()
-        if row.about == "value":  # an error of a run remains: the run would fail again
-            row.mark(None)
+        if row.error_kind == "value":  # an error of a run remains: the run would fail again
+            row.mark_error(None)
             self.accepted.emit(0)

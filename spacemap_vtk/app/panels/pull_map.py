@@ -29,13 +29,13 @@ from spacemap_vtk.textile.crimp.biaxial import StretchMap
 _MARGINS = (52, 12, 10, 40)
 #: In pixels: radius of the point; least distance of marks; least half width of a region with a
 #: name.
-_DOT, _WIDE, _ROOM = 6.0, 46.0, 18.0
+_POINT_RADIUS, _MIN_MARK_DISTANCE, _MIN_REGION = 6.0, 46.0, 18.0
 #: Colours of the lines of warp and weft, in the light and in the dark theme.
 _COLORS = (("#c8502a", "#2c5f9e"), ("#ff8a5c", "#6cb4ee"))
 #: Possible positions of a number along its line, as fractions of the line.
-_ALONG = (0.5, 0.35, 0.65, 0.22, 0.78, 0.1, 0.9)
+_LABEL_POSITIONS = (0.5, 0.35, 0.65, 0.22, 0.78, 0.1, 0.9)
 #: Step of the point for one key press, and the factor with Shift.
-_STEP, _FAR = 0.002, 5
+_STEP, _SHIFT_FACTOR = 0.002, 5
 _STEPS = {
     Qt.Key.Key_Left: (-1, 0),
     Qt.Key.Key_Right: (1, 0),
@@ -52,9 +52,9 @@ class PullMap(QWidget):
     #: Stretch ratios along warp and weft.
     dragged = Signal(float, float)
     #: Whether a drag is in progress.
-    held = Signal(bool)
+    dragging = Signal(bool)
     #: The user wants to see the motion again.
-    left = Signal()
+    reset_requested = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,50 +63,50 @@ class PullMap(QWidget):
         self.setCursor(Qt.CursorShape.CrossCursor)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.map: StretchMap | None = None
-        self.at = (1.0, 1.0)
-        self._down = False
+        self.stretch = (1.0, 1.0)
+        self._dragging = False
         self._picture: QPixmap | None = None
-        self._taken: list[QRectF] = []
+        self._label_rects: list[QRectF] = []
 
     def show_map(self, found: StretchMap | None) -> None:
         self.map, self._picture = found, None
         self.setToolTip("" if found is None else _TIP)
         self.update()
 
-    def go(self, warp: float, weft: float) -> None:
+    def move_to(self, warp: float, weft: float) -> None:
         """Move the point."""
-        self.at = (warp, weft)
+        self.stretch = (warp, weft)
         self.update()
 
-    def place(self, warp: float, weft: float) -> QPointF:
+    def position_of(self, warp: float, weft: float) -> QPointF:
         """Convert stretch ratios to a position in the widget."""
         assert self.map is not None
-        frame, (x, y) = self.frame(), (self.map.warp, self.map.weft)
+        frame, (x, y) = self.plot_rect(), (self.map.warp, self.map.weft)
         return QPointF(
             frame.left() + (warp - x[0]) / (x[-1] - x[0]) * frame.width(),
             frame.bottom() - (weft - y[0]) / (y[-1] - y[0]) * frame.height(),
         )
 
-    def frame(self) -> QRectF:
+    def plot_rect(self) -> QRectF:
         left, right, top, bottom = _MARGINS
         return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Stretch the cloth to the values under the mouse."""
         if event.button() == Qt.MouseButton.LeftButton and self.map is not None:
-            self._down = True
-            self.held.emit(True)
+            self._dragging = True
+            self.dragging.emit(True)
             self._drag(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Continue the drag."""
-        if self._down:
+        if self._dragging:
             self._drag(event.position())
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        if self._down and event.button() == Qt.MouseButton.LeftButton:
-            self._down = False
-            self.held.emit(False)
+        if self._dragging and event.button() == Qt.MouseButton.LeftButton:
+            self._dragging = False
+            self.dragging.emit(False)
 
     def event(self, event: QEvent) -> bool:
         """Reserve the keys of the map, which the menus also use."""
@@ -121,12 +121,14 @@ class PullMap(QWidget):
         if self.map is None or key not in _KEYS:
             super().keyPressEvent(event)
         elif key == Qt.Key.Key_Escape:
-            self.left.emit()
+            self.reset_requested.emit()
         elif key == Qt.Key.Key_Home:
-            self._move(1.0, 1.0)
+            self._drag_to(1.0, 1.0)
         else:
-            far = _FAR if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
-            self._move(*(a + far * _STEP * b for a, b in zip(self.at, _STEPS[key], strict=True)))
+            far = _SHIFT_FACTOR if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+            self._drag_to(
+                *(a + far * _STEP * b for a, b in zip(self.stretch, _STEPS[key], strict=True))
+            )
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Paint the map again in the new size."""
@@ -144,36 +146,40 @@ class PullMap(QWidget):
         if self.map is None:
             return
         if self._picture is None:
-            self._picture = self._painted(self.map)
+            self._picture = self._paint_map(self.map)
         painter = painter_on(self)
         painter.drawPixmap(0, 0, self._picture)
-        frame, at, ink = self.frame(), self.place(*self.at), self.palette().text().color()
+        frame, at, ink = (
+            self.plot_rect(),
+            self.position_of(*self.stretch),
+            self.palette().text().color(),
+        )
         painter.setPen(QPen(ink, 0.8, Qt.PenStyle.DotLine))
         painter.drawLine(QPointF(frame.left(), at.y()), QPointF(frame.right(), at.y()))
         painter.drawLine(QPointF(at.x(), frame.top()), QPointF(at.x(), frame.bottom()))
         painter.setPen(QPen(self.palette().base().color(), 2.0))
         painter.setBrush(self.palette().highlight())
-        painter.drawEllipse(at, _DOT, _DOT)
+        painter.drawEllipse(at, _POINT_RADIUS, _POINT_RADIUS)
         if self.hasFocus():
             painter.setBrush(Qt.BrushStyle.NoBrush)
             painter.setPen(QPen(self.palette().highlight().color(), 1.2))
-            painter.drawEllipse(at, _DOT + 3, _DOT + 3)
+            painter.drawEllipse(at, _POINT_RADIUS + 3, _POINT_RADIUS + 3)
         painter.end()
 
     def _drag(self, position: QPointF) -> None:
         assert self.map is not None
-        frame, (x, y) = self.frame(), (self.map.warp, self.map.weft)
+        frame, (x, y) = self.plot_rect(), (self.map.warp, self.map.weft)
         share = (position.x() - frame.left()) / max(frame.width(), 1.0)
         up = (frame.bottom() - position.y()) / max(frame.height(), 1.0)
-        self._move(x[0] + share * (x[-1] - x[0]), y[0] + up * (y[-1] - y[0]))
+        self._drag_to(x[0] + share * (x[-1] - x[0]), y[0] + up * (y[-1] - y[0]))
 
-    def _move(self, warp: float, weft: float) -> None:
+    def _drag_to(self, warp: float, weft: float) -> None:
         assert self.map is not None
         x, y = self.map.warp, self.map.weft
-        self.go(float(np.clip(warp, x[0], x[-1])), float(np.clip(weft, y[0], y[-1])))
-        self.dragged.emit(*self.at)
+        self.move_to(float(np.clip(warp, x[0], x[-1])), float(np.clip(weft, y[0], y[-1])))
+        self.dragged.emit(*self.stretch)
 
-    def _painted(self, found: StretchMap) -> QPixmap:
+    def _paint_map(self, found: StretchMap) -> QPixmap:
         ratio = self.devicePixelRatioF()
         picture = QPixmap(self.size() * ratio)
         picture.setDevicePixelRatio(ratio)
@@ -182,18 +188,18 @@ class PullMap(QWidget):
         small = painter.font()
         small.setPointSizeF(7.5)
         painter.setFont(small)
-        frame, palette = self.frame(), self.palette()
+        frame, palette = self.plot_rect(), self.palette()
         ink, faint = palette.text().color(), palette.mid().color()
         painter.fillRect(frame, palette.base())
         painter.setClipRect(frame)
         painter.setPen(QPen(faint, 1.0))
-        rest = self.place(1.0, 1.0)
+        rest = self.position_of(1.0, 1.0)
         painter.drawLine(QPointF(frame.left(), rest.y()), QPointF(frame.right(), rest.y()))
         painter.drawLine(QPointF(rest.x(), frame.top()), QPointF(rest.x(), frame.bottom()))
         # The jammed regions cover the lines in them.
-        beside, below = self._jams(found)
-        self._taken = []
-        labels = self._lines(painter, found, [beside, below])
+        beside, below = self._jammed_regions(found)
+        self._label_rects = []
+        labels = self._paint_contours(painter, found, [beside, below])
         painter.setPen(QPen(ink, 2.8))  # the inner half will be covered
         for part in (beside, below):
             painter.drawPolygon(part)
@@ -211,11 +217,11 @@ class PullMap(QWidget):
         painter.setClipping(False)
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.drawRect(frame)
-        self._marks(painter, found)
+        self._paint_scales(painter, found)
         painter.end()
         return picture
 
-    def _jams(self, found: StretchMap) -> list[QPolygonF]:
+    def _jammed_regions(self, found: StretchMap) -> list[QPolygonF]:
         """Return the regions of the map in which the warp jams and in which the weft jams."""
         (left, right), (low, high) = found.warp[[0, -1]], found.weft[[0, -1]]
         wide, tall = 0.1 * (right - left), 0.1 * (high - low)  # puts the outer outlines out of view
@@ -225,15 +231,15 @@ class PullMap(QWidget):
         beside = [(left, low), (beside[0][0], low), *beside, (beside[-1][0], high + tall)]
         below = [(left, low), (left, below[0][1]), *below, (right + wide, below[-1][1])]
         parts = (*beside, (left, high + tall)), (*below, (right + wide, low))
-        return [QPolygonF([self.place(*point) for point in part]) for part in parts]
+        return [QPolygonF([self.position_of(*point) for point in part]) for part in parts]
 
-    def _lines(
+    def _paint_contours(
         self, painter: QPainter, found: StretchMap, jams: list[QPolygonF]
     ) -> list[tuple[QRectF, str, QColor]]:
         """Paint lines of equal force, or else of yarn strain; return places for their numbers."""
         from contourpy import contour_generator  # installed with matplotlib; imported when needed
 
-        palette, reached = self.palette(), self._reached(found)
+        palette, reached = self.palette(), self._unjammed_mask(found)
         forces = found.force.max() > 0.0
         fields = found.force if forces else found.strain
         most = float(np.where(reached, fields, 0.0).max())
@@ -243,7 +249,7 @@ class PullMap(QWidget):
         labels: list[tuple[QRectF, str, QColor]] = []
 
         painter.setPen(QPen(palette.text().color(), 1.0 if forces else 2.2))
-        painter.drawPolyline(QPolygonF([self.place(*point) for point in found.exchange.T]))
+        painter.drawPolyline(QPolygonF([self.position_of(*point) for point in found.exchange.T]))
         styles = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for values, color, style in zip(fields, _COLORS[is_dark(self)], styles, strict=True):
             painter.setPen(QPen(QColor(color), 1.3, style))
@@ -251,27 +257,27 @@ class PullMap(QWidget):
             for level in log_ticks(0.04 * most, most):
                 text = f"{size * level:g}{unit}"
                 for line in lines.lines(level):
-                    points = [self.place(*point) for point in np.asarray(line)]
+                    points = [self.position_of(*point) for point in np.asarray(line)]
                     painter.drawPolyline(QPolygonF(points))
-                    if (area := self._room(painter, points, text, jams)) is not None:
+                    if (area := self._find_label_rect(painter, points, text, jams)) is not None:
                         labels.append((area, text, QColor(color)))
         return labels
 
-    def _room(
+    def _find_label_rect(
         self, painter: QPainter, points: list[QPointF], text: str, jams: list[QPolygonF]
     ) -> QRectF | None:
         """Find room for the number on a line."""
         area = painter.fontMetrics().boundingRect(text).toRectF().adjusted(-2, 0, 2, 0)
-        for share in _ALONG:
+        for share in _LABEL_POSITIONS:
             area.moveCenter(points[int(share * (len(points) - 1))])
-            free = not any(area.intersects(other) for other in self._taken)
+            free = not any(area.intersects(other) for other in self._label_rects)
             free = free and not any(jam.intersects(QPolygonF(area)) for jam in jams)
-            if free and self.frame().contains(area):
-                self._taken.append(QRectF(area))
+            if free and self.plot_rect().contains(area):
+                self._label_rects.append(QRectF(area))
                 return QRectF(area)
         return None
 
-    def _reached(self, found: StretchMap) -> NDArray[np.bool_]:
+    def _unjammed_mask(self, found: StretchMap) -> NDArray[np.bool_]:
         """Return a mask of the stretches at which no yarn jams."""
         reached: NDArray[np.bool_] = found.warp >= found.jam[0][:, None]
         return reached & (found.weft[:, None] >= found.jam[1])
@@ -280,7 +286,7 @@ class PullMap(QWidget):
         """Write the name of each region (jam, slack, pressed) where the region is widest."""
         from scipy.ndimage import distance_transform_edt
 
-        reached, frame = self._reached(found), self.frame()
+        reached, frame = self._unjammed_mask(found), self.plot_rect()
         cell = frame.height() / len(found.weft), frame.width() / len(found.warp)
         regions: list[tuple[str, Any]] = [("jam", ~reached), ("slack", reached & found.slack)]
         if not found.force.any():
@@ -290,24 +296,24 @@ class PullMap(QWidget):
             # Distance to the border of the region and of the map; the name goes to the largest.
             far = distance_transform_edt(np.pad(where, 1), sampling=cell)[1:-1, 1:-1]
             row, column = np.unravel_index(int(np.argmax(far)), far.shape)
-            if far[row, column] < _ROOM:
+            if far[row, column] < _MIN_REGION:
                 continue
             area = painter.fontMetrics().boundingRect(name).toRectF().adjusted(-4, 0, 4, 0)
-            area.moveCenter(self.place(found.warp[column], found.weft[row]))
+            area.moveCenter(self.position_of(found.warp[column], found.weft[row]))
             if name == "jam":
                 painter.fillRect(area, self.palette().window())
-            if not any(area.intersects(other) for other in self._taken):
+            if not any(area.intersects(other) for other in self._label_rects):
                 painter.drawText(area, Qt.AlignmentFlag.AlignCenter, name)
 
-    def _marks(self, painter: QPainter, found: StretchMap) -> None:
+    def _paint_scales(self, painter: QPainter, found: StretchMap) -> None:
         """Write the scales of both stretches, in percent."""
-        frame, middle = self.frame(), Qt.AlignmentFlag.AlignCenter
+        frame, middle = self.plot_rect(), Qt.AlignmentFlag.AlignCenter
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for mark in _marks_of(found.warp, frame.width()):
-            x = self.place(1.0 + mark / 100, 1.0).x()
+        for mark in _scale_marks(found.warp, frame.width()):
+            x = self.position_of(1.0 + mark / 100, 1.0).x()
             painter.drawText(QRectF(x - 25, frame.bottom() + 4, 50, 14), middle, _percent(mark))
-        for mark in _marks_of(found.weft, frame.height()):
-            y = self.place(1.0, 1.0 + mark / 100).y()
+        for mark in _scale_marks(found.weft, frame.height()):
+            y = self.position_of(1.0, 1.0 + mark / 100).y()
             painter.drawText(QRectF(14, y - 7, frame.left() - 19, 14), right, _percent(mark))
         foot = QRectF(frame.left(), frame.bottom() + 20, frame.width(), 16)
         painter.drawText(foot, middle, "stretch along the warp [%]")
@@ -317,10 +323,14 @@ class PullMap(QWidget):
         painter.resetTransform()
 
 
-def _marks_of(stretch: NDArray[np.float64], pixels: float) -> NDArray[np.float64]:
+def _scale_marks(stretch: NDArray[np.float64], pixels: float) -> NDArray[np.float64]:
     """Return round numbers in percent for the marks of a scale of given length in pixels."""
     low, high = 100.0 * (stretch[[0, -1]] - 1.0)
-    steps = (step for step in (0.5, 1, 2, 5, 10, 20, 50) if pixels * step >= _WIDE * (high - low))
+    steps = (
+        step
+        for step in (0.5, 1, 2, 5, 10, 20, 50)
+        if pixels * step >= _MIN_MARK_DISTANCE * (high - low)
+    )
     step = next(steps, 100)
     marks: NDArray[np.float64] = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
     return marks + 0.0

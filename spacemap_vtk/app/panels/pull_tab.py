@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QPushButton, QWidget
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.panels.pull_map import PullMap
-from spacemap_vtk.app.widgets import column, later, note
-from spacemap_vtk.app.work.job import Pull
+from spacemap_vtk.app.widgets import column, note, single_shot
+from spacemap_vtk.app.work.frame_request import Pull
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.textile.crimp.biaxial import stretch_map
@@ -21,18 +21,18 @@ from spacemap_vtk.textile.crimp.interchange import Interchange
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 
 #: Time without changes until the map is computed, in ms.
-_REST = 150
+_REST_TIME = 150
 #: Lines of the description. The number is fixed, because a change would resize and repaint the
 #: map.
 _LINES = 5
 _HINT = "Drag the point, and the cloth follows. Where it is hatched yarns jam. "
-_OF = (
+_LINE_HINTS = (
     "Lines of equal force: <b>—</b> along the warp, <b>--</b> along the weft.",
     "Along the thick line yarns trade crimp; past it they are pressed together, then they strain: "
     "<b>—</b> the warp, <b>--</b> the weft. Yarns that stretch, with a tension, have lines of "
     "force.",
 )
-_NONE = (
+_NO_MAP_HINTS = (
     'Yarns trade crimp with a section [yarns]: <a href="yarns">add it</a>, and they keep their '
     "length where the cloth is pulled.",
     "Only a woven scene has yarns that trade crimp.",
@@ -45,27 +45,29 @@ class PullTab(QWidget):
     #: A `Pull` to show, or None for the motion.
     pulled = Signal(object)
     #: Whether a drag is in progress.
-    held = Signal(bool)
+    dragging = Signal(bool)
 
     def __init__(self, document: Document) -> None:
         super().__init__()
         self._document = document
         self.map = PullMap()
         rich = Qt.TextFormat.RichText  # safe: these texts contain nothing from files
-        self.hint = note(_NONE[0], textFormat=rich)
+        self.hint = note(_NO_MAP_HINTS[0], textFormat=rich)
         top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
-        self.told = note(name="told", textFormat=rich, alignment=top)
-        self.told.setFixedHeight(_LINES * self.told.fontMetrics().lineSpacing() + 2)
-        self.back = QPushButton("Back to the motion", enabled=False)
-        self.back.clicked.connect(self.stop)
-        column(self, self.hint, (self.map, 1), self.told, self.back, margins=(6, 6, 6, 6))
+        self.state_text = note(name="state", textFormat=rich, alignment=top)
+        self.state_text.setFixedHeight(_LINES * self.state_text.fontMetrics().lineSpacing() + 2)
+        self.back_button = QPushButton("Back to the motion", enabled=False)
+        self.back_button.clicked.connect(self.stop)
+        column(
+            self, self.hint, (self.map, 1), self.state_text, self.back_button, margins=(6, 6, 6, 6)
+        )
         self._crossings: Interchange | None = None
-        self._known: Any = None
-        self.rest = later(self, self._follow, _REST)
+        self._cloth_key: Any = None
+        self.rest = single_shot(self, self._update_map, _REST_TIME)
         self.hint.linkActivated.connect(document.switch)
-        self.map.dragged.connect(self._pull)
-        self.map.held.connect(self.held)
-        self.map.left.connect(self.stop)
+        self.map.dragged.connect(self._show_stretch)
+        self.map.dragging.connect(self.dragging)
+        self.map.reset_requested.connect(self.stop)
         for told in (document.changed, document.replaced):
             told.connect(self.rest.start)
 
@@ -76,18 +78,18 @@ class PullTab(QWidget):
 
     def release(self) -> bool:
         """Return the point to rest; return whether the cloth was stretched."""
-        held = self.back.isEnabled()
-        self.back.setEnabled(False)
-        self.map.go(1.0, 1.0)
-        self.told.clear()
+        held = self.back_button.isEnabled()
+        self.back_button.setEnabled(False)
+        self.map.move_to(1.0, 1.0)
+        self.state_text.clear()
         return held
 
     def showEvent(self, event: QShowEvent) -> None:
         """Compute the map if the cloth has changed while the tab was hidden."""
         super().showEvent(event)
-        self._follow()
+        self._update_map()
 
-    def _follow(self) -> None:
+    def _update_map(self) -> None:
         """Compute the map of the present cloth if the tab is visible."""
         scene = self._document.scene
         stage = scene.stage("crimp")
@@ -96,31 +98,31 @@ class PullTab(QWidget):
             scene.source.settings,
             None if stage is None else stage.settings,
         )
-        if not self.isVisible() or known == self._known:
+        if not self.isVisible() or known == self._cloth_key:
             return
-        self._known, self._crossings, found = known, None, None
-        hint = _NONE[scene.woven is None]
+        self._cloth_key, self._crossings, found = known, None, None
+        hint = _NO_MAP_HINTS[scene.woven is None]
         if scene.woven is not None and isinstance(stage, YarnParameters):
             try:
                 cloth = scene.woven.cloth
                 self._crossings = Interchange(cloth, stage.yarns(cloth))
                 found = stretch_map(self._crossings)
-                hint = _HINT + _OF[stage.inextensible]
+                hint = _HINT + _LINE_HINTS[stage.inextensible]
             except SpacemapError as error:
                 hint = f"There is no map: {html.escape(str(error))}"
         self.hint.setText(hint)
         self.map.show_map(found)
         if found is None:
             self.stop()
-        elif self.back.isEnabled():
-            self.told.setText(self._words(*self.map.at))
+        elif self.back_button.isEnabled():
+            self.state_text.setText(self._describe_state(*self.map.stretch))
 
-    def _pull(self, warp: float, weft: float) -> None:
-        self.told.setText(self._words(warp, weft))
-        self.back.setEnabled(True)
+    def _show_stretch(self, warp: float, weft: float) -> None:
+        self.state_text.setText(self._describe_state(warp, weft))
+        self.back_button.setEnabled(True)
         self.pulled.emit(Pull(warp, weft))
 
-    def _words(self, warp: float, weft: float) -> str:
+    def _describe_state(self, warp: float, weft: float) -> str:
         """Describe the state of the cloth at a stretch; crimp heights are means over crossings."""
         crossings = self._crossings
         assert crossings is not None

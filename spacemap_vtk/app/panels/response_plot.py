@@ -12,8 +12,8 @@ from PySide6.QtGui import QMouseEvent, QPaintEvent, QPalette, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.plots.curves import Spectrum, moving, spectrum_of
-from spacemap_vtk.app.widgets import later, painter_on
+from spacemap_vtk.app.plots.curves import Spectrum, compute_spectrum, motion_key
+from spacemap_vtk.app.widgets import painter_on, single_shot
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.actors.color_values import log_ticks
 from spacemap_vtk.draw.figure.plots import prefixed_unit
@@ -23,11 +23,11 @@ _Role = QPalette.ColorRole
 #: Margins of the plot in pixels: left, right, top, bottom. Below: least distance of two numbers
 #: of the axis.
 _MARGINS = (46, 8, 24, 18)
-_APART = 34
+_MIN_NUMBER_DISTANCE = 34
 #: Shown decades below the highest peak.
 _DECADES = 5
 #: Time without changes until the response is computed, in ms.
-_REST = 250
+_REST_TIME = 250
 _TIP = (
     "How far the loads, as sines in phase, swing the place that moves most in the first mode. "
     "Click near a peak to see its mode."
@@ -53,60 +53,62 @@ class ResponsePlot(QWidget):
         self.mode: int | None = None
         self._faded = False
         #: Keys of the drawn motion, and of the motion whose response was requested.
-        self._drawn = self._asked = ""
-        self._rest = later(self, self._ask, _REST)
-        engine.beside_ready.connect(self._ready)
+        self._drawn = self._requested = ""
+        self._rest_timer = single_shot(self, self._request, _REST_TIME)
+        engine.background_ready.connect(self._receive)
 
     def follow(self, frame: Frame) -> None:
         """Request the response if the motion of the scene has changed."""
         if frame.swing is None:
             before = self._drawn
-            self._drawn = moving(self._document) if frame.values == self._document.values else ""
+            self._drawn = (
+                motion_key(self._document) if frame.values == self._document.values else ""
+            )
             # Not during a drag: the work would slow it down, and each coarse frame has another
             # response.
             still = not frame.coarse or self._drawn == before
-            if still and self._drawn != self._asked and not self._rest.isActive():
-                self._rest.start()
+            if still and self._drawn != self._requested and not self._rest_timer.isActive():
+                self._rest_timer.start()
 
     @property
-    def current(self) -> bool:
+    def is_current(self) -> bool:
         """Whether the requested response belongs to the drawn motion."""
-        return self._drawn == self._asked
+        return self._drawn == self._requested
 
     def fade(self, old: bool) -> None:
         """Draw the curve in grey while it belongs to former modes."""
         self._faded = old
         self.update()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Hide the plot until a new response is computed."""
-        self._drawn = self._asked = ""
+        self._drawn = self._requested = ""
         self.spectrum = None
         self.hide()
 
-    def seen(self) -> None:
+    def request_again(self) -> None:
         """Request the response again, as another tab may have replaced the work while hidden."""
-        self._asked = ""
-        self._rest.start()
+        self._requested = ""
+        self._rest_timer.start()
 
-    def _ask(self) -> None:
-        if not self.parentWidget().isVisible() or self._drawn in ("", self._asked):
+    def _request(self) -> None:
+        if not self.parentWidget().isVisible() or self._drawn in ("", self._requested):
             return
         if self._engine.busy:
-            self._rest.start()
+            self._rest_timer.start()
         else:
-            self._asked = self._drawn
-            self._engine.ask_beside(spectrum_of)
+            self._requested = self._drawn
+            self._engine.start_background(compute_spectrum)
 
-    def _ready(self, result: Any) -> None:
-        if not isinstance(result, Spectrum) or not self._asked:
+    def _receive(self, result: Any) -> None:
+        if not isinstance(result, Spectrum) or not self._requested:
             return  # the result was requested by another tab, or belongs to a closed scene
         self.spectrum = result
         self.setVisible(bool(result.response.any()))
         self.found.emit(result)
         self.update()
 
-    def frame(self) -> QRectF:
+    def plot_rect(self) -> QRectF:
         left, right, top, bottom = _MARGINS
         return QRectF(self.rect()).adjusted(left, top, -right, -bottom)
 
@@ -114,7 +116,7 @@ class ResponsePlot(QWidget):
         """Convert frequencies in Hz to x positions in the widget."""
         assert self.spectrum is not None
         low, high = np.log(self.spectrum.frequencies[[0, -1]])
-        frame = self.frame()
+        frame = self.plot_rect()
         return frame.left() + (np.log(frequency) - low) / (high - low) * frame.width()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -128,7 +130,7 @@ class ResponsePlot(QWidget):
         if self.spectrum is None:
             return
         frequencies, response = self.spectrum.frequencies, self.spectrum.response
-        colors, frame = self.palette(), self.frame()
+        colors, frame = self.palette(), self.plot_rect()
         faint, line = (colors.color(r) for r in (_Role.PlaceholderText, _Role.Mid))
         accent = colors.color(_Role.Highlight)
         unit, size = prefixed_unit("m", float(response.max()))
@@ -152,9 +154,11 @@ class ResponsePlot(QWidget):
         taken = -math.inf
         for value in log_ticks(*frequencies[[0, -1]]):
             x = float(self.x_of(value))
-            if x - taken >= _APART and x + _APART / 2 < self.width():
+            if x - taken >= _MIN_NUMBER_DISTANCE and x + _MIN_NUMBER_DISTANCE / 2 < self.width():
                 taken = x
-                room = QRectF(x - _APART / 2, frame.bottom() + 2, _APART, 16)
+                room = QRectF(
+                    x - _MIN_NUMBER_DISTANCE / 2, frame.bottom() + 2, _MIN_NUMBER_DISTANCE, 16
+                )
                 painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, f"{value:g}")
         painter.setClipRect(frame)
         inside = self.frequencies > 0.0

@@ -18,7 +18,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
-from spacemap_vtk.app.widgets import RIGHT, later, painter_on
+from spacemap_vtk.app.widgets import RIGHT, painter_on, single_shot
 from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.scene import Scene
@@ -37,7 +37,7 @@ _CHECKED = Qt.CheckState.Checked
 #: Columns: name with the state's dot, time of the last run, number of runs, box to switch the
 #: stage on (shown first), eye to show its result. Below: the width of the last two in pixels.
 _NAME, _TIME, _RUNS, _BOX, _EYE = range(5)
-_SMALL = 24
+_ICON_WIDTH = 24
 
 
 class StageList(QTreeWidget):
@@ -56,25 +56,27 @@ class StageList(QTreeWidget):
         header = self.header()
         header.setStretchLastSection(False)
         header.setSectionResizeMode(_NAME, QHeaderView.ResizeMode.Stretch)
-        header.setMinimumSectionSize(_SMALL)
+        header.setMinimumSectionSize(_ICON_WIDTH)
         for column in (_TIME, _RUNS):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
         for column in (_BOX, _EYE):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.Fixed)
-            header.resizeSection(column, _SMALL)
+            header.resizeSection(column, _ICON_WIDTH)
         header.moveSection(_BOX, 0)
         self.items: dict[str, QTreeWidgetItem] = {}
         self.states: dict[str, str] = {}
-        # Runs to be written by `flush`. Each new text causes a new layout of the list, which would
-        # take longer than a frame if it happened at every frame.
+        # Runs that `write_runs` will write. Each new text causes a new layout of the list, which
+        # would take longer than a frame if it happened at every frame.
         self._runs: dict[str, tuple[float, int]] = {}
         #: State of the box of each stage that has one.
         self._boxes: dict[str, bool] = {}
-        self._dots = {state: _dot(color, state == "off") for state, (color, _) in STATES.items()}
+        self._dot_icons = {
+            state: _dot_icon(color, state == "off") for state, (color, _) in STATES.items()
+        }
         #: Action behind the eye of each section whose stage has one.
-        self._eyes: dict[str, QAction] = {}
-        self._looks = {on: _eye(on) for on in (False, True)}
-        self._flush = later(self, self.flush, 250)
+        self._eye_actions: dict[str, QAction] = {}
+        self._eye_icons = {on: _eye_icon(on) for on in (False, True)}
+        self._write_timer = single_shot(self, self.write_runs, 250)
         for section, cls in sections().items():
             item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
             item.setData(_NAME, _KEY, section)
@@ -83,18 +85,18 @@ class StageList(QTreeWidget):
                 item.setTextAlignment(column, RIGHT)
             self.addTopLevelItem(item)
             self.items[section] = item
-        self.currentItemChanged.connect(self._chosen)
-        self.itemChanged.connect(self._changed)
-        self.itemClicked.connect(self._clicked)
+        self.currentItemChanged.connect(self._emit_chosen)
+        self.itemChanged.connect(self._emit_switched)
+        self.itemClicked.connect(self._toggle_eye)
 
-    def look(self, eyes: Mapping[str, QAction]) -> None:
+    def set_eye_actions(self, eyes: Mapping[str, QAction]) -> None:
         """Give the stages of certain roles an eye that triggers an action."""
         roles = {section: getattr(cls, "role", "") for section, cls in sections().items()}
-        self._eyes = {section: eyes[role] for section, role in roles.items() if role in eyes}
+        self._eye_actions = {section: eyes[role] for section, role in roles.items() if role in eyes}
         for seen in eyes.values():
             seen.toggled.connect(self._show_eyes)
 
-    def restart(self, scene: Scene, anew: bool = True) -> None:
+    def show_scene(self, scene: Scene, anew: bool = True) -> None:
         """Show the stages of a scene; `anew` resets all, otherwise only the switched ones."""
         # The height shows all rows without scrolling.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
@@ -128,14 +130,14 @@ class StageList(QTreeWidget):
         self._show_eyes()
 
     def _show_eyes(self) -> None:
-        for section, eye in self._eyes.items():
+        for section, eye in self._eye_actions.items():
             item, there = self.items[section], self.states.get(section, "off") != "off"
-            item.setIcon(_EYE, self._looks[eye.isChecked()] if there else QIcon())
+            item.setIcon(_EYE, self._eye_icons[eye.isChecked()] if there else QIcon())
             item.setToolTip(_EYE, eye.toolTip() if there else "")
 
-    def _clicked(self, item: QTreeWidgetItem, column: int) -> None:
+    def _toggle_eye(self, item: QTreeWidgetItem, column: int) -> None:
         if column == _EYE and not item.icon(_EYE).isNull():
-            self._eyes[item.data(_NAME, _KEY)].trigger()
+            self._eye_actions[item.data(_NAME, _KEY)].trigger()
 
     def set_state(self, section: str, state: str) -> None:
         if section not in self.items or self.states.get(section) == state:
@@ -143,7 +145,7 @@ class StageList(QTreeWidget):
         self.states[section] = state
         _, words = STATES[state]
         item = self.items[section]
-        item.setIcon(_NAME, self._dots[state])
+        item.setIcon(_NAME, self._dot_icons[state])
         item.setToolTip(_TIME, words)
         item.setToolTip(_RUNS, words)
         item.setForeground(_NAME, QBrush(QColor("#808b98")) if state == "off" else QBrush())
@@ -151,10 +153,10 @@ class StageList(QTreeWidget):
     def show_run(self, section: str, seconds: float, executions: int) -> None:
         """Show the time of the last run of a stage and its number of runs, after a delay."""
         self._runs[section] = seconds, executions
-        if not self._flush.isActive():
-            self._flush.start()
+        if not self._write_timer.isActive():
+            self._write_timer.start()
 
-    def flush(self) -> None:
+    def write_runs(self) -> None:
         """Write the runs since the last call."""
         for section, (seconds, executions) in self._runs.items():
             took = f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
@@ -164,29 +166,29 @@ class StageList(QTreeWidget):
         # When a column gets narrower, Qt leaves pixels of the former text.
         self.viewport().update()
 
-    def choose(self, section: str) -> None:
+    def select(self, section: str) -> None:
         self.setCurrentItem(self.items[section])
 
-    def _changed(self, item: QTreeWidgetItem, column: int) -> None:
+    def _emit_switched(self, item: QTreeWidgetItem, column: int) -> None:
         section, on = item.data(_NAME, _KEY), item.checkState(_BOX) == _CHECKED
         # This is also called for changes of dots and texts.
         if self._boxes.get(section, on) != on:
             self._boxes[section] = on
             self.switched.emit(section, on)
 
-    def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
+    def _emit_chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
         if item is not None:
             self.chosen.emit(item.data(_NAME, _KEY))
 
 
-def _dot(color: str, hollow: bool) -> QIcon:
+def _dot_icon(color: str, hollow: bool) -> QIcon:
     icon = QIcon(_pixmap(_draw_dot, color, hollow, False))
     # Otherwise Qt would tint the dot of the selected row, which would hide its state.
     icon.addPixmap(_pixmap(_draw_dot, color, hollow, True), QIcon.Mode.Selected)
     return icon
 
 
-def _eye(opened: bool) -> QIcon:
+def _eye_icon(opened: bool) -> QIcon:
     icon = QIcon(_pixmap(_draw_eye, opened, "#6f8fa8" if opened else "#a09aa3ae"))
     icon.addPixmap(_pixmap(_draw_eye, opened, "white"), QIcon.Mode.Selected)
     return icon

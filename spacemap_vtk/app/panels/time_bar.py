@@ -9,7 +9,7 @@ from PySide6.QtCore import QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSlider, QWidget
 
-from spacemap_vtk.app.widgets import mark, row, tool_button
+from spacemap_vtk.app.widgets import mark_bad, row, tool_button
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.units import format_quantity
@@ -20,7 +20,7 @@ _TICK = 15
 #: Widths in pixels below which some controls are hidden to keep the slider usable, and the
 #: smallest width of the bar.
 _WIDE, _MIDDLE, _NARROW = 560, 500, 380
-_STILL = "Nothing moves here: a stage of motion, such as the response, has times"
+_NO_MOTION = "Nothing moves here: a stage of motion, such as the response, has times"
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -28,11 +28,11 @@ class TimeBar(QWidget):
     """Controls for the shown time."""
 
     #: The time in s, and whether more changes will follow at once.
-    moved = Signal(float, bool)
+    time_changed = Signal(float, bool)
     #: The error about a typed text that is not a time.
     refused = Signal(object)
     #: The user has chosen a time, so an earlier error is obsolete.
-    chosen = Signal()
+    time_chosen = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,39 +43,39 @@ class TimeBar(QWidget):
         self._clock = 0.0
         self._adopted: dict[str, Any] | None = None
         self.play = tool_button("▶", "Play (Space)", checkable=True)
-        self.play.toggled.connect(self._toggled)
+        self.play.toggled.connect(self._toggle_playing)
         self.first = tool_button("|◀", "To the start (Home)")
-        self.first.clicked.connect(self.to_start)
+        self.first.clicked.connect(self.go_to_start)
         self.back = tool_button("◁", "A frame back (,)")
         self.back.clicked.connect(self.step_back)
         self.forward = tool_button("▷", "A frame on (.)")
-        self.forward.clicked.connect(self.step_on)
+        self.forward.clicked.connect(self.step_forward)
         self.last = tool_button("▶|", "To the end (End)")
-        self.last.clicked.connect(self.to_end)
+        self.last.clicked.connect(self.go_to_end)
         self.loop = tool_button("⟳", "Start again at the end", checkable=True, checked=True)
         self.slider = QSlider(Qt.Orientation.Horizontal, maximum=_STEPS, minimumWidth=30)
         self.line = QLineEdit(toolTip="Go to a time, as in 0.4 or 40 ms")
         self.line.setFixedWidth(80)
-        self.end = QLabel()
+        self.end_label = QLabel()
         self.speed = QComboBox(toolTip="Seconds of motion in a second")
         self.speed.addItems([f"{s} ×" for s in SPEEDS])
         buttons = (self.first, self.back, self.play, self.forward, self.last, self.loop)
-        others = ((self.slider, 1), self.line, self.end, self.speed)
+        others = ((self.slider, 1), self.line, self.end_label, self.speed)
         row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
         self.setMinimumWidth(_NARROW)
-        #: Tooltips while the scene moves; otherwise `_STILL` replaces them.
+        #: Tooltips while the scene moves; otherwise `_NO_MOTION` replaces them.
         self._tips = {w: w.toolTip() for w in (self, *buttons, self.slider, self.line, self.speed)}
         self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
-        self.slider.valueChanged.connect(self._scrubbed)
-        self.slider.sliderReleased.connect(self._settle)
-        self.line.editingFinished.connect(self._typed)
+        self.slider.valueChanged.connect(self._scrub)
+        self.slider.sliderReleased.connect(self._request_fine_frame)
+        self.line.editingFinished.connect(self._submit)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """In a narrow window, hide controls that also have keys."""
         super().resizeEvent(event)
         for least, widgets in (
-            (_WIDE, (self.first, self.last, self.end)),
+            (_WIDE, (self.first, self.last, self.end_label)),
             (_MIDDLE, (self.back, self.forward)),
         ):
             for widget in widgets:
@@ -85,15 +85,15 @@ class TimeBar(QWidget):
     def playing(self) -> bool:
         return self.play.isChecked()
 
-    def allow(self, moves: bool) -> None:
+    def set_moves(self, moves: bool) -> None:
         """Enable the bar if the scene moves."""
         if not moves:
             self.pause()
         self.setEnabled(moves)
         for widget, tip in self._tips.items():
-            widget.setToolTip(tip if moves else _STILL)
+            widget.setToolTip(tip if moves else _NO_MOTION)
 
-    def adopt(self, animation: Animation, at: float | None = None) -> None:
+    def set_animation(self, animation: Animation, at: float | None = None) -> None:
         """Set range, step and speed from a scene's animation settings."""
         speed = f"{animation.speed:g} ×"
         span = animation.span
@@ -107,32 +107,32 @@ class TimeBar(QWidget):
         self._adopted = animation.settings
         self._step = animation.speed / animation.frames_per_second
         end = format_quantity(self._stop, "s", 6)
-        self.end.setText(f"of {end}")
+        self.end_label.setText(f"of {end}")
         self._tips[self.slider] = f"Time, up to {end}"
         self._show(self.time if at is None else at)
 
-    def go(self, at: float, going_on: bool = False) -> None:
-        self.chosen.emit()
-        self._move(at, going_on)
+    def go_to(self, at: float, going_on: bool = False) -> None:
+        self.time_chosen.emit()
+        self._set_time(at, going_on)
 
-    def to_start(self) -> None:
-        self.go(self._start)
+    def go_to_start(self) -> None:
+        self.go_to(self._start)
 
-    def to_end(self) -> None:
-        self.go(self._stop)
+    def go_to_end(self) -> None:
+        self.go_to(self._stop)
 
     def step_back(self) -> None:
-        self.go(max(self._start, self.time - self._step))
+        self.go_to(max(self._start, self.time - self._step))
 
-    def step_on(self) -> None:
-        self.go(min(self._stop, self.time + self._step))
+    def step_forward(self) -> None:
+        self.go_to(min(self._stop, self.time + self._step))
 
     def pause(self) -> None:
         self.play.setChecked(False)
 
-    def _move(self, at: float, going_on: bool) -> None:
+    def _set_time(self, at: float, going_on: bool) -> None:
         self._show(at)
-        self.moved.emit(self.time, going_on)
+        self.time_changed.emit(self.time, going_on)
 
     def _show(self, at: float) -> None:
         self.time = at
@@ -142,9 +142,9 @@ class TimeBar(QWidget):
         # Do not overwrite a time that is being typed.
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(at, "s", 4) if at else "0 s")
-            mark(self.line, bad=False)
+            mark_bad(self.line, bad=False)
 
-    def _toggled(self, on: bool) -> None:
+    def _toggle_playing(self, on: bool) -> None:
         self.play.setText("❚❚" if on else "▶")
         if on:
             self.line.setModified(False)
@@ -154,7 +154,7 @@ class TimeBar(QWidget):
             self._timer.start()
         else:
             self._timer.stop()
-            self._settle()
+            self._request_fine_frame()
 
     def _tick(self) -> None:
         # Every change of the bar makes Qt draw the window again, which costs as much as a frame.
@@ -169,23 +169,23 @@ class TimeBar(QWidget):
                 self.pause()
                 return
             at = self._start + (at - self._start) % (self._stop - self._start)
-        self._move(at, going_on=True)
+        self._set_time(at, going_on=True)
 
-    def _scrubbed(self, step: int) -> None:
+    def _scrub(self, step: int) -> None:
         at = self._start + step / _STEPS * (self._stop - self._start)
-        self.go(at, self.slider.isSliderDown())
+        self.go_to(at, self.slider.isSliderDown())
 
-    def _settle(self) -> None:
-        self.moved.emit(self.time, False)
+    def _request_fine_frame(self) -> None:
+        self.time_changed.emit(self.time, False)
 
-    def _typed(self) -> None:
+    def _submit(self) -> None:
         if not self.line.isModified():
             return  # not edited; the shown text is rounded and must not change the time
         self.line.setModified(False)
         try:
             at = View.parameter("time").check(self.line.text())
         except InputError as error:
-            mark(self.line, bad=True)
+            mark_bad(self.line, bad=True)
             self.refused.emit(error)
         else:
-            self.go(at)
+            self.go_to(at)

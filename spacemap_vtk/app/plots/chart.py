@@ -26,7 +26,7 @@ _LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
 _LINE, _GAP, _PAD = 14, 10, 6.0
 
 
-class ShownCurves(NamedTuple):
+class CurveOptions(NamedTuple):
     """Options for showing curves."""
 
     quantity: str
@@ -40,7 +40,7 @@ class PlotCanvas(FigureCanvasQTAgg):
     """Canvas with plots of motion and energies over time and of the frequency response."""
 
     #: A clicked time in s, and whether the mouse button is still pressed.
-    asked = Signal(float, bool)
+    time_clicked = Signal(float, bool)
 
     def __init__(self) -> None:
         super().__init__(new_figure(dpi=100))
@@ -48,12 +48,12 @@ class PlotCanvas(FigureCanvasQTAgg):
         self.setMinimumHeight(240)
         self.axes: list[Axes] = []
         #: Those of them with time along x.
-        self.timed: list[Axes] = []
+        self.time_axes: list[Axes] = []
         self._time = 0.0
         self._pressed: Axes | None = None
         self._ink, self._text = QColor("#26323e"), "#26323e"
 
-    def draw_curves(self, curves: Curves, shown: ShownCurves) -> None:
+    def draw_curves(self, curves: Curves, shown: CurveOptions) -> None:
         figure = self.figure
         figure.clear()
         ink, back = ("#dfe6ee", "#1d232b") if shown.dark else ("#26323e", "#f4f6f8")
@@ -63,12 +63,12 @@ class PlotCanvas(FigureCanvasQTAgg):
         kinds = ["motion", *(["energy"] if curves.balance is not None else [])]
         kinds += ["response"] if len(curves.frequencies) else []
         self.axes = list(np.atleast_1d(figure.subplots(len(kinds), 1)))
-        self.timed = self.axes[: len(kinds) - ("response" in kinds)]
-        unit = self._motion(self.axes[0], curves, shown)
+        self.time_axes = self.axes[: len(kinds) - ("response" in kinds)]
+        unit = self._plot_motion(self.axes[0], curves, shown)
         if curves.balance is not None:
-            _energy(self.axes[1], curves, ink)
+            _plot_energy(self.axes[1], curves, ink)
         if len(curves.frequencies):
-            self._response(self.axes[-1], curves, shown, unit, grid)
+            self._plot_response(self.axes[-1], curves, shown, unit, grid)
         for axes in self.axes:
             axes.set_facecolor(paper)
             axes.grid(color=grid, linewidth=0.7)
@@ -77,15 +77,15 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes.spines[["left", "bottom"]].set_color(grid)
             axes.tick_params(colors=ink, labelsize=7.5, length=0, which="both")
             axes.xaxis.label.set(color=ink, fontsize=8)
-        self._place()
+        self._adjust_margins()
         # When Qt is idle, so that a change together with a resize is drawn once.
         self.draw_idle()
 
     def set_time(self, time: float) -> None:
         """Move the time cursor; only its line is painted again."""
-        before = self.columns()
+        before = self.cursor_columns()
         self._time = time
-        for column in {*before, *self.columns()}:
+        for column in {*before, *self.cursor_columns()}:
             self.update(QRect(column - 2, 0, 5, self.height()))
 
     def time_at(self, axes: Axes, x: float) -> float:
@@ -99,7 +99,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         super().paintEvent(event)
         painter = QPainter(self)
         painter.setPen(QPen(self._ink, 1.2))
-        for axes, column in zip(self.timed, self.columns(), strict=True):
+        for axes, column in zip(self.time_axes, self.cursor_columns(), strict=True):
             box = axes.get_position()
             top, bottom = (round(self.height() * (1 - y)) for y in (box.y1, box.y0))
             painter.drawLine(column, top, column, bottom)
@@ -108,43 +108,43 @@ class PlotCanvas(FigureCanvasQTAgg):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the margins at constant size, as they contain text."""
         super().resizeEvent(event)
-        self._place()
+        self._adjust_margins()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to the clicked time."""
         if event.button() == Qt.MouseButton.LeftButton:
             at = event.position()
-            for axes in self.timed:
+            for axes in self.time_axes:
                 box = axes.get_position()
                 if box.y0 <= 1 - at.y() / self.height() <= box.y1:
                     self._pressed = axes
-                    self.asked.emit(self.time_at(axes, at.x()), True)
+                    self.time_clicked.emit(self.time_at(axes, at.x()), True)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Scrub while the mouse button is pressed."""
         if self._pressed is not None:
-            self.asked.emit(self.time_at(self._pressed, event.position().x()), True)
+            self.time_clicked.emit(self.time_at(self._pressed, event.position().x()), True)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         if self._pressed is not None and event.button() == Qt.MouseButton.LeftButton:
             axes, self._pressed = self._pressed, None
-            self.asked.emit(self.time_at(axes, event.position().x()), False)
+            self.time_clicked.emit(self.time_at(axes, event.position().x()), False)
 
-    def columns(self) -> list[int]:
+    def cursor_columns(self) -> list[int]:
         """Return the x position of the cursor in each plot over time; negative if not visible."""
         columns = []
-        for axes in self.timed:
+        for axes in self.time_axes:
             box, (low, high) = axes.get_position(), axes.get_xlim()
             share = (self._time - low) / (high - low)
             x = (box.x0 + box.width * share) * self.width()
             columns.append(round(x) if -1e-9 <= share <= 1 + 1e-9 else -10)
         return columns
 
-    def _place(self) -> None:
+    def _adjust_margins(self) -> None:
         width, height, count = max(self.width(), 1), max(self.height(), 1), len(self.axes)
         if not count or width <= _LEFT + _RIGHT:
             return
-        lines = [self._head(axes, width - _LEFT - _RIGHT) for axes in self.axes]
+        lines = [self._place_legend(axes, width - _LEFT - _RIGHT) for axes in self.axes]
         top, between = _TOP + _LINE * lines[0], _BETWEEN + _LINE * max(lines[1:], default=0)
         each = (height - top - _BOTTOM - (count - 1) * between) / count
         if each <= 0:
@@ -157,7 +157,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             hspace=between / each,
         )
 
-    def _head(self, axes: Axes, room: int) -> int:
+    def _place_legend(self, axes: Axes, room: int) -> int:
         """Place title and legend side by side or in lines; return the lines below the title."""
         text, ratio = axes.get_title(loc="left"), self.device_pixel_ratio
         renderer = self.get_renderer()
@@ -166,16 +166,19 @@ class PlotCanvas(FigureCanvasQTAgg):
         if count < 2:
             return 0
         taken = title.get_window_extent(renderer).width / ratio + _GAP
-        lines, wide = 0, _legend(axes, count, self._text).get_window_extent(renderer).width / ratio
+        lines, wide = (
+            0,
+            _add_legend(axes, count, self._text).get_window_extent(renderer).width / ratio,
+        )
         while taken + wide > room and lines < count:
             lines, taken = lines + 1, 0.0
-            legend = _legend(axes, -(-count // lines), self._text)
+            legend = _add_legend(axes, -(-count // lines), self._text)
             wide = legend.get_window_extent(renderer).width / ratio
         pad = _PAD + lines * _LINE * 72 / 100
         axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=pad)
         return lines
 
-    def _motion(self, axes: Axes, curves: Curves, shown: ShownCurves) -> tuple[str, float]:
+    def _plot_motion(self, axes: Axes, curves: Curves, shown: CurveOptions) -> tuple[str, float]:
         unit, row = QUANTITIES[shown.quantity]
         values = component_of(curves.motion[row], shown.component)
         word, size = prefixed_unit(unit, float(abs(values).max(initial=0.0)))
@@ -184,11 +187,11 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes.plot(curves.times, curve / size, color=color, linewidth=1.2, label=f"{number + 1}")
         part = "" if shown.component == "size" else f" along {shown.component}"
         axes.set_title(f"{shown.quantity.capitalize()}{part} [{word}]", loc="left")
-        _over_time(axes, curves)
+        _format_time_axis(axes, curves)
         return unit, row
 
-    def _response(
-        self, axes: Axes, curves: Curves, shown: ShownCurves, unit: tuple[str, float], grid: str
+    def _plot_response(
+        self, axes: Axes, curves: Curves, shown: CurveOptions, unit: tuple[str, float], grid: str
     ) -> None:
         for mode in curves.modes:
             if curves.frequencies[0] < mode < curves.frequencies[-1]:
@@ -214,24 +217,24 @@ def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
     return np.asarray(vectors[..., COMPONENTS.index(component)])
 
 
-def _energy(axes: Axes, curves: Curves, ink: str) -> None:
+def _plot_energy(axes: Axes, curves: Curves, ink: str) -> None:
     assert curves.balance is not None
     unit, size = prefixed_unit("J", float(np.nanmax(np.abs(curves.balance), initial=0.0)))
     *parts, total = energy_curves(curves.balance)
     for label, values, color in [*parts, (*total[:2], ink)]:
         axes.plot(curves.times, values / size, color=color, linewidth=1.2, label=label)
     axes.set_title(f"Energy [{unit}]", loc="left")
-    _over_time(axes, curves)
+    _format_time_axis(axes, curves)
 
 
-def _over_time(axes: Axes, curves: Curves) -> None:
+def _format_time_axis(axes: Axes, curves: Curves) -> None:
     axes.set_xlim(curves.times[0], curves.times[-1])
     axes.set_xlabel("time [s]")
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.yaxis.set_major_locator(MaxNLocator(5))
 
 
-def _legend(axes: Axes, columns: int, color: str) -> Legend:
+def _add_legend(axes: Axes, columns: int, color: str) -> Legend:
     # Above the plot on the right, where no curve can be.
     return axes.legend(
         frameon=False,

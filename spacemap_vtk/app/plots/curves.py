@@ -39,12 +39,12 @@ SAMPLES = 1500
 #: Most times or frequencies that are computed before the engine checks for other work.
 CHUNK = 60
 #: Intended time of one such part in s.
-_PART = 0.1
+_SLICE_TIME = 0.1
 #: Progress when the time steps are finished, and when the motion is known.
 _STEPPED, _MOVED = 0.9, 0.97
 
 
-class Wish(NamedTuple):
+class CurveRequest(NamedTuple):
     """A request for curves."""
 
     key: str
@@ -79,7 +79,7 @@ class Curves:
     note: str = ""
 
 
-def moving(document: Document) -> str:
+def motion_key(document: Document) -> str:
     """Return a key that changes when the motion of a scene changes."""
     scene = document.scene
     last = scene.deforming if scene.moves else scene.source
@@ -87,10 +87,10 @@ def moving(document: Document) -> str:
     return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
 
-def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]:
+def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None, Curves | None]:
     """Compute curves; yields the progress (0 to 1) at short intervals."""
     yield 0.0
-    times = np.linspace(wish.start, wish.stop, SAMPLES)
+    times = np.linspace(request.start, request.stop, SAMPLES)
     if not scene.moves:
         return None
     mover = scene.deforming
@@ -98,12 +98,16 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
     if model is None:
         # A separate stage reads the motion: the scene's stage would run again at each time, and
         # once more for the view.
-        return None if mover.inputs else (yield from _read(type(mover)(**mover.settings), wish))
+        return (
+            None
+            if mover.inputs
+            else (yield from _read_curves(type(mover)(**mover.settings), request))
+        )
     linear = None if (moved := scene.stage("mover")) is None else moved.motion
     response = linear if isinstance(linear, Response) else None
     natural = np.zeros(0) if response is None else response.modes.frequencies
     places, weights, note = [], [], "" if response else NO_FREQUENCY_RESPONSE
-    for place in wish.points or (tuple(most_moving_vertex(scene)),):
+    for place in request.points or (tuple(most_moving_vertex(scene)),):
         try:
             weights.append(point_weights(model.points, model.cells, np.asarray(place)))
             places.append(place)
@@ -115,13 +119,13 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
         begun = _STEPPED
         for time in times:  # one at a time, since a step can take long
             model.at(float(time))
-            yield begun * float(time - wish.start) / (wish.stop - wish.start)
+            yield begun * float(time - request.start) / (request.stop - request.start)
     motion = np.zeros((3, len(places), len(times), 3))
     energies, potential = np.zeros((len(times), 4)), np.zeros(len(times))
     known = "kinetic_energy" in scene.arrays
     work_at_start = float(model.energies(np.zeros(1))[0, 3]) if known else 0.0
     # All quantities of one span of times in sequence, so that its states are computed only once.
-    for part in _quick_parts(len(times)):
+    for part in _timed_slices(len(times)):
         share = begun + (_MOVED - begun) * part.start / len(times)
         for number, weight in enumerate(weights):
             motion[:, number, part] = model.history(weight, times[part])
@@ -132,9 +136,9 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[float, None, Curves | None]
             yield share
     found = balance_energies(energies, potential, work_at_start) if known else None
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
-    answers = yield from _answers(response, weights, frequencies)
+    answers = yield from _compute_responses(response, weights, frequencies)
     points = np.array(places).reshape(-1, 3)
-    return Curves(wish.key, points, times, motion, found, frequencies, answers, natural, note)
+    return Curves(request.key, points, times, motion, found, frequencies, answers, natural, note)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +155,7 @@ class Spectrum:
     errors: FloatArray
 
 
-def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
+def compute_spectrum(scene: Scene) -> Generator[float, None, Spectrum]:
     """Compute frequency response, effective masses and errors; yields the progress."""
     yield 0.0
     solver, mover = scene.stage("solver"), scene.stage("mover")
@@ -164,7 +168,7 @@ def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
     if isinstance(response, Response):
         frequencies = frequencies_near(modes.frequencies.tolist())
         weight = point_weights(response.points, response.cells, most_moving_vertex(scene))
-        answers = yield from _answers(response, [weight], frequencies)
+        answers = yield from _compute_responses(response, [weight], frequencies)
     errors = []
     for error in mode_errors(modes.model, modes.eigenvalues, modes.shapes):
         errors.append(error)
@@ -173,14 +177,14 @@ def spectrum_of(scene: Scene) -> Generator[float, None, Spectrum]:
     return Spectrum(frequencies, amplitudes, modes.mass_shares, np.array(errors))
 
 
-def _answers(
+def _compute_responses(
     response: Response | None, weights: list[FloatArray], frequencies: FloatArray
 ) -> Generator[float, None, FloatArray]:
     answers = np.zeros((len(weights), len(frequencies), 3))
     for number, weight in enumerate(weights):
         if response is None:
             break
-        for part in _parts(len(frequencies)):
+        for part in _slices(len(frequencies)):
             try:
                 answer = response.frequency_response(weight, frequencies[part])
             except InputError:  # a frequency is exactly that of an undamped mode
@@ -191,13 +195,13 @@ def _answers(
     return answers
 
 
-def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
+def _read_curves(reader: Stage, request: CurveRequest) -> Generator[float, None, Curves]:
     """Read the motion of points from a file at its time steps; linear in between."""
     cage = reader.update().output
     rest, cells = points_of(cage), tetrahedra_of(cage)
     steps = reader.time_steps([])
-    inside = [t for t in steps if wish.start < t < wish.stop]
-    times = np.array([wish.start, *inside, wish.stop])
+    inside = [t for t in steps if request.start < t < request.stop]
+    times = np.array([request.start, *inside, request.stop])
     fields = []
     for time in times:
         reader.update(time=float(time))
@@ -207,7 +211,7 @@ def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
     moved = np.stack(fields)
     places, curves, note = [], [], "A motion out of a file has neither energies nor modes."
     largest = rest[int(np.argmax(np.linalg.norm(moved, axis=2).max(axis=0)))]
-    for place in wish.points or (largest,):
+    for place in request.points or (largest,):
         where = locate([place], rest, cells, threads=1)
         if where.outside:
             note = "A point lies outside the cage."
@@ -220,18 +224,18 @@ def _read(reader: Stage, wish: Wish) -> Generator[float, None, Curves]:
     motion = np.stack([displacement, velocity, np.gradient(velocity, times, axis=1)])
     nothing, points = np.zeros(0), np.array(places).reshape(-1, 3)
     answers = np.zeros((len(places), 0, 3))
-    return Curves(wish.key, points, times, motion, None, nothing, answers, nothing, note)
+    return Curves(request.key, points, times, motion, None, nothing, answers, nothing, note)
 
 
-def _quick_parts(count: int) -> Iterator[slice]:
-    """Yield slices of a range, sized so that the work on each takes about `_PART` seconds."""
+def _timed_slices(count: int) -> Iterator[slice]:
+    """Yield slices of a range, sized so that the work on each takes about `_SLICE_TIME` seconds."""
     first, size, begun = 0, 1, perf_counter()
     while first < count:
         yield slice(first, first + size)
         now = perf_counter()
         first, begun, took = first + size, now, now - begun
-        size = max(1, min(CHUNK, 2 * size, round(size * _PART / max(took, 1e-6))))
+        size = max(1, min(CHUNK, 2 * size, round(size * _SLICE_TIME / max(took, 1e-6))))
 
 
-def _parts(count: int) -> list[slice]:
+def _slices(count: int) -> list[slice]:
     return [slice(first, first + CHUNK) for first in range(0, count, CHUNK)]

@@ -19,11 +19,17 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.documents.ask_file import ask_file
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.plots.curves import Curves, FloatArray, Wish, curves_of, moving
+from spacemap_vtk.app.documents.file_dialogs import ask_output_file
+from spacemap_vtk.app.plots.curves import (
+    CurveRequest,
+    Curves,
+    FloatArray,
+    compute_curves,
+    motion_key,
+)
 from spacemap_vtk.app.view.pick import Pick
-from spacemap_vtk.app.widgets import column, is_dark, later, narrow, note, row
+from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row, single_shot
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.figure.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.draw.frame import Frame
@@ -35,24 +41,24 @@ if TYPE_CHECKING:
     from spacemap_vtk.app.plots.chart import PlotCanvas
 
 #: Time without changes until curves are computed, in ms.
-_REST = 250
+_REST_TIME = 250
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
-_OLD = "These curves are of the motion before the change."
-_TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
+_OLD_CURVES = "These curves are of the motion before the change."
+_FIRST_HINT = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
 #: Quantities saved for a point over time, with their units.
-_ROWS = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
+_QUANTITIES = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
 
 
 class PlotsTab(QWidget):
     """Plots of the motion, computed once after each change; playing only moves a cursor."""
 
     #: A time in s to go to, and whether more will follow at once.
-    asked = Signal(float, bool)
+    time_clicked = Signal(float, bool)
     #: Error of the computation; `shown` is emitted when new curves replace it.
     failed = Signal(object)
     shown = Signal()
     #: Error of writing a file; `written` is emitted when a file is written.
-    unwritten = Signal(object)
+    write_failed = Signal(object)
     written = Signal()
 
     def __init__(self, document: Document, engine: Engine) -> None:
@@ -71,39 +77,39 @@ class PlotsTab(QWidget):
         self.quantity.addItems([name.capitalize() for name in QUANTITIES])
         self.component = QComboBox(toolTip="Component of the points' motion")
         self.component.addItems(["along x", "along y", "along z", "size"])
-        self._chosen = False
-        self.clear = QPushButton("Clear points")
-        self.save = QPushButton("Save")
+        self._component_is_chosen = False
+        self.clear_button = QPushButton("Clear points")
+        self.save_button = QPushButton("Save")
         menu = QMenu(self)
         self.saves = {
             "picture": menu.addAction("Picture…", self.save_picture),
             "times": menu.addAction("Curves over time…", self.save_times),
             "frequencies": menu.addAction("Frequency response…", self.save_frequencies),
         }
-        self.save.setMenu(menu)
+        self.save_button.setMenu(menu)
         self.hint = note(_HINT)
         for box in (self.quantity, self.component):
             narrow(box, 4)  # in a narrow window, shorten the words rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
-        second = row(None, (self.clear, 1), (self.save, 1))
+        second = row(None, (self.clear_button, 1), (self.save_button, 1))
         #: Progress of the curves, with a button that cancels or starts the computation.
         self.bar, self.run = QProgressBar(), QPushButton("Cancel")
-        self.run.clicked.connect(self._run_clicked)
+        self.run.clicked.connect(self._cancel_or_compute)
         third = row(None, (self.bar, 1), self.run)
         self._layout = column(self, first, second, None, third, self.hint, margins=(6, 6, 6, 6))
-        self._show_work("")
-        self.rest = later(self, self._ask, _REST)
+        self._show_progress("")
+        self.rest = single_shot(self, self._request, _REST_TIME)
         self.quantity.activated.connect(self._draw)
-        self.component.activated.connect(self._component_chosen)
-        document.changed.connect(self._tell)
-        document.replaced.connect(self._replaced)
-        engine.beside_ready.connect(self._ready)
-        engine.beside_progressed.connect(lambda share: self.bar.setValue(int(100 * share)))
-        self._enable()
+        self.component.activated.connect(self._choose_component)
+        document.changed.connect(self._update_hint)
+        document.replaced.connect(self._clear_curves)
+        engine.background_ready.connect(self._receive)
+        engine.background_progressed.connect(lambda share: self.bar.setValue(int(100 * share)))
+        self._enable_tools()
 
     def show_points(self, points: list[Pick]) -> None:
         self.points = points
-        self._later()
+        self._request_later()
 
     def follow(self, frame: Frame) -> None:
         """Move the cursor to a frame's time; request new curves if the motion has changed."""
@@ -114,12 +120,12 @@ class PlotsTab(QWidget):
         self._drawn = frame.values
         if self.canvas is not None and self.isVisible():
             self.canvas.set_time(frame.time)
-        if self.isVisible() and not self.rest.isActive() and self.wish().key != self._key:
-            self._later()
+        if self.isVisible() and not self.rest.isActive() and self.make_request().key != self._key:
+            self._request_later()
 
     def stop(self) -> None:
         self.rest.stop()
-        self._engine.ask_beside(None)
+        self._engine.start_background(None)
 
     def save_picture(self) -> None:
         """Ask for a file name and save a picture of the plots."""
@@ -131,17 +137,21 @@ class PlotsTab(QWidget):
                 write = writer(path, "plot").write
                 write(file, figure, dpi=200, facecolor=figure.get_facecolor())
 
-        self._save("plots.png", writer_endings("plot"), save)
+        self._ask_and_write("plots.png", writer_endings("plot"), save)
 
     def save_times(self) -> None:
         """Ask for a file name and save the curves over time."""
         assert self.curves is not None
-        self._save("motion.csv", {".csv": "table"}, partial(_write, _times_of(self.curves)))
+        self._ask_and_write(
+            "motion.csv", {".csv": "table"}, partial(_write_csv, _time_columns(self.curves))
+        )
 
     def save_frequencies(self) -> None:
         """Ask for a file name and save the frequency response."""
         assert self.curves is not None
-        self._save("response.csv", {".csv": "table"}, partial(_write, _response_of(self.curves)))
+        self._ask_and_write(
+            "response.csv", {".csv": "table"}, partial(_write_csv, _response_columns(self.curves))
+        )
 
     def showEvent(self, event: QShowEvent) -> None:
         """Create the canvas if there is none, and update the curves."""
@@ -150,12 +160,12 @@ class PlotsTab(QWidget):
             from spacemap_vtk.app.plots.chart import PlotCanvas
 
             self.canvas = PlotCanvas()
-            self.canvas.asked.connect(self.asked)
+            self.canvas.time_clicked.connect(self.time_clicked)
             item = self._layout.takeAt(2)
             del item
             self._layout.insertWidget(2, self.canvas, 1)
             self.canvas.setVisible(self.curves is not None)
-        self._later()
+        self._request_later()
 
     def hideEvent(self, event: QHideEvent) -> None:
         super().hideEvent(event)
@@ -168,56 +178,56 @@ class PlotsTab(QWidget):
             self._draw()
         super().changeEvent(event)
 
-    def _later(self) -> None:
+    def _request_later(self) -> None:
         if self.isVisible():
             self.rest.start()
 
-    def wish(self) -> Wish:
+    def request(self) -> CurveRequest:
         animation = self._document.scene.animation
         start, stop = animation.span
         points = tuple(pick.rest for pick in self.points)
-        key = repr((moving(self._document), points, start, stop))
-        return Wish(key, points, start, stop)
+        key = repr((motion_key(self._document), points, start, stop))
+        return CurveRequest(key, points, start, stop)
 
-    def _ask(self) -> None:
-        wish = self.wish()
-        if not self.isVisible() or wish.key == self._key:
+    def _request(self) -> None:
+        request = self.make_request()
+        if not self.isVisible() or request.key == self._key:
             return
         if self._engine.busy:
             self.rest.start()
             return
         if self._drawn != self._document.values:
             return  # the last run failed or was cancelled, so the engine has older values
-        self._key = wish.key
+        self._key = request.key
         if self._moved:
             self.hint.setText("Computing…")
-            self._show_work("Cancel")
-            self._engine.ask_beside(partial(curves_of, wish=wish))
+            self._show_progress("Cancel")
+            self._engine.start_background(partial(compute_curves, request=request))
         else:
-            self._ready(None)
+            self._receive(None)
 
-    def _show_work(self, button: str) -> None:
+    def _show_progress(self, button: str) -> None:
         """Show the button, with the progress bar if it is "Cancel"; an empty text hides both."""
         self.bar.setValue(0)
         self.bar.setVisible(button == "Cancel")
         self.run.setText(button)
         self.run.setVisible(bool(button))
 
-    def _run_clicked(self) -> None:
+    def _cancel_or_compute(self) -> None:
         if self.run.text() == "Cancel":
-            self._engine.ask_beside(None)
-            self._show_work("Compute")
+            self._engine.start_background(None)
+            self._show_progress("Compute")
             self.hint.setText("Cancelled: no curves are computed until the scene changes.")
         else:
             self._key = ""
-            self._ask()
+            self._request()
 
-    def _ready(self, result: Any) -> None:
+    def _receive(self, result: Any) -> None:
         if not (isinstance(result, Curves | BaseException | None) and self.isVisible()):
             return  # the result was requested by another tab
         if isinstance(result, Curves) and self.run.text() == "Compute":
             return  # the computation ended at the moment when it was cancelled
-        self._show_work("")
+        self._show_progress("")
         if isinstance(result, BaseException):
             self.failed.emit(result)
             self.hint.setText(_HINT)
@@ -226,97 +236,97 @@ class PlotsTab(QWidget):
             return
         self.shown.emit()
         self.curves = result
-        self._tell()
+        self._update_hint()
         if result is None:
             self.hint.setText("This scene does not move.")
-        self._enable()
+        self._enable_tools()
         if self.canvas is not None:
             self.canvas.setVisible(result is not None)
-        if result is not None and not self._chosen:
+        if result is not None and not self._component_is_chosen:
             # Show the component with the largest motion.
             sizes = abs(result.motion[0]).max(axis=(0, 1), initial=0.0)
             self.component.setCurrentIndex(int(np.argmax(sizes)))
         self._draw()
 
-    def _tell(self) -> None:
+    def _update_hint(self) -> None:
         """Show a hint for use, or that the curves are older than the scene."""
         if self.curves is not None and self.isVisible():
-            hint = f"{_HINT if self.points else _TIP} {self.curves.note}"
-            self.hint.setText(hint if self.curves.key == self.wish().key else _OLD)
+            hint = f"{_HINT if self.points else _FIRST_HINT} {self.curves.note}"
+            self.hint.setText(hint if self.curves.key == self.make_request().key else _OLD_CURVES)
 
     def _draw(self) -> None:
         if self.canvas is None or self.curves is None:
             return
-        from spacemap_vtk.app.plots.chart import COMPONENTS, ShownCurves
+        from spacemap_vtk.app.plots.chart import COMPONENTS, CurveOptions
 
         quantity = list(QUANTITIES)[self.quantity.currentIndex()]
         component = COMPONENTS[self.component.currentIndex()]
-        self.canvas.draw_curves(self.curves, ShownCurves(quantity, component, is_dark(self)))
+        self.canvas.draw_curves(self.curves, CurveOptions(quantity, component, is_dark(self)))
         self.canvas.set_time(self._time)
 
-    def _component_chosen(self) -> None:
-        self._chosen = True
+    def _choose_component(self) -> None:
+        self._component_is_chosen = True
         self._draw()
 
-    def _replaced(self) -> None:
+    def _clear_curves(self) -> None:
         self.points = []
-        self._chosen = False
+        self._component_is_chosen = False
         self._key = ""
-        self._engine.ask_beside(None)
-        self._show_work("")
+        self._engine.start_background(None)
+        self._show_progress("")
         self.curves = None  # do not show curves of another scene
         self.hint.setText(_HINT)
-        self._enable()
+        self._enable_tools()
         if self.canvas is not None:
             self.canvas.hide()
 
-    def _enable(self) -> None:
+    def _enable_tools(self) -> None:
         known = self.curves is not None
-        for widget in (self.quantity, self.component, self.save):
+        for widget in (self.quantity, self.component, self.save_button):
             widget.setEnabled(known)
         self.saves["frequencies"].setEnabled(
             self.curves is not None and len(self.curves.frequencies) > 0
         )
 
-    def _save(self, name: str, kinds: dict[str, str], write: Any) -> None:
-        path = ask_file(self, "Save", name, name_filter("Files", kinds), next(iter(kinds)))
+    def _ask_and_write(self, name: str, kinds: dict[str, str], write: Any) -> None:
+        path = ask_output_file(self, "Save", name, name_filter("Files", kinds), next(iter(kinds)))
         if path is None:
             return
         try:
             check_output(path, kinds)
             write(path)
         except (SpacemapError, OSError) as error:
-            self.unwritten.emit(error)
+            self.write_failed.emit(error)
         else:
             self.written.emit()
 
 
-def _times_of(curves: Curves) -> dict[str, FloatArray]:
+def _time_columns(curves: Curves) -> dict[str, FloatArray]:
     """Return the columns of the table over time by heading, in SI units."""
     columns = {"time [s]": curves.times}
     for number in range(len(curves.points)):
-        for (name, unit), motion in zip(_ROWS, curves.motion, strict=True):
-            columns |= _along_axes(name, number, unit, motion[number])
+        for (name, unit), motion in zip(_QUANTITIES, curves.motion, strict=True):
+            columns |= _axis_columns(name, number, unit, motion[number])
     if curves.balance is not None:
         names = (f"{name} [J]" for name in ENERGY_NAMES)
         columns |= zip(names, curves.balance, strict=True)
     return columns
 
 
-def _response_of(curves: Curves) -> dict[str, FloatArray]:
+def _response_columns(curves: Curves) -> dict[str, FloatArray]:
     """Return the columns of the frequency response by heading, in SI units."""
     columns = {"frequency [Hz]": curves.frequencies}
     for number, answer in enumerate(curves.response):
-        columns |= _along_axes("amplitude", number, "m", answer)
+        columns |= _axis_columns("amplitude", number, "m", answer)
     return columns
 
 
-def _along_axes(name: str, number: int, unit: str, values: FloatArray) -> dict[str, FloatArray]:
+def _axis_columns(name: str, number: int, unit: str, values: FloatArray) -> dict[str, FloatArray]:
     headings = (f"{name} {axis} of point {number + 1} [{unit}]" for axis in "xyz")
     return dict(zip(headings, values.T, strict=True))
 
 
-def _write(columns: dict[str, FloatArray], path: Path) -> None:
+def _write_csv(columns: dict[str, FloatArray], path: Path) -> None:
     stream = io.StringIO(newline="")
     csv.writer(stream).writerows([columns, *np.column_stack([*columns.values()]).tolist()])
     with atomic_file(path) as file:

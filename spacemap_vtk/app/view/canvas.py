@@ -43,7 +43,7 @@ class Canvas(RenderWidget):
         super().__init__(parent)
         self._painting = False
         #: Time of the last drawing in s.
-        self.took = 0.0
+        self.draw_time = 0.0
         self.renderer = make_renderer()
         self.render_window.SetMultiSamples(0)
         # Avoids a copy into a second buffer; Qt reads the first one.
@@ -59,21 +59,21 @@ class Canvas(RenderWidget):
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # Mouse moves only request a paint event, so that Qt draws once for many moves.
         self.interactor.EnableRenderOff()
-        self._asking = self.interactor.AddObserver("RenderEvent", self._ask_for_paint)
+        self._render_observer = self.interactor.AddObserver("RenderEvent", self._request_paint)
         self.interactor.Initialize()
 
     def initializeGL(self) -> None:
         """Find ``glFinish`` of the present OpenGL context."""
         super().initializeGL()
         place = int(self.context().getProcAddress(b"glFinish"))
-        self.wait = ctypes.CFUNCTYPE(None)(place)
-        self._quickened = False
+        self._gl_finish = ctypes.CFUNCTYPE(None)(place)
+        self._fxaa_patched = False
 
-    def _quicken(self) -> None:
+    def _patch_fxaa(self) -> None:
         """Patch the FXAA shader to take two thirds of its time, with the same pixels."""
         # VTK's shader interpolates the texture even at texel centres, which is slow in software
         # OpenGL. Only its last lookup lies between texels; the others read the texel directly.
-        self._quickened = True
+        self._fxaa_patched = True
         smooth = vtkOpenGLFXAAFilter()
         smooth.Execute(self.renderer)
         cache = self.render_window.GetShaderCache()
@@ -102,7 +102,8 @@ class Canvas(RenderWidget):
     def paintGL(self) -> None:
         """Render with VTK, and copy the picture into Qt's framebuffer."""
         # Software OpenGL renders in its own threads, and reading the result waits for them. A wait
-        # through ctypes (`wait`) lets other Python threads run; VTK's and Qt's functions do not.
+        # through ctypes (`_gl_finish`) lets other Python threads run; VTK's and Qt's functions do
+        # not.
         window = self.render_window
         if self._painting or not window.GetReadyForRendering():
             return
@@ -118,18 +119,18 @@ class Canvas(RenderWidget):
             # collector, which holds a global lock, then needs the GIL to free an array, while a
             # thread with the GIL waits for the collector's lock: a deadlock.
             self.interactor.EnableRenderOn()
-            if not self._quickened and self.renderer.GetUseFXAA():
+            if not self._fxaa_patched and self.renderer.GetUseFXAA():
                 self.interactor.Render()
-                self._quicken()
+                self._patch_fxaa()
             if self.shade.on:
                 self._draw_shaded()
             else:
                 self.interactor.Render()
-                self.wait()
+                self._gl_finish()
         finally:
             self.interactor.EnableRenderOff()
             self._painting = False
-            self.took = perf_counter() - begin
+            self.draw_time = perf_counter() - begin
         # Handlers called during drawing may have made another context current.
         self.makeCurrent()
         # Round as Qt does: at a scale of 1.5 its buffer can have a row or column more than VTK's.
@@ -150,24 +151,24 @@ class Canvas(RenderWidget):
         front = self.front.GetDraw()
         self.front.DrawOff()
         self.interactor.Render()
-        self.wait()
+        self._gl_finish()
         self.shade.make(self.renderer)
         self.front.SetDraw(front)
         self.renderer.DrawOff()
         self.shade.renderer.DrawOn()
         try:
             self.interactor.Render()
-            self.wait()
+            self._gl_finish()
         finally:
             self.shade.renderer.DrawOff()
             self.renderer.DrawOn()
 
     def close(self) -> bool:
         """Detach from the interactor, which keeps this widget alive, and free VTK's resources."""
-        self.interactor.RemoveObserver(self._asking)
+        self.interactor.RemoveObserver(self._render_observer)
         return super().close()
 
-    def _ask_for_paint(self, _interactor: object, _event: str) -> None:
+    def _request_paint(self, _interactor: object, _event: str) -> None:
         if not self._painting:
             self.update()
 

@@ -57,13 +57,13 @@ class Pick:
         """A line that describes the point for the user."""
         where = ", ".join(format_quantity(c, "m", 4) for c in self.position)
         of = f"{self.name}   " if self.name else ""
-        return f"{of}at ({where})   {_moved(self.displacement)}"
+        return f"{of}at ({where})   {_format_displacement(self.displacement)}"
 
     def label(self, frame: Frame, span: Span | None) -> tuple[NDArray[np.float64], str]:
         """Return the position in a frame, and a label with name, shown value and position."""
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
         # The yarns drawn near the camera may belong to another part of the cloth.
-        found = [(surface, *self._nearest_of(surface, frame.relief)) for surface in drawn]
+        found = [(surface, *self._find_nearest(surface, frame.relief)) for surface in drawn]
         surface, nearest, _ = min(found, key=lambda one: one[2])
         at = points_of(surface)[nearest].astype(np.float64)
         numbers, value = surface.GetPointData().GetArray(COLOR_VALUES), None
@@ -77,7 +77,7 @@ class Pick:
             value = float(of_yarns[pick - 1, end - 1])
         told = ""
         if value is None and surface.GetPointData().HasArray("displacement"):
-            told = _moved(at - self.rest)
+            told = _format_displacement(at - self.rest)
         elif value is not None:
             unit, size = scale_unit(frame.color, max(map(abs, span or (value,))))
             told = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
@@ -86,7 +86,7 @@ class Pick:
         lines = self.name, told.strip(), f"({where}) {unit}"
         return at, "\n".join(filter(None, lines)).replace("-", "−")
 
-    def _nearest_of(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
+    def _find_nearest(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
         """Find the nearest point of a surface and its distance; keep a cached one within `off`."""
         points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
         number, far = self._nearest.get(len(points), (0, -np.inf))
@@ -100,7 +100,7 @@ class Pick:
         return self._nearest[len(points)]
 
 
-def _moved(displacement: NDArray[np.float64] | Point) -> str:
+def _format_displacement(displacement: NDArray[np.float64] | Point) -> str:
     size = sum(c * c for c in displacement) ** 0.5
     return f"moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
 
@@ -129,7 +129,7 @@ def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None 
             with np.errstate(invalid="ignore"):
                 middles = np.bincount(yarns[others], place) / count
             crossed = int(np.nanargmin(np.abs(middles - rest[family ^ 1]))) - firsts[1 - family] + 1
-    return Pick(yarn, family, number, crossed, *map(_three, (position, rest, displacement)))
+    return Pick(yarn, family, number, crossed, *map(_as_point, (position, rest, displacement)))
 
 
 def read_sheet(sheet: vtkPolyData, cell: int, part: Point, behind: bool, cloth: Cloth) -> Pick:
@@ -146,10 +146,10 @@ def read_sheet(sheet: vtkPolyData, cell: int, part: Point, behind: bool, cloth: 
     over = bool(cloth.drawdown[pick, end]) != behind
     family, numbers = int(not over), (end + 1, pick + 1)
     yarn = end if over else cloth.size[0] + pick
-    places = map(_three, (position, rest, position - rest))
+    places = map(_as_point, (position, rest, position - rest))
     return Pick(yarn, family, numbers[family], numbers[1 - family], *places)
 
 
-def _three(values: NDArray[np.float64]) -> Point:
+def _as_point(values: NDArray[np.float64]) -> Point:
     x, y, z = (float(v) for v in values)
     return x, y, z

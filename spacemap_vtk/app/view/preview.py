@@ -8,7 +8,7 @@ from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QWidget
 
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import single_shot
 
 #: Delay before the thumbnail appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
@@ -25,7 +25,7 @@ class Preview(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
         self._picture = QPixmap()
-        self._appear = later(self, self._show, _DELAY)
+        self._appear = single_shot(self, self._show, _DELAY)
 
     def begin(self, file: Path | None) -> None:
         """Show a thumbnail after a delay, unless `end` is called first; None shows nothing."""

@@ -38,7 +38,7 @@ _CURSOR_HAND = 9
 _WHEEL_STEP = 120
 
 
-def _format() -> QSurfaceFormat:
+def _surface_format() -> QSurfaceFormat:
     """Return the OpenGL format that VTK needs; multisampling is done in VTK's framebuffers."""
     wanted = QSurfaceFormat()
     # On Wayland Qt may otherwise choose OpenGL ES, which cannot compile VTK's shaders.
@@ -56,7 +56,7 @@ class RenderWidget(QOpenGLWidget):
     def __init__(self, parent: QWidget | None) -> None:
         # Set the default format, not the widget's: on Wayland a widget stays black if its format
         # differs from that of the window around it.
-        QSurfaceFormat.setDefaultFormat(_format())
+        QSurfaceFormat.setDefaultFormat(_surface_format())
         super().__init__(parent)
         self.setUpdateBehavior(QOpenGLWidget.UpdateBehavior.NoPartialUpdate)
         self.setMouseTracking(True)
@@ -145,17 +145,17 @@ class RenderWidget(QOpenGLWidget):
     def _press_or_release(self, event: QMouseEvent, what: str) -> None:
         button = _BUTTONS.get(event.button())
         if button is not None:
-            self._locate(event)
+            self._send_position(event)
             self.interactor.InvokeEvent(f"{button}{what}Event")
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Pass the event to VTK."""
-        self._locate(event)
+        self._send_position(event)
         self.interactor.MouseMoveEvent()
 
     def enterEvent(self, event: QEnterEvent) -> None:
         """Pass the event to VTK."""
-        self._locate(event)
+        self._send_position(event)
         self.interactor.EnterEvent()
 
     def leaveEvent(self, _event: QEvent) -> None:
@@ -164,7 +164,7 @@ class RenderWidget(QOpenGLWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Pass whole wheel steps to VTK; a touchpad sends parts of a step, which are summed."""
-        self._locate(event)
+        self._send_position(event)
         self._wheel_angle += event.angleDelta().y()
         if abs(self._wheel_angle) >= _WHEEL_STEP:
             if self._wheel_angle > 0:
@@ -173,7 +173,7 @@ class RenderWidget(QOpenGLWidget):
                 self.interactor.MouseWheelBackwardEvent()
             self._wheel_angle = 0
 
-    def _locate(self, event: QMouseEvent | QEnterEvent | QWheelEvent) -> None:
+    def _send_position(self, event: QMouseEvent | QEnterEvent | QWheelEvent) -> None:
         """Give VTK the mouse position in device pixels from the bottom, and the modifier keys."""
         scale, at, held = self.devicePixelRatioF(), event.position(), event.modifiers()
         self.interactor.SetEventInformation(

@@ -15,7 +15,7 @@ from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
 from spacemap_vtk.app.view.canvas import Canvas
 from spacemap_vtk.app.view.pick import Pick, read_point, read_sheet
 from spacemap_vtk.app.view.preview import Preview
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.draw.actors.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES
 from spacemap_vtk.draw.actors.surface_actor import color_bar_share, rgb
@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     from spacemap_vtk.app.view.clip_handle import ClipHandle
 
 #: Time after the last camera move until the camera counts as at rest, in ms.
-_REST = 220
+_REST_TIME = 220
 #: Most pixels that the mouse may move during a click.
-_STEADY = 3.0
+_MAX_CLICK_MOVE = 3.0
 #: While something moves, the next picture has smooth edges (FXAA) only if the last one took less
 #: time, in s: with smooth edges, and without.
 _SMOOTH, _ROUGH = 0.2, 0.1
@@ -63,31 +63,31 @@ class View3D(QWidget):
     #: Normal and origin of the clip plane after the mouse has moved it.
     clipped = Signal(object, object)
     #: Whether a camera preset has switched to parallel projection.
-    flattened = Signal(bool)
+    orthographic_changed = Signal(bool)
     #: Whether the camera has started to move; False when it has come to rest.
-    moving = Signal(bool)
+    camera_moving = Signal(bool)
 
     def __init__(self, look: ViewOptions) -> None:
         super().__init__()
         self.look = look
         self.frame: Frame | None = None
-        self.plotter = Canvas(self)
+        self.canvas = Canvas(self)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.plotter)
+        layout.addWidget(self.canvas)
         #: Thumbnail that is shown until the scene is drawn.
         self.preview = Preview(self)
         #: All that is drawn except the clip plane's handle and the marks of picked points.
-        self.scene_view = SceneView(self.plotter.renderer, shades=False, samples=FINE_SAMPLES)
-        self.plotter.front.AddActor(self.scene_view.loads.through)
+        self.scene_view = SceneView(self.canvas.renderer, shades=False, samples=FINE_SAMPLES)
+        self.canvas.front.AddActor(self.scene_view.loads.through)
         self._place_signs = self.scene_view.annotations.led()
-        self.plotter.shade.clear = self.scene_view.annotations.boxes
+        self.canvas.shade.clear = self.scene_view.annotations.boxes
         #: Marks of the picked points.
         self.marks = DotsActor()
         self.marks.GetProperty().SetColor(*rgb("#d9642c"))
-        self.plotter.renderer.AddActor(self.marks)
-        self.plotter.setAcceptDrops(False)
-        self.plotter.installEventFilter(self)
+        self.canvas.renderer.AddActor(self.marks)
+        self.canvas.setAcceptDrops(False)
+        self.canvas.installEventFilter(self)
         #: The last clip plane of this scene, or None.
         self.last_cut: Cut | None = None
         #: Handle that moves the clip plane; created with the first cut.
@@ -97,7 +97,7 @@ class View3D(QWidget):
         self._view: View | None = None
         self._dark = False
         #: Whether the frame belongs to a scene that has been closed.
-        self._left = False
+        self._is_scene_closed = False
         self._cut: tuple[object, Cut | None] = None, None
         #: Picked points in the order of picking; see `picks_changed`.
         self.picks: list[Pick] = []
@@ -105,10 +105,10 @@ class View3D(QWidget):
         self._closed = False
         #: The last camera preset, and the viewpoint it gave.
         self._aimed: tuple[str | None, Viewpoint] | None = None
-        self._rest = later(self, self._come_to_rest, _REST)
-        self._calm = later(self, self._shade, _REST)
+        self._rest_timer = single_shot(self, self._end_camera_move, _REST_TIME)
+        self._shadow_timer = single_shot(self, self._draw_shadows, _REST_TIME)
         #: Camera and size of the last drawing.
-        self._looked_at: CameraView | None = None
+        self._last_drawn: CameraView | None = None
         #: Whether the camera moves or has moved a moment ago; whether the mouse holds it.
         self.steering = self._held = False
         #: Whether the up axis stays up while the mouse turns the view, and the viewpoint before the
@@ -117,14 +117,14 @@ class View3D(QWidget):
         self._stood: Viewpoint | None = None
         #: Whether the last picture showed something moving, and whether such pictures are quick.
         self._moved, self._quick = False, True
-        self.plotter.painting.connect(self._prepare)
+        self.canvas.painting.connect(self._prepare_drawing)
         self._observe_camera()
         #: Sections of a scene file that belong to sources.
         self._sources = [
             name for name, cls in sections().items() if getattr(cls, "role", "") == "source"
         ]
         #: Values of the source of the last fine frame, and the size of its object in m.
-        self._made: tuple[object, float] = None, 0.0
+        self._source_state: tuple[object, float] = None, 0.0
         #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
         #: State for which the camera was aimed: fraction of the width for the colour scale, whether
@@ -135,23 +135,23 @@ class View3D(QWidget):
         """Draw a frame."""
         self.preview.end()
         first = self.frame is None or self.frame.generation != frame.generation
-        self.frame, self._left = frame, False
-        self._take(view)
+        self.frame, self._is_scene_closed = frame, False
+        self._set_view_settings(view)
         if first:
             self._drawn_values = frame.values  # the camera is aimed below
             self.last_cut = None
-            self.forget_picks()
+            self.clear_picks()
         self.refresh(render=False)
-        self._mark()
+        self._update_marks()
         if first:
             self.reset_camera(view.camera or frame.camera)
         self.render()
 
-    def leave(self) -> None:
+    def clear_scene(self) -> None:
         """Show nothing until the first frame of a new scene."""
-        self._left, self.steering = True, False
-        self._rest.stop()
-        self.forget_picks()
+        self._is_scene_closed, self.steering = True, False
+        self._rest_timer.stop()
+        self.clear_picks()
         if self.handle is not None:
             self.handle.show(False)
         self._cut = None, None
@@ -163,21 +163,21 @@ class View3D(QWidget):
         """Camera and size of the view; None before the first frame."""
         if self._aimed is None:
             return None
-        ratio = self.plotter.devicePixelRatioF()
-        width, height = self.plotter.width(), self.plotter.height()
+        ratio = self.canvas.devicePixelRatioF()
+        width, height = self.canvas.width(), self.canvas.height()
         pixels = max(1, round(ratio * width)), max(1, round(ratio * height))
-        return CameraView(self.place, self.scene_view.room, pixels)
+        return CameraView(self.viewpoint, self.scene_view.room, pixels)
 
     def _observe_camera(self) -> None:
-        me, style = weakref.ref(self), self.plotter.interactor.GetInteractorStyle()
+        me, style = weakref.ref(self), self.canvas.interactor.GetInteractorStyle()
 
         def tell(style: vtkInteractorStyle, event: str) -> None:
             here = me()
             if here is None:
                 return
             if here.turntable and style.GetState() == _TURNING and event[0] != "E":
-                keep_upright(here.plotter.camera, here._up, here._stood)
-                here._stood = here.place
+                keep_upright(here.canvas.camera, here._up_axis, here._stood)
+                here._stood = here.viewpoint
             if event != "InteractionEvent":
                 here._stood = None
                 here.steer(event == "StartInteractionEvent")
@@ -186,7 +186,7 @@ class View3D(QWidget):
             style.AddObserver(name, tell)
 
     @property
-    def _up(self) -> int:
+    def _up_axis(self) -> int:
         """Index of the up axis in the scene."""
         frame, view = self.frame, self._view
         return 1 if frame is None or view is None else camera_up_axis(view.camera or frame.camera)
@@ -194,19 +194,21 @@ class View3D(QWidget):
     def steer(self, held: bool) -> None:
         """Draw quickly while the mouse holds the camera, and for a moment afterwards."""
         self._held = held
-        self._stir()
-        if self.frame is None or (self.frame.light is None and not self.wants_more(self.frame)):
+        self._suspend_shadows()
+        if self.frame is None or (
+            self.frame.light is None and not self.needs_new_frame(self.frame)
+        ):
             return
         if not self.steering:
             self.steering = True
             self.scene_view.move(True)
-            self.moving.emit(True)
+            self.camera_moving.emit(True)
         if held:
-            self._rest.stop()
+            self._rest_timer.stop()
         else:
-            self._rest.start()
+            self._rest_timer.start()
 
-    def wants_more(self, frame: Frame) -> bool:
+    def needs_new_frame(self, frame: Frame) -> bool:
         """Return whether the present camera may need a new frame."""
         if frame.cloth is not None:
             return True
@@ -217,39 +219,39 @@ class View3D(QWidget):
         scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
         return scale > frame.enough or frame.finer
 
-    def _come_to_rest(self) -> None:
+    def _end_camera_move(self) -> None:
         self.steering, frame = False, self.frame
         if frame is not None and (frame.cloth is None or frame.seen == self.seen):
             self.scene_view.move(False)
-            self._shade()
+            self._draw_shadows()
         # Otherwise a new frame for this camera will be requested.
-        self.moving.emit(False)
+        self.camera_moving.emit(False)
 
-    def _stir(self) -> None:
+    def _suspend_shadows(self) -> None:
         """Leave out contact shadows, which take time, until nothing has moved for a moment."""
-        if self.plotter.shade.on:
-            self.plotter.shade.want(0.0, 0.0)
+        if self.canvas.shade.on:
+            self.canvas.shade.want(0.0, 0.0)
             self.scene_view.shade(False)
-        self._calm.start()
+        self._shadow_timer.start()
 
-    def _shade(self) -> None:
+    def _draw_shadows(self) -> None:
         """Draw contact shadows, as in exported pictures."""
         self.render()  # reports a camera that has been moved since
-        self._calm.stop()
+        self._shadow_timer.stop()
         frame, strength = self.frame, self.scene_view.occlusion
         if frame is None or self._held or self.steering or strength == 0.0:
             return
         self.scene_view.shade(True)
         # A sheet has the shadows in its colours.
         folds = frame.cloth is None or frame.yarns is not None
-        self.plotter.shade.want(frame.relief, strength if folds else 0.0)
+        self.canvas.shade.want(frame.relief, strength if folds else 0.0)
 
-    def _prepare(self) -> None:
+    def _prepare_drawing(self) -> None:
         self._place_signs()
         # With software rendering, smooth edges (FXAA) take a third of a frame's time, whatever is
         # drawn; MSAA would take as long as everything else. While something moves, they are drawn
         # only if pictures are quick, and with fewer search steps.
-        renderer, took = self.plotter.renderer, self.plotter.took
+        renderer, took = self.canvas.renderer, self.canvas.draw_time
         moving = self.steering or (self.frame is not None and self.frame.coarse)
         if moving and self._moved:
             self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
@@ -258,33 +260,35 @@ class View3D(QWidget):
         renderer.SetUseFXAA(self._quick or not moving)
         renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
 
-    def adopt(self, view: View) -> None:
+    def set_view(self, view: View) -> None:
         """Show the present frame with the settings of a scene's section ``[view]``."""
         if self._given is None:
-            self._fit(view.within(self._dark))  # for the background, as there may never be a frame
+            self._fit_sizes(
+                view.within(self._dark)
+            )  # for the background, as there may never be a frame
         elif view.settings != self._given.settings:
-            self._take(view)
+            self._set_view_settings(view)
             self.refresh()
 
-    def darken(self, dark: bool) -> None:
+    def set_dark(self, dark: bool) -> None:
         """Set a dark or light background, used if neither the scene nor its style has one."""
         self._dark = dark
-        self._take(self._given)
+        self._set_view_settings(self._given)
         self.refresh()
 
-    def _take(self, view: View | None) -> None:
+    def _set_view_settings(self, view: View | None) -> None:
         self._given, self._view = view, (view or View()).within(self._dark)
-        self._fit(self._view)
+        self._fit_sizes(self._view)
 
     def refresh(self, render: bool = True) -> None:
         """Show the present frame with the settings of `look` and of the scene."""
         frame, view = self.frame, self._view
-        if frame is None or view is None or self._left:
+        if frame is None or view is None or self._is_scene_closed:
             return
         wanted = frame.generation, view.clip_normal, view.clip_origin
         if wanted != self._cut[0]:
-            self._cut = wanted, self._placed(cut_of(view, frame.surface))
-        self._stir()
+            self._cut = wanted, self._place_handle(cut_of(view, frame.surface))
+        self._suspend_shadows()
         self.look.fabric = view.show != "cage" or frame.cage is None
         self.look.cage = view.show != "fabric"
         self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
@@ -292,33 +296,35 @@ class View3D(QWidget):
         aimed_for = self.scene_view.room, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
-            self.plotter.front.SetDraw(view.loads)
-            self._keep_whole()
+            self.canvas.front.SetDraw(view.loads)
+            self._aim_again()
         made = [frame.values.get(section) for section in self._sources]
-        if not frame.coarse and made != self._made[0]:  # a new value can change the size much
+        if (
+            not frame.coarse and made != self._source_state[0]
+        ):  # a new value can change the size much
             size = float(np.ptp(extent_of(frame, False)))
-            before, self._made = self._made[1], (made, size)
+            before, self._source_state = self._source_state[1], (made, size)
             if not 0.7 * size < before < 1.4 * size:
-                self._keep_whole()
-        if frame.values != self._drawn_values and self._out_of_sight:
+                self._aim_again()
+        if frame.values != self._drawn_values and self._is_out_of_view:
             # A change of the scene may have moved everything out of the view.
             self.reset_camera(None)
         self._drawn_values = frame.values
         if render:
             self.render()
 
-    def _placed(self, cut: Cut | None) -> Cut | None:
+    def _place_handle(self, cut: Cut | None) -> Cut | None:
         """Put the handle on the clip plane; return the plane where the handle is."""
         if cut is not None and self._extent is not None:
             self.last_cut = cut
-            self.handle = self.handle or self._made_handle()
-            self.handle.place(cut, self._extent, self.plotter.devicePixelRatioF())
+            self.handle = self.handle or self._make_handle()
+            self.handle.place(cut, self._extent, self.canvas.devicePixelRatioF())
             cut = self.handle.cut
         if self.handle is not None:
             self.handle.show(cut is not None)
         return cut
 
-    def _made_handle(self) -> ClipHandle:
+    def _make_handle(self) -> ClipHandle:
         # Imported only here, because it loads VTK's widgets and most users never clip.
         from spacemap_vtk.app.view.clip_handle import ClipHandle
 
@@ -327,97 +333,97 @@ class View3D(QWidget):
         def moved(done: bool) -> None:
             here = me()
             if here is not None and here.handle is not None:
-                here._cut_moved(here.handle.cut, done)
+                here._move_cut(here.handle.cut, done)
 
-        return ClipHandle(self.plotter.interactor, moved)
+        return ClipHandle(self.canvas.interactor, moved)
 
-    def _cut_moved(self, cut: Cut, done: bool) -> None:
+    def _move_cut(self, cut: Cut, done: bool) -> None:
         self._cut = self._cut[0], cut
         self.steer(not done)
         self.scene_view.cut_open(cut)
         # Rounded to six digits, and only if the plane has moved.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
-        was, far = self.last_cut or np.inf, self.plotter.camera.distance
+        was, far = self.last_cut or np.inf, self.canvas.camera.distance
         if done and abs(np.subtract((normal, origin), was) / [[1.0], [far]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
 
     def render(self) -> None:
         """Ask Qt to draw the view soon."""
         if not self._closed:
-            if self.seen != self._looked_at and not self._held:
-                self._looked_at = self.seen
+            if self.seen != self._last_drawn and not self._held:
+                self._last_drawn = self.seen
                 self.steer(False)
-            self.plotter.renderer.ResetCameraClippingRange()
-            # Not plotter.render(): the widget would be drawn again when Qt paints it.
-            self.plotter.update()
+            self.canvas.renderer.ResetCameraClippingRange()
+            # Not canvas.render(): the widget would be drawn again when Qt paints it.
+            self.canvas.update()
 
     def reset_camera(self, name: str | None = "three-quarter") -> None:
         """Aim the camera at the whole scene; None keeps the direction."""
         points = self._extent
         if points is None:
             return
-        width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
-        camera = self.plotter.camera
+        width, height = max(1, self.canvas.width()), max(1, self.canvas.height())
+        camera = self.canvas.camera
         flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
         aim_camera(
-            camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up
+            camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up_axis
         )
         if flat or (was_flat and name is not None):
             camera.SetParallelProjection(flat)
-            self.flattened.emit(flat)
+            self.orthographic_changed.emit(flat)
         if not flat:
             # A parallel projection with this scale shows as much as the perspective.
             camera.SetParallelScale(half_height(camera))
-        self._aimed = name, self.place
+        self._aimed = name, self.viewpoint
         self.render()
 
     def zoom(self, factor: float) -> None:
         """Move the camera nearer by a factor."""
-        zoom_in(self.plotter.camera, factor)
+        zoom_in(self.canvas.camera, factor)
         self.render()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the whole scene in view."""
         super().resizeEvent(event)
         self.preview.setGeometry(self.rect())
-        self._keep_whole()
+        self._aim_again()
 
-    def _keep_whole(self) -> None:
+    def _aim_again(self) -> None:
         """Aim the camera again for the present size, unless the user has moved it."""
         if self._aimed is None or self.frame is None:
             return
-        (name, before), now = self._aimed, self.place
+        (name, before), now = self._aimed, self.viewpoint
         if before[:3] == now[:3]:
             self.reset_camera(name)
 
     @property
-    def _out_of_sight(self) -> bool:
+    def _is_out_of_view(self) -> bool:
         """Whether the whole scene lies outside one side of the picture."""
         points = self._extent
         if self._aimed is None or points is None:
             return False
-        aspect = max(1, self.plotter.width()) / max(1, self.plotter.height())
-        x, y, _, w = project_points(self.plotter.camera, points, aspect).T
+        aspect = max(1, self.canvas.width()) / max(1, self.canvas.height())
+        x, y, _, w = project_points(self.canvas.camera, points, aspect).T
         return any(bool(side.all()) for side in (x < -w, x > w, y < -w, y > w))
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection."""
-        camera = self.plotter.camera
+        camera = self.canvas.camera
         if on:
             camera.SetParallelScale(half_height(camera))
         camera.SetParallelProjection(on)
         self.render()
 
     @property
-    def place(self) -> Viewpoint:
+    def viewpoint(self) -> Viewpoint:
         """The viewpoint of the camera."""
-        return Viewpoint.of(self.plotter.camera)
+        return Viewpoint.of(self.canvas.camera)
 
-    def place_for(self, size: tuple[int, int]) -> Viewpoint:
+    def viewpoint_for(self, size: tuple[int, int]) -> Viewpoint:
         """Compute the viewpoint from which a picture of another size shows the same, enlarged."""
         frame, seen = self.frame, self.seen
         if frame is None or seen is None:
-            return self.place
+            return self.viewpoint
         # The colour scale is drawn beside the scene, not over it.
         room = color_bar_share(size) if seen.aside else 0.0
         aspect, other = (
@@ -425,7 +431,7 @@ class View3D(QWidget):
             for share, (width, height) in ((seen.aside, seen.size), (room, size))
         )
         shown = visible_cells(frame, self._view or View(), self.look)
-        return refit_viewpoint(self.place, shown, aspect, other)
+        return refit_viewpoint(self.viewpoint, shown, aspect, other)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -441,20 +447,20 @@ class View3D(QWidget):
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Add a picked point and mark it; `alone` removes the others."""
-        self._keep_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
+        self._set_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
 
-    def forget_picks(self) -> None:
+    def clear_picks(self) -> None:
         """Remove all picked points."""
         if self.picks:
-            self._keep_picks([])
+            self._set_picks([])
 
-    def _keep_picks(self, picks: list[Pick]) -> None:
+    def _set_picks(self, picks: list[Pick]) -> None:
         self.picks = picks
-        self._mark()
+        self._update_marks()
         self.render()
         self.picks_changed.emit(list(picks))
 
-    def _mark(self) -> None:
+    def _update_marks(self) -> None:
         """Draw the marks and labels of the picked points at their present positions."""
         frame, span = self.frame, self.scene_view.span
         labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
@@ -466,7 +472,7 @@ class View3D(QWidget):
         """Pick the point of the fabric at a position in the widget."""
         if self.frame is None:
             return None
-        ratio = self.plotter.devicePixelRatioF()
+        ratio = self.canvas.devicePixelRatioF()
         picker = vtkCellPicker()
         picker.SetTolerance(0.0005)
         picker.PickFromListOn()
@@ -475,8 +481,8 @@ class View3D(QWidget):
             surface = self.frame.yarns
         actors = self.scene_view.surface, self.scene_view.sheet
         picker.AddPickList(actors[surface is self.frame.surface and cloth is not None])
-        height = self.plotter.height()
-        if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
+        height = self.canvas.height()
+        if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.canvas.renderer):
             return None
         cell, point = picker.GetCellId(), picker.GetPointId()
         if cell < 0 or point < 0:
@@ -484,7 +490,7 @@ class View3D(QWidget):
         if cloth is None or surface is not self.frame.surface:
             return read_point(surface, cell, point, cloth)
         surface = self.scene_view.sheet.GetMapper().GetInput()  # coarser than the frame's in motion
-        behind = np.dot(picker.GetMapperNormal(), self.plotter.camera.GetDirectionOfProjection())
+        behind = np.dot(picker.GetMapperNormal(), self.canvas.camera.GetDirectionOfProjection())
         return read_sheet(surface, cell, picker.GetPCoords(), behind > 0.0, cloth)
 
     def click(self, at: QPointF, adding: bool = False) -> None:
@@ -500,27 +506,27 @@ class View3D(QWidget):
 
     def _side_at(self, at: QPointF) -> str | None:
         """Return the side to look from after a click on an axis at a position in the widget."""
-        ratio, height = self.plotter.devicePixelRatioF(), self.plotter.height()
+        ratio, height = self.canvas.devicePixelRatioF(), self.canvas.height()
         way = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
         if way is None:
             return None
-        if np.dot(way, self.plotter.camera.GetDirectionOfProjection()) < -0.999:
+        if np.dot(way, self.canvas.camera.GetDirectionOfProjection()) < -0.999:
             way = -way  # the camera already looks from this side
-        return next(s for s in SIDES if np.array_equal(camera_directions(s, self._up)[0], way))
+        return next(s for s in SIDES if np.array_equal(camera_directions(s, self._up_axis)[0], way))
 
     def image(self) -> NDArray[np.uint8]:
         """Draw the view with contact shadows, and return its pixels."""
-        self._shade()
-        return self.plotter.image()
+        self._draw_shadows()
+        return self.canvas.image()
 
-    def shut(self) -> None:
+    def release_resources(self) -> None:
         """Free the OpenGL resources; nothing can be drawn afterwards."""
         if not self._closed:
             self._closed = True
-            self.plotter.removeEventFilter(self)
+            self.canvas.removeEventFilter(self)
             if self.handle is not None:
                 self.handle.close()
-            self.plotter.close()
+            self.canvas.close()
             self.frame = None
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
@@ -531,24 +537,24 @@ class View3D(QWidget):
         elif event.type() == QEvent.Type.MouseButtonRelease and self._pressed is not None:
             at, start = event.position(), self._pressed
             self._pressed = None
-            if (at - start).manhattanLength() <= _STEADY:
+            if (at - start).manhattanLength() <= _MAX_CLICK_MOVE:
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
             tip = f"From the {side}" if (side := self._side_at(event.position())) else ""
-            if tip != self.plotter.toolTip():
-                self.plotter.setToolTip(tip)
+            if tip != self.canvas.toolTip():
+                self.canvas.setToolTip(tip)
         return False
 
-    def _fit(self, view: View) -> None:
+    def _fit_sizes(self, view: View) -> None:
         """Set the widths of dots and lines for this screen and for the scene's settings."""
-        pixels = self.plotter.devicePixelRatioF()
+        pixels = self.canvas.devicePixelRatioF()
         point = pixels * view.line_scale
         self.marks.GetProperty().SetPointSize(PICKED * point)
-        self.scene_view.fit(view, self.size_of_view, pixels, point)
+        self.scene_view.fit(view, self.view_size, pixels, point)
 
     @property
-    def size_of_view(self) -> tuple[int, int]:
-        return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
+    def view_size(self) -> tuple[int, int]:
+        return self.canvas.width(), max(540, self.canvas.height() * 3 // 4)
 
     @property
     def _extent(self) -> NDArray[np.float64] | None:

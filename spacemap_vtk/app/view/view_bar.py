@@ -17,7 +17,7 @@ from spacemap_vtk.scenes.styles import STYLES
 
 #: Parts that can be shown: name, label, key, and role of the stage that has an eye for it in the
 #: list of stages.
-_SHOWN = (
+_PARTS = (
     ("fabric", "Fabric", "F", "surface"),
     ("cage", "Cage", "C", "cage"),
     ("supports", "Supports", "S", "solver"),
@@ -27,7 +27,7 @@ _SHOWN = (
     ("scale_bar", "Scale bar", "", ""),
 )
 #: Those of them that the window can show on its own, and that a scene can require.
-_SIGNS = ("triad", "scale_bar")
+_WINDOW_PARTS = ("triad", "scale_bar")
 #: Keys of camera presets. Ctrl+number is the side opposite to the number's; V is PyVista's key.
 _CAMERA_KEYS = {
     "three-quarter": "1",
@@ -42,7 +42,7 @@ _CAMERA_KEYS = {
     "face": "6",
 }
 #: Largest width of the colour choice in pixels.
-_WIDEST = 220
+_MAX_COLORING_WIDTH = 220
 #: Mark of a menu, shown if there is room.
 _MENU_MARK = " ▾"
 #: Normal of the first clip plane.
@@ -53,13 +53,13 @@ class ViewBar(QToolBar):
     """Tool bar for visible parts, colours, camera, clip plane and style."""
 
     #: A parameter of a scene's view, or "cage" or "fabric", and its new value.
-    looked = Signal(str, object)
+    setting_changed = Signal(str, object)
     #: Background colours at the bottom and at the top, as in a scene file.
-    backed = Signal(object, object)
+    background_chosen = Signal(object, object)
     #: Whether the motion shall start from the equilibrium under the loads.
-    hung = Signal(bool)
+    hang_toggled = Signal(bool)
     #: Normal and origin of the clip plane; None for no plane, or for an automatic origin.
-    clipped = Signal(object, object)
+    clip_changed = Signal(object, object)
 
     def __init__(self, view: View3D) -> None:
         super().__init__("View", objectName="view bar", iconSize=QSize(16, 16))
@@ -73,46 +73,50 @@ class ViewBar(QToolBar):
         #: Actions that open menus, and how many of the bar's reading aids are left out for lack of
         #: room; see `resizeEvent`.
         self._menus: list[QAction] = []
-        self._left_out = 0
+        self._omitted = 0
         self._possible: list[str] = []
-        #: Those of `_SIGNS` that the scene requires.
-        self._asked: list[str] = []
-        self.shown: dict[str, QAction] = {}
+        #: Those of `_WINDOW_PARTS` that the scene requires.
+        self._required: list[str] = []
+        self.part_actions: dict[str, QAction] = {}
         #: The same actions by the role of a stage, for the eyes in the list of stages.
-        self.eyes: dict[str, QAction] = {}
-        for name, words, key, role in _SHOWN:
+        self.eye_actions: dict[str, QAction] = {}
+        for name, words, key, role in _PARTS:
             tip = f"Show the {words.lower()} ({key})"
-            shown = action(self, words, self._toggled, key, tip, name, checkable=True)
-            if name in _SIGNS:  # only in the menu, as the bar has no room
+            shown = action(self, words, self._toggle_part, key, tip, name, checkable=True)
+            if name in _WINDOW_PARTS:  # only in the menu, as the bar has no room
                 setattr(view.look, name, QSettings().value(name) != "false")
                 shown.setChecked(getattr(view.look, name))
             else:
                 self.addAction(shown)
-                self.eyes[role] = shown
-            self.shown[name] = shown
+                self.eye_actions[role] = shown
+            self.part_actions[name] = shown
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
-        self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
+        self.hang = action(self, "Hung", self.hang_toggled, "H", tip, checkable=True)
         self.addAction(self.hang)
         # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
         # if there is room.
         self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
         self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.coloring.setMaximumWidth(_WIDEST)
+        self.coloring.setMaximumWidth(_MAX_COLORING_WIDTH)
         #: The same choices as menu actions, for windows too narrow for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
         #: Actions and separators of the menu, in groups; those the scene lacks are hidden.
-        self.coloring_choices: list[QAction] = []
+        self.coloring_actions: list[QAction] = []
         for alike in GROUPS:
             for name, coloring in alike.items():
                 self.colorings[name] = action(
-                    group, coloring.words, self._chosen, data=("color", name), checkable=True
+                    group,
+                    coloring.words,
+                    self._choose_setting,
+                    data=("color", name),
+                    checkable=True,
                 )
-                self.coloring_choices.append(self.colorings[name])
-            self.coloring_choices.append(QAction(self))
-            self.coloring_choices[-1].setSeparator(True)
+                self.coloring_actions.append(self.colorings[name])
+            self.coloring_actions.append(QAction(self))
+            self.coloring_actions[-1].setSeparator(True)
         self.coloring.currentIndexChanged.connect(
-            lambda index: self.looked.emit("color", self.coloring.itemData(index))
+            lambda index: self.setting_changed.emit("color", self.coloring.itemData(index))
         )
         # One widget, so that label and box disappear together if there is no room.
         named = QWidget()
@@ -122,44 +126,46 @@ class ViewBar(QToolBar):
         row(named, self._label, self.coloring, margins=(4, 0, 4, 0))
         self.addWidget(named)
         self.cameras: dict[str, QAction] = {}
-        cameras = self._menu("Camera", "Where it is seen from")
+        cameras = self._add_menu("Camera", "Where it is seen from")
         for name, key in _CAMERA_KEYS.items():
             tip = f"Where it is seen from: {name} ({key})"
-            aim = action(self, name.capitalize(), self._aimed, key, tip, name)
+            aim = action(self, name.capitalize(), self._aim_camera, key, tip, name)
             cameras.addAction(aim)
             self.cameras[name] = aim
         self.keys = ViewKeys(view, self)
         cameras.addSeparator()
-        cameras.addActions(self.keys.cameras)
+        cameras.addActions(self.keys.camera_actions)
         cameras.addSeparator()
         tip = "Parallel projection (O)"
         self.orthographic = action(
             self, "Orthographic", view.set_orthographic, "O", tip, checkable=True
         )
-        view.flattened.connect(self.orthographic.setChecked)
+        view.orthographic_changed.connect(self.orthographic.setChecked)
         tip = "What is up stays up while the mouse turns it (T)"
         self.turntable = action(self, "Turntable", None, "T", tip, checkable=True)
-        self.turntable.toggled.connect(self._turn_upright)
+        self.turntable.toggled.connect(self._set_turntable)
         self.turntable.setChecked(QSettings().value("turntable") == "true")
         cameras.addActions([self.orthographic, self.turntable])
         tip = "Cut it open with a plane; the mouse moves it (X)"
-        self.clip = action(self, "Clip", self._clip, "X", tip, checkable=True)
+        self.clip = action(self, "Clip", self._toggle_clip, "X", tip, checkable=True)
         self.addAction(self.clip)
         self.clip_sides = [
-            action(self, f"Clip across {axis}", self._clipped_across, data=tuple(normal.tolist()))
+            action(self, f"Clip across {axis}", self._clip_across, data=tuple(normal.tolist()))
             for axis, normal in zip("xyz", -np.eye(3), strict=True)
         ]
         group = QActionGroup(self)
         self.styles = {
-            name: action(group, style.label, self._chosen, data=("style", name), checkable=True)
+            name: action(
+                group, style.label, self._choose_setting, data=("style", name), checkable=True
+            )
             for name, style in STYLES.items()
         }
-        self._menu("Style", "What it looks like").addActions([*self.styles.values()])
+        self._add_menu("Style", "What it looks like").addActions([*self.styles.values()])
         self.backgrounds = {
-            name: action(self, name, self._backed, data=colors)
+            name: action(self, name, self._choose_background, data=colors)
             for name, colors in BACKGROUNDS.items()
         }
-        self._menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
+        self._add_menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Show the label of the colour choice and the marks of menus if there is room."""
@@ -168,11 +174,11 @@ class ViewBar(QToolBar):
         between = self._label.parentWidget().layout().spacing()
         label = self._label.sizeHint().width() + between
         saved = (0, label, label + mark)
-        whole = self.sizeHint().width() + saved[self._left_out]
+        whole = self.sizeHint().width() + saved[self._omitted]
         fitting = [k for k in range(3) if whole - saved[k] <= self.width()]
         left_out = min(fitting, default=2)
-        if left_out != self._left_out:
-            self._left_out = left_out
+        if left_out != self._omitted:
+            self._omitted = left_out
             self._label.setVisible(left_out < 1)
             for opening in self._menus:
                 opening.setIconText(opening.text() + _MENU_MARK * (left_out < 2))
@@ -201,31 +207,31 @@ class ViewBar(QToolBar):
         self.styles[scene.view.style].setChecked(True)
         show = scene.view.show
         look = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
-        for name, shown in self.shown.items():
+        for name, shown in self.part_actions.items():
             seen = look[name] if name in look else getattr(scene.view, name)
-            shown.setChecked(seen or (name in _SIGNS and getattr(self._view.look, name)))
+            shown.setChecked(seen or (name in _WINDOW_PARTS and getattr(self._view.look, name)))
         solved = scene.modal in scene.stages
         held = solved and scene.modal.fixed != ()
-        supports = self.shown["supports"]
+        supports = self.part_actions["supports"]
         supports.setEnabled(held)
         supports.setChecked(held and supports.isChecked())
         supports.setToolTip(
             "Show the supports (S)" if held else "Nothing is held: there are no supports"
         )
-        self._asked = [name for name in _SIGNS if getattr(scene.view, name)]
+        self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.hangs)
         self.hang.setEnabled(solved or not scene.moves)
 
     @property
-    def choices(self) -> list[QAction]:
+    def all_actions(self) -> list[QAction]:
         """All actions, for the help."""
         return [
-            *self.shown.values(),
+            *self.part_actions.values(),
             self.hang,
-            *self.camera_choices,
-            *self.keys.cameras,
-            *self.keys.looks,
+            *self.camera_actions,
+            *self.keys.camera_actions,
+            *self.keys.appearance_actions,
             self.clip,
             *self.clip_sides,
             *self.styles.values(),
@@ -233,40 +239,40 @@ class ViewBar(QToolBar):
         ]
 
     @property
-    def camera_choices(self) -> list[QAction]:
+    def camera_actions(self) -> list[QAction]:
         """Actions of the camera."""
         return [*self.cameras.values(), self.orthographic, self.turntable]
 
-    def _toggled(self, on: bool) -> None:
+    def _toggle_part(self, on: bool) -> None:
         name = self.sender().data()
-        if name in _SIGNS:
+        if name in _WINDOW_PARTS:
             QSettings().setValue(name, "true" if on else "false")
             setattr(self._view.look, name, on)
             self._view.refresh()
-        if name not in _SIGNS or (name in self._asked and not on):
-            self.looked.emit(name, on)
+        if name not in _WINDOW_PARTS or (name in self._required and not on):
+            self.setting_changed.emit(name, on)
 
-    def _chosen(self) -> None:
-        self.looked.emit(*self.sender().data())
+    def _choose_setting(self) -> None:
+        self.setting_changed.emit(*self.sender().data())
 
-    def _aimed(self) -> None:
+    def _aim_camera(self) -> None:
         self._view.reset_camera(self.sender().data())
 
-    def _turn_upright(self, on: bool) -> None:
+    def _set_turntable(self, on: bool) -> None:
         self._view.turntable = on
         QSettings().setValue("turntable", "true" if on else "false")
 
-    def _clip(self, on: bool) -> None:
+    def _toggle_clip(self, on: bool) -> None:
         normal, origin = self._view.last_cut or (_ACROSS, None)
-        self.clipped.emit(normal if on else None, origin if on else None)
+        self.clip_changed.emit(normal if on else None, origin if on else None)
 
-    def _clipped_across(self) -> None:
-        self.clipped.emit(tuple(self.sender().data()), None)
+    def _clip_across(self) -> None:
+        self.clip_changed.emit(tuple(self.sender().data()), None)
 
-    def _backed(self) -> None:
-        self.backed.emit(*self.sender().data())
+    def _choose_background(self) -> None:
+        self.background_chosen.emit(*self.sender().data())
 
-    def _menu(self, name: str, tip: str) -> QMenu:
+    def _add_menu(self, name: str, tip: str) -> QMenu:
         # An action, not a button: the menu behind the bar's arrow can contain only actions.
         menu = QMenu(self)
         opening = action(self, name, tip=tip)

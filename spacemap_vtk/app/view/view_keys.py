@@ -15,7 +15,7 @@ from spacemap_vtk.app.widgets import action
 #: Zoom factor of one key press, as in PyVista.
 _ZOOM = 1.05
 #: Zoom factor of flying to a point, as in VTK.
-_FLY = 1.3
+_FLY_ZOOM = 1.3
 
 
 class ViewKeys(QObject):
@@ -25,57 +25,63 @@ class ViewKeys(QObject):
     # be switched off; its R changes the view angle, and saved pictures would differ from the view.
 
     #: Number of steps by which lines and dots shall become thicker.
-    thickened = Signal(int)
+    thickness_changed = Signal(int)
 
     def __init__(self, view: View3D, parent: QObject) -> None:
         super().__init__(parent)
         self._view = view
-        self.wireframe = self._action("Wireframe", "W", self._toggle_wireframe)
+        self.wireframe = self._make_action("Wireframe", "W", self._toggle_wireframe)
         self.wireframe.setCheckable(True)
         #: Actions of the camera.
-        self.cameras = [
-            self._action("Whole in sight", "R", partial(view.reset_camera, None)),
-            self._action("To the point under the mouse", "Shift+F", self._fly),
-            self._action("Nearer", "Up", partial(view.zoom, _ZOOM)),
-            self._action("Farther", "Down", partial(view.zoom, 1.0 / _ZOOM)),
+        self.camera_actions = [
+            self._make_action("Whole in sight", "R", partial(view.reset_camera, None)),
+            self._make_action("To the point under the mouse", "Shift+F", self._fly_to_mouse),
+            self._make_action("Nearer", "Up", partial(view.zoom, _ZOOM)),
+            self._make_action("Farther", "Down", partial(view.zoom, 1.0 / _ZOOM)),
         ]
         # Only in the view: in lists, tables and fields the arrow keys select.
-        for nearer in self.cameras[-2:]:
+        for nearer in self.camera_actions[-2:]:
             nearer.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
-            view.plotter.addAction(nearer)
+            view.canvas.addAction(nearer)
         #: Actions of the appearance and of picked points.
-        self.looks = [
+        self.appearance_actions = [
             self.wireframe,
-            self._action("Thicker lines and dots", "+", partial(self.thickened.emit, 1)),
-            self._action("Thinner lines and dots", "-", partial(self.thickened.emit, -1)),
-            self._action("Read the point under the mouse", "P", lambda: view.click(self._mouse)),
-            self._action("Forget what was read", "Esc", view.forget_picks),
+            self._make_action(
+                "Thicker lines and dots", "+", partial(self.thickness_changed.emit, 1)
+            ),
+            self._make_action(
+                "Thinner lines and dots", "-", partial(self.thickness_changed.emit, -1)
+            ),
+            self._make_action(
+                "Read the point under the mouse", "P", lambda: view.click(self._mouse)
+            ),
+            self._make_action("Forget what was read", "Esc", view.clear_picks),
         ]
         # Enabled only with picked points, because Esc has other uses elsewhere.
-        view.picks_changed.connect(self._may_forget)
-        self._may_forget([])
+        view.picks_changed.connect(self._enable_clear)
+        self._enable_clear([])
 
-    def _may_forget(self, picks: list[object]) -> None:
-        self.looks[-1].setEnabled(bool(picks))
+    def _enable_clear(self, picks: list[object]) -> None:
+        self.appearance_actions[-1].setEnabled(bool(picks))
 
     def _toggle_wireframe(self) -> None:
         self._view.look.wireframe = self.wireframe.isChecked()
         self._view.refresh()
 
-    def _fly(self) -> None:
+    def _fly_to_mouse(self) -> None:
         found = self._view.pick(self._mouse.x(), self._mouse.y())
         if found is None:
             return
-        camera, point = self._view.plotter.camera, np.array(found.position)
+        camera, point = self._view.canvas.camera, np.array(found.position)
         moved = np.array(camera.GetPosition()) + point - camera.GetFocalPoint()
         camera.SetPosition(*moved.tolist())
         camera.SetFocalPoint(*point.tolist())
-        self._view.zoom(_FLY)
+        self._view.zoom(_FLY_ZOOM)
 
     @property
     def _mouse(self) -> QPointF:
-        return self._view.plotter.mapFromGlobal(QPointF(QCursor.pos()))
+        return self._view.canvas.mapFromGlobal(QPointF(QCursor.pos()))
 
-    def _action(self, name: str, key: str, slot: Callable[[], object]) -> QAction:
+    def _make_action(self, name: str, key: str, slot: Callable[[], object]) -> QAction:
         # Drop Qt's argument "checked": `partial` would pass it as the next argument.
         return action(self, name, lambda _=False: slot(), key)

@@ -18,7 +18,7 @@ from spacemap_vtk.scenes.settings import FLAT, View
 #: JPEG quality of still and of moving pictures.
 _STILL, _MOVING = 92, 75
 #: Least and most pixels along a side. Larger screens get an enlarged picture.
-_LEAST, _MOST = 64, 2560
+_MIN_SIDE, _MAX_SIDE = 64, 2560
 #: Rotation in degrees for a drag across the whole picture, as in VTK.
 _TURN = 200.0
 
@@ -28,8 +28,8 @@ class Screen:
 
     def __init__(self) -> None:
         self.window = OffscreenWindow((960, 720))
-        self.shown = SceneView(self.window.renderer, shades=False)
-        self.window.add_in_front(self.shown.loads.through)
+        self.scene_view = SceneView(self.window.renderer, shades=False)
+        self.window.add_in_front(self.scene_view.loads.through)
         self.frame: Frame | None = None
         #: Counter of changes of the picture.
         self.version = 0
@@ -43,7 +43,7 @@ class Screen:
         self._aimed: tuple[str | None, Viewpoint] | None = None
         self._drawn: tuple[int, bytes] = 0, b""
 
-    def show(self, frame: Frame, view: View) -> None:
+    def show_frame(self, frame: Frame, view: View) -> None:
         """Set the frame and its view settings."""
         first = self.frame is None
         moved = view.camera != self._view.camera
@@ -55,9 +55,9 @@ class Screen:
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Set the picture's size in CSS pixels, device pixels per CSS pixel, and the theme."""
-        most = _MOST / max(width, height, 1.0)
+        most = _MAX_SIDE / max(width, height, 1.0)
         self._ratio = min(max(ratio, 0.5), 2.0, max(most, 0.1))
-        size = tuple(max(_LEAST, round(side * self._ratio)) for side in (width, height))
+        size = tuple(max(_MIN_SIDE, round(side * self._ratio)) for side in (width, height))
         self.dark = dark
         self.window.size = size[0], size[1]
         self.window.render_window.SetSize(*size)
@@ -72,7 +72,7 @@ class Screen:
             return
         camera, (width, height) = self.window.camera, self.window.size
         points = extent_of(self.frame, self._view.loads)
-        aspect = (1.0 - self.shown.room) * width / height
+        aspect = (1.0 - self.scene_view.room) * width / height
         flat = camera.GetParallelProjection() if name is None else name == FLAT
         aim_camera(camera, points, aspect, name, self._view.zoom if name else 1.0)
         camera.SetParallelProjection(flat)
@@ -99,14 +99,14 @@ class Screen:
             camera.SetFocalPoint(*(camera.GetFocalPoint() + by).tolist())
         else:
             zoom_in(camera, min(max(x, 0.1), 10.0))
-        self.hold(True)
+        self.set_steering(True)
         self.version += 1
 
-    def hold(self, steering: bool) -> None:
+    def set_steering(self, steering: bool) -> None:
         """Set whether the camera is being moved, so that drawing must be quick."""
         if steering != self.steering:
             self.steering = steering
-            self.shown.move(steering)
+            self.scene_view.move(steering)
             self.version += 1
 
     @property
@@ -115,7 +115,7 @@ class Screen:
         return (
             None
             if self._aimed is None
-            else CameraView(self._place, self.shown.room, self.window.size)
+            else CameraView(self._place, self.scene_view.room, self.window.size)
         )
 
     @property
@@ -145,12 +145,12 @@ class Screen:
         view = view.within(self.dark)
         width, height = self.window.size
         units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
-        self.shown.fit(view, units, self._ratio, self._ratio * view.line_scale)
+        self.scene_view.fit(view, units, self._ratio, self._ratio * view.line_scale)
         look = ViewOptions(fabric=view.show != "cage", cage=frame.cage is not None)
         look.cage = look.cage and view.show != "fabric"
         cut = cut_of(view, frame.surface)
-        self.shown.show(frame, view, look, self.shown.span_of(frame), cut)
-        self.shown.move(self.steering)
+        self.scene_view.show(frame, view, look, self.scene_view.span_of(frame), cut)
+        self.scene_view.move(self.steering)
         self.version += 1
 
     @property

@@ -46,13 +46,17 @@ _HERE = Path(__file__).parent
 
 
 def serve(
-    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str, str], object]
+    name: str,
+    assignments: Sequence[str],
+    host: str,
+    port: int,
+    on_ready: Callable[[str, str], object],
 ) -> None:
-    """Serve a scene until Ctrl-C; `told` receives the address and a one-time address."""
+    """Serve a scene until Ctrl-C; `on_ready` receives the address and a one-time address."""
     require_local(host)
-    require_free(host, port)
+    require_free_port(host, port)
     require_packages("a page in a browser", PACKAGES, "web")
-    asyncio.run(_serve(name, assignments, host, port, told))
+    asyncio.run(_serve(name, assignments, host, port, on_ready))
 
 
 def require_local(host: str) -> None:
@@ -69,7 +73,11 @@ def require_local(host: str) -> None:
 
 
 async def _serve(
-    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str, str], object]
+    name: str,
+    assignments: Sequence[str],
+    host: str,
+    port: int,
+    on_ready: Callable[[str, str], object],
 ) -> None:
     from trame.app import get_server
 
@@ -81,17 +89,19 @@ async def _serve(
     server: Any = get_server("spacemap", client_type="vue3")
     session = Session(name, assignments, server.state)
     try:
-        _furnish(server, session, token)
-        server.controller.on_server_bind.add(lambda web: _guard(web.app, session, token, tickets))
+        _set_up_page(server, session, token)
+        server.controller.on_server_bind.add(
+            lambda web: _add_guard(web.app, session, token, tickets)
+        )
         work = asyncio.create_task(session.run())
-        served = asyncio.create_task(_started(server, host, port, token))
-        ended = _ending()
+        served = asyncio.create_task(_run_server(server, host, port, token))
+        ended = _end_signal()
         await asyncio.wait([served, server.ready], return_when=asyncio.FIRST_COMPLETED)
         if served.done():
             served.result()  # raises the error of the server
         at = f"[{host}]" if ":" in host else host
         root = f"http://{at}:{server.port}"
-        told(f"{root}/{token}/", f"{root}/open/{tickets[0]}")
+        on_ready(f"{root}/{token}/", f"{root}/open/{tickets[0]}")
         await asyncio.wait([ended, served, work], return_when=asyncio.FIRST_COMPLETED)
         if work.done():
             work.result()
@@ -102,7 +112,7 @@ async def _serve(
         session.close()
 
 
-def _furnish(server: Any, session: Session, token: str) -> None:
+def _set_up_page(server: Any, session: Session, token: str) -> None:
     """Give the server its page and the functions that the page can call."""
     from trame_client.module import vue3
 
@@ -122,7 +132,7 @@ def _furnish(server: Any, session: Session, token: str) -> None:
     state.trame__title = f"{session.scene.title} · spacemap"
     state.trame__favicon = "page/icon.svg"
     state.trame__template_main = (_HERE / "page" / "page.html").read_text(encoding="utf-8")
-    state.trame__template_error = (_HERE / "page" / "over.html").read_text(encoding="utf-8")
+    state.trame__template_error = (_HERE / "page" / "closed.html").read_text(encoding="utf-8")
     state.time_steps = TIME_STEPS
     for name in (
         *("set", "switch", "slide", "reset", "color", "seek", "go", "play", "cancel"),
@@ -131,7 +141,7 @@ def _furnish(server: Any, session: Session, token: str) -> None:
         server.trigger(name)(getattr(session, name))
 
 
-def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
+def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
     """Accept only requests with the token and with a host name of this machine."""
     from aiohttp import web
     from trame_client.module import vue3
@@ -183,7 +193,7 @@ def _is_local(name: str) -> bool:
     return False
 
 
-async def _started(server: Any, host: str, port: int, token: str) -> None:
+async def _run_server(server: Any, host: str, port: int, token: str) -> None:
     """Serve until the server is stopped."""
     # trame parses the command line, whose options have the same names as some of trame's.
     server.cli.set_defaults(
@@ -205,7 +215,7 @@ async def _started(server: Any, host: str, port: int, token: str) -> None:
     await running
 
 
-def require_free(host: str, port: int) -> None:
+def require_free_port(host: str, port: int) -> None:
     """Raise an error if a port is not available, before any other work."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -224,7 +234,7 @@ def require_free(host: str, port: int) -> None:
             ) from None
 
 
-def _ending() -> asyncio.Future[None]:
+def _end_signal() -> asyncio.Future[None]:
     """Return a future that is done when a signal ends the program."""
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[None] = loop.create_future()

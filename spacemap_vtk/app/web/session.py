@@ -10,9 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.app.web.rows import ParameterRows
+from spacemap_vtk.app.web.parameter_rows import ParameterRows
 from spacemap_vtk.app.web.screen import Screen
-from spacemap_vtk.app.work.job import PATIENCE, Job
+from spacemap_vtk.app.work.frame_request import CANCEL_AFTER, FrameRequest
 from spacemap_vtk.app.work.pipeline import Pipeline
 from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.datasets.modal_model import measures_in
@@ -27,9 +27,9 @@ from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity
 
 #: Time in s after which a run is shown as running, and after which the camera counts as at rest.
-_NOTICE, _REST = 0.15, 0.25
+_NOTICE_DELAY, _REST_TIME = 0.15, 0.25
 #: Most frames per second, and the time in s that playing waits until a browser fetches a picture.
-_RATE, _FETCH = 30.0, 1.0
+_MAX_RATE, _FETCH_TIME = 30.0, 1.0
 #: Number of steps of the time slider.
 TIME_STEPS = 2000
 
@@ -46,57 +46,57 @@ class Session:
         for assignment in assignments:
             scene.set(assignment)  # gives the error messages of the command line
             section, key, text = parsed(assignment)
-            self._values = _put(self._values, section, key, value_of(text))
+            self._values = _with_value(self._values, section, key, value_of(text))
         self.base: Path | None = scene.file
-        self._elsewhere = list(elsewhere(scene))
+        self._origin_warnings = list(elsewhere(scene))
         self.scene = Scene(self._values, self.base)
         self.state, self.screen, self.rows = state, Screen(), ParameterRows()
-        self.pipeline = Pipeline(lambda *_: None, self._progressed)
+        self.pipeline = Pipeline(lambda *_: None, self._record_progress)
         self._thread = ThreadPoolExecutor(1, "pipeline")
         self._running: tuple[str, float, str] = "", 0.0, ""
-        self._job: Job | None = None
-        self._begun: tuple[float, Job] | None = None
-        self._wished, self.fetched = asyncio.Event(), asyncio.Event()
+        self._request: FrameRequest | None = None
+        self._begun: tuple[float, FrameRequest] | None = None
+        self._requested, self.fetched = asyncio.Event(), asyncio.Event()
         self._time, self._clock = self.scene.view.time, 0.0
         self._rest: asyncio.TimerHandle | None = None
         #: Whether the run only follows a camera move, and whether the user has cancelled the run.
-        self._looking = self._given_up = False
+        self._follows_camera = self._is_cancelled = False
         state.title, state.playing, state.picture = self.scene.title, False, 0
         state.work, state.failure, state.warnings = None, "", []
         state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS if n != "side"]
-        self._tell()
-        self.ask()
+        self._send_state()
+        self.request_frame()
 
     # Requests of the page.
 
     def set(self, key: str, text: str) -> None:
         """Set a value that was typed or chosen."""
         if key in self.rows:
-            self._change(key, self.rows.written(key, text), text)
+            self._set_value(key, self.rows.parse_text(key, text), text)
 
     def switch(self, key: str, on: bool) -> None:
         """Set a flag."""
         if key in self.rows:
-            self._change(key, bool(on))
+            self._set_value(key, bool(on))
 
     def slide(self, key: str, step: int, held: bool) -> None:
         """Set the value of a slider, during a drag or at its end."""
         if key in self.rows:
-            self._change(key, self.rows.slid(key, int(step)), coarse=held)
+            self._set_value(key, self.rows.value_at_step(key, int(step)), coarse=held)
 
     def reset(self, key: str) -> None:
         """Reset a value to its default."""
         if key in self.rows:
-            self._change(key, None)
+            self._set_value(key, None)
 
     def color(self, name: str) -> None:
         """Set the colouring."""
-        self._change("view.color", name)
+        self._set_value("view.color", name)
 
     def seek(self, step: int, held: bool) -> None:
         """Show the time at a step of the time slider."""
         span = self.scene.animation
-        self._go(span.start + step / TIME_STEPS * (span.stop - span.start), held)
+        self._show_time(span.start + step / TIME_STEPS * (span.stop - span.start), held)
 
     def go(self, text: str) -> None:
         """Show a typed time."""
@@ -105,7 +105,7 @@ class Session:
         except InputError as error:
             self.state.failure = str(error)
         else:
-            self._go(at, False)
+            self._show_time(at, False)
 
     def play(self) -> None:
         """Start or pause playing."""
@@ -113,37 +113,37 @@ class Session:
         self._clock = time.perf_counter()
         if self.state.playing and self._time >= self.scene.animation.stop:
             self._time = self.scene.animation.start
-        self.ask(coarse=self.state.playing)
+        self.request_frame(coarse=self.state.playing)
 
     def cancel(self) -> None:
         """Cancel the run and keep the last picture."""
-        self._job, self.state.playing = None, False
-        self._given_up = self._begun is not None
+        self._request, self.state.playing = None, False
+        self._is_cancelled = self._begun is not None
         self.pipeline.token.cancel()
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Set the size of the picture in the page."""
         self.screen.resize(width, height, ratio, dark)
-        self._look()
+        self._follow_camera()
 
     def aim(self, name: str | None = None) -> None:
         """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
         if name is None or name in CAMERAS:
             self.screen.aim(name)
-            self._look()
+            self._follow_camera()
 
     def steer(self, moves: Sequence[tuple[str, float, float]]) -> None:
         """Move the camera."""
         for kind, x, y in moves:
             self.screen.steer(kind, float(x), float(y))
-        self._look()
+        self._follow_camera()
 
     # Work for these requests.
 
-    def ask(self, coarse: bool = False) -> None:
-        """Request a frame of the present scene; this replaces a waiting job."""
+    def request_frame(self, coarse: bool = False) -> None:
+        """Request a frame of the present scene; this replaces a waiting request."""
         values = self._values
-        self._job = Job(
+        self._request = FrameRequest(
             values=values,
             base=self.base or Path("scene.toml"),
             settings=self.scene.settings,
@@ -153,78 +153,78 @@ class Session:
             seen=self.screen.seen,
         )
         if self._begun is not None:
-            begun, job = self._begun
-            # A run for another time of the same scene continues: the new job needs its results.
-            late = time.perf_counter() - begun > PATIENCE and job.values != values
-            if late or self._looking:
+            begun, request = self._begun
+            # A run for another time of the same scene continues: the new request needs its results.
+            late = time.perf_counter() - begun > CANCEL_AFTER and request.values != values
+            if late or self._follows_camera:
                 self.pipeline.token.cancel()
-        self._looking = False
-        self._wished.set()
+        self._follows_camera = False
+        self._requested.set()
 
     async def run(self) -> None:
         """Process jobs one after another, always the latest."""
         while True:
-            await self._wished.wait()
-            self._wished.clear()
-            job, self._job = self._job, None
-            if job is None:
+            await self._requested.wait()
+            self._requested.clear()
+            request, self._request = self._request, None
+            if request is None:
                 continue
-            await self._perform(job)
-            if self.state.playing and self._job is None:
-                await self._step()
+            await self._run_request(request)
+            if self.state.playing and self._request is None:
+                await self._advance_time()
 
     def close(self) -> None:
         """Cancel the run and free all resources."""
-        self._job = None
+        self._request = None
         self.pipeline.token.cancel()
         self._thread.shutdown()
         self.screen.close()
 
-    async def _perform(self, job: Job) -> None:
+    async def _run_request(self, request: FrameRequest) -> None:
         # The token is made here, not when the run starts, so that no cancellation is lost.
         self.pipeline.token = CancelToken()
-        self._begun, self._running = (time.perf_counter(), job), ("", 0.0, "")
-        self._given_up = False
+        self._begun, self._running = (time.perf_counter(), request), ("", 0.0, "")
+        self._is_cancelled = False
         loop = asyncio.get_running_loop()
-        run = loop.run_in_executor(self._thread, self.pipeline.run, job)
-        while not (await asyncio.wait([run], timeout=_NOTICE))[0]:
+        run = loop.run_in_executor(self._thread, self.pipeline.run, request)
+        while not (await asyncio.wait([run], timeout=_NOTICE_DELAY))[0]:
             section, share, step = self._running
             if section:
                 stage = words_of(sections()[section].__name__)
                 with self.state:
                     self.state.work = {"stage": stage, "share": share, "step": step}
-        self._begun, self._looking = None, False
+        self._begun, self._follows_camera = None, False
         with self.state:
             self.state.work = None
             try:
                 frame = run.result()
-                self.screen.show(frame, self.scene.view)
+                self.screen.show_frame(frame, self.scene.view)
             except Cancelled:
-                if self._given_up:
+                if self._is_cancelled:
                     before = "" if self.screen.frame is None else "the picture is from before. "
                     self.state.failure = f"Stopped: {before}Any change begins anew."
             except Exception as error:
                 self.state.playing = False
-                self._refuse(error)
+                self._show_error(error)
             else:
                 self.state.failure = ""
-                self.rows.accept()
+                self.rows.clear_refused()
                 self.rows.found = {"modal": measures_in(frame.cage)}
-                self.state.warnings = [*self._elsewhere, *frame.warnings]
-                self._push()
-            if job.coarse and not self.state.failure:
-                self._tell_time()
+                self.state.warnings = [*self._origin_warnings, *frame.warnings]
+                self._send_picture()
+            if request.coarse and not self.state.failure:
+                self._send_time()
             else:
-                self._tell()
-        if not (job.coarse or self.state.playing or self.state.failure):
-            self._come_to_rest()
+                self._send_state()
+        if not (request.coarse or self.state.playing or self.state.failure):
+            self._end_camera_move()
 
-    async def _step(self) -> None:
+    async def _advance_time(self) -> None:
         """Advance to the present time of playing, after the last picture has been fetched."""
         with contextlib.suppress(TimeoutError):  # no page is open
-            await asyncio.wait_for(self.fetched.wait(), _FETCH)
-        await asyncio.sleep(max(0.0, self._clock + 1 / _RATE - time.perf_counter()))
-        if not self.state.playing or self._job is not None:
+            await asyncio.wait_for(self.fetched.wait(), _FETCH_TIME)
+        await asyncio.sleep(max(0.0, self._clock + 1 / _MAX_RATE - time.perf_counter()))
+        if not self.state.playing or self._request is not None:
             return
         now, span = time.perf_counter(), self.scene.animation
         at, self._clock = self._time + (now - self._clock) * span.speed, now
@@ -232,80 +232,80 @@ class Session:
             start, stop = span.span
             at = start + (at - start) % (stop - start)
         self._time = at
-        self.ask(coarse=True)
+        self.request_frame(coarse=True)
 
-    def _go(self, at: float, held: bool) -> None:
+    def _show_time(self, at: float, held: bool) -> None:
         self._time = at
         self.state.failure = ""
-        self.ask(coarse=held)
-        self._tell_time()
+        self.request_frame(coarse=held)
+        self._send_time()
 
-    def _change(
+    def _set_value(
         self, key: str, written: Any, text: str | None = None, coarse: bool = False
     ) -> None:
         section, _, name = key.partition(".")
-        values = _put(self._values, section, name, written)
+        values = _with_value(self._values, section, name, written)
         try:
             scene = Scene(values, self.base)
             if scene.view.color not in scene.colorings:
                 # The quantity shown by colour has just gone; a run would fail until it is reset.
-                values = _put(values, "view", "color", None)
+                values = _with_value(values, "view", "color", None)
                 scene = Scene(values, self.base)
         except InputError as error:
-            self.rows.refuse(error, key, text)
+            self.rows.mark_refused(error, key, text)
         else:
             self._values, self.scene = values, scene
-            self.rows.accept(key)
+            self.rows.clear_refused(key)
             self.state.failure = ""
-            self.ask(coarse=coarse)
-        self._tell(coarse)
+            self.request_frame(coarse=coarse)
+        self._send_state(coarse)
 
-    def _refuse(self, error: Exception) -> None:
+    def _show_error(self, error: Exception) -> None:
         told = one_line(error)
         if isinstance(error, SpacemapError):
             error.file = None
-            self.rows.refuse(error)
+            self.rows.mark_refused(error)
             told = str(error)
         self.state.failure = told
 
-    def _look(self) -> None:
+    def _follow_camera(self) -> None:
         """Show the picture from the new viewpoint, and refine it when the camera rests."""
-        self._push()
-        if self._looking:  # the run is for a former viewpoint
-            self._looking = False
+        self._send_picture()
+        if self._follows_camera:  # the run is for a former viewpoint
+            self._follows_camera = False
             self.pipeline.token.cancel()
         if self._rest is not None:
             self._rest.cancel()
-        self._rest = asyncio.get_running_loop().call_later(_REST, self._come_to_rest)
+        self._rest = asyncio.get_running_loop().call_later(_REST_TIME, self._end_camera_move)
 
-    def _come_to_rest(self) -> None:
+    def _end_camera_move(self) -> None:
         frame = self.screen.frame
         with self.state:
-            self.screen.hold(False)
-            self._push()
-        if frame is None or self.state.playing or self._job is not None or self._begun:
+            self.screen.set_steering(False)
+            self._send_picture()
+        if frame is None or self.state.playing or self._request is not None or self._begun:
             return
         if frame.cloth is not None and frame.seen != self.screen.seen:
-            self.ask()
-            self._looking = True
+            self.request_frame()
+            self._follows_camera = True
 
-    def _push(self) -> None:
+    def _send_picture(self) -> None:
         if self.screen.frame is not None and self.state.picture != self.screen.version:
             self.fetched.clear()
             self.state.picture = self.screen.version
 
-    def _tell(self, held: bool = False) -> None:
+    def _send_state(self, held: bool = False) -> None:
         """Send the state of the scene to the page."""
         scene = self.scene
-        self.state.sections = self.rows.of(scene, self._values, held)
+        self.state.sections = self.rows.make_sections(scene, self._values, held)
         self.state.color = scene.view.color
         self.state.colorings = [
             {"name": name, "label": COLORINGS[name].label} for name in scene.colorings
         ]
         self.state.moves = scene.moves
-        self._tell_time()
+        self._send_time()
 
-    def _tell_time(self) -> None:
+    def _send_time(self) -> None:
         span = self.scene.animation
         start, stop = span.span
         share = (self._time - start) / (stop - start)
@@ -313,11 +313,11 @@ class Session:
         self.state.time = _seconds(self._time)
         self.state.stop = _seconds(span.stop)
 
-    def _progressed(self, section: str, share: float, step: str) -> None:
+    def _record_progress(self, section: str, share: float, step: str) -> None:
         self._running = section, share, step
 
 
-def _put(values: dict[str, Any], section: str, key: str, written: Any) -> dict[str, Any]:
+def _with_value(values: dict[str, Any], section: str, key: str, written: Any) -> dict[str, Any]:
     """Return a scene's values with one value replaced, or removed by None."""
     table = {k: v for k, v in values.get(section, {}).items() if k != key}
     if written is not None:

@@ -10,15 +10,15 @@ from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.panels.stage_list import StageList
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
-from spacemap_vtk.app.widgets import later
+from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.app.work.engine import Engine
-from spacemap_vtk.app.work.job import Job, Pull, Swing
+from spacemap_vtk.app.work.frame_request import FrameRequest, Pull, Swing
 from spacemap_vtk.scenes.scene import Scene
 
 #: Time after the last coarse frame until a fine one is requested, in ms.
-_REST = 100
+_REST_TIME = 100
 #: Time after which a run is shown as running, in ms.
-_NOTICE = 150
+_NOTICE_DELAY = 150
 #: Shown as the step of a cancelled run until the run has ended.
 _STOPPING = "stopping…"
 
@@ -32,7 +32,7 @@ class Director(QObject):
     #: Section, progress (0 to 1) and step of a long run; ("", 0, "") when it has ended.
     progress = Signal(str, float, str)
     #: The user has cancelled a run; a clause that says how the picture differs from the scene.
-    given_up = Signal(str)
+    run_cancelled = Signal(str)
     #: A shown mode or pull has failed and is shown no longer.
     swing_ended = Signal()
 
@@ -48,38 +48,38 @@ class Director(QObject):
         self._document, self._engine, self._view = document, engine, view
         self._times, self._stages = times, stages
         self.generation = 0
-        self._asked: Job | None = None
+        self._last_request: FrameRequest | None = None
         self.swing: Swing | Pull | None = None
         self._running = self._step = ""
-        self._share = 0.0
+        self._progress = 0.0
         #: Whether a drag is in progress; whether the user has cancelled the run.
-        self.held = self._giving_up = False
-        #: Whether the last job only follows a camera move; whether such a job was cancelled because
-        #: the camera has moved on.
-        self._looking = self._dropped = False
+        self.is_dragging = self._is_cancelling = False
+        #: Whether the last request only follows a camera move; whether such a request was cancelled
+        #: because the camera has moved on.
+        self._follows_camera = self._was_superseded = False
         self._settings: dict[str, dict[str, Any]] = {}
-        self.rest = later(self, self._refine, _REST)
-        self._notice = later(self, self._show_running, _NOTICE)
-        document.crowded = lambda: engine.crowded
-        document.changed.connect(self._changed)
-        document.replaced.connect(self._replaced)
-        times.moved.connect(self._moved)
-        engine.ready.connect(self._ready)
-        engine.stage_ran.connect(self._stage_ran)
-        engine.progressed.connect(self._progressed)
-        engine.failed.connect(self._failed)
-        engine.cancelled.connect(self._cancelled)
+        self.rest = single_shot(self, self._request_fine_frame, _REST_TIME)
+        self._notice = single_shot(self, self._show_running, _NOTICE_DELAY)
+        document.congested = lambda: engine.congested
+        document.changed.connect(self._update_after_change)
+        document.replaced.connect(self._start_scene)
+        times.time_changed.connect(self._request_time)
+        engine.ready.connect(self._show_ready_frame)
+        engine.stage_ran.connect(self._show_stage_run)
+        engine.progressed.connect(self._record_progress)
+        engine.failed.connect(self._show_failure)
+        engine.cancelled.connect(self._show_cancelled)
         # When the end of a run is reported, the engine still counts as busy; therefore the state is
         # checked again when it is idle.
-        engine.idle.connect(self._idle)
-        view.moving.connect(self._look)
+        engine.idle.connect(self._report_cancellation)
+        view.camera_moving.connect(self._follow_camera)
 
-    def ask(self, coarse: bool = False) -> None:
+    def request_frame(self, coarse: bool = False) -> None:
         """Request a frame for the present document and time."""
         document, scene, shown = self._document, self._document.scene, self._view.frame
         # Before the first frame of a scene, the camera is still the former scene's.
         here = shown is not None and shown.generation == self.generation
-        self._asked = Job(
+        self._last_request = FrameRequest(
             values=document.values,
             base=document.base,
             settings=scene.settings,
@@ -89,9 +89,9 @@ class Director(QObject):
             swing=self.swing,
             seen=self._view.seen if here else None,
         )
-        self._looking = False
-        self._giving_up = False
-        self._engine.ask(self._asked)
+        self._follows_camera = False
+        self._is_cancelling = False
+        self._engine.request(self._last_request)
         if not self._notice.isActive():
             self._notice.start()
         if coarse:
@@ -99,38 +99,38 @@ class Director(QObject):
         else:
             self.rest.stop()
 
-    def swing_mode(self, swing: Swing | None) -> None:
+    def show_mode(self, swing: Swing | None) -> None:
         """Show a mode instead of the motion; None returns to the motion."""
         if swing is None:
             self.swing = None
-            self.ask()
+            self.request_frame()
         elif self.swing is None or not self._engine.busy:
             self._times.pause()
             self.swing = swing
-            self.ask(coarse=True)
+            self.request_frame(coarse=True)
 
-    def pull(self, pull: Pull | None) -> None:
+    def show_pull(self, pull: Pull | None) -> None:
         """Show a stretch of the cloth instead of the motion; None returns to the motion."""
         self._times.pause()
         self.swing = pull
         # Unlike a mode, each stretch is requested, also while the engine is busy: the last one of a
         # drag must be shown.
-        self.ask(coarse=pull is not None)
+        self.request_frame(coarse=pull is not None)
 
-    def hold(self, held: bool) -> None:
+    def set_dragging(self, dragging: bool) -> None:
         """Delay the fine frame during a drag."""
-        self.held = held
+        self.is_dragging = dragging
 
     def cancel(self) -> None:
         """Cancel the run and keep the last picture."""
         self._times.pause()
         self.rest.stop()
-        self._giving_up, self._dropped = True, False
+        self._is_cancelling, self._was_superseded = True, False
         self._engine.cancel()
         if self._running:
             # The run ends only after its present block of work or library call.
             self._step = _STOPPING
-            self.progress.emit(self._running, self._share, self._step)
+            self.progress.emit(self._running, self._progress, self._step)
 
     def stop(self) -> None:
         """Stop the engine for good."""
@@ -139,56 +139,60 @@ class Director(QObject):
         self._times.pause()
         self._engine.finish()
 
-    def _changed(self) -> None:
-        self._times.adopt(self._document.scene.animation)
+    def _update_after_change(self) -> None:
+        self._times.set_animation(self._document.scene.animation)
         connected = {stage.section for stage in self._document.scene.stages}
         listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
         if connected != listed:
-            self._stages.restart(self._document.scene, anew=False)
+            self._stages.show_scene(self._document.scene, anew=False)
         # A change may be the first of a drag, so request a coarse frame now and a fine one soon. A
         # change of the view alone runs no stage and gets a fine frame now.
-        before, self._settings = self._settings, _settings_of(self._document.scene)
-        self.ask(coarse=self.held or before != self._settings)
+        before, self._settings = self._settings, _stage_settings(self._document.scene)
+        self.request_frame(coarse=self.is_dragging or before != self._settings)
 
-    def _replaced(self) -> None:
+    def _start_scene(self) -> None:
         self.generation += 1
         self.swing = None
-        self._view.leave()
+        self._view.clear_scene()
         self._times.pause()
         scene = self._document.scene
-        self._stages.restart(scene)
-        self._times.adopt(scene.animation, scene.view.time)
-        self._settings = _settings_of(scene)
-        self.ask()
+        self._stages.show_scene(scene)
+        self._times.set_animation(scene.animation, scene.view.time)
+        self._settings = _stage_settings(scene)
+        self.request_frame()
 
-    def _moved(self, _time: float, going_on: bool) -> None:
+    def _request_time(self, _time: float, going_on: bool) -> None:
         self._times.waiting = self._times.playing
-        self.ask(coarse=going_on)
+        self.request_frame(coarse=going_on)
 
-    def _refine(self) -> None:
-        if self._engine.busy or self.held:
+    def _request_fine_frame(self) -> None:
+        if self._engine.busy or self.is_dragging:
             self.rest.start()
         elif not self._times.playing and not isinstance(self.swing, Swing):
-            self.ask(coarse=False)
+            self.request_frame(coarse=False)
 
-    def _look(self, moving: bool) -> None:
+    def _follow_camera(self, moving: bool) -> None:
         """Request a frame for the view when the camera rests; cancel it if the camera moves on."""
         frame = self._view.frame
-        if moving and self._looking and self._engine.busy:
-            self._looking, self._dropped = False, True
+        if moving and self._follows_camera and self._engine.busy:
+            self._follows_camera, self._was_superseded = False, True
             self._engine.cancel()
-        elif not moving and frame is not None and self._view.wants_more(frame):
-            waits = self.held or self._times.playing or self.swing is not None
-            asked = self._asked.seen if self._looking and self._asked else frame.seen
+        elif not moving and frame is not None and self._view.needs_new_frame(frame):
+            waits = self.is_dragging or self._times.playing or self.swing is not None
+            asked = (
+                self._last_request.seen
+                if self._follows_camera and self._last_request
+                else frame.seen
+            )
             if not waits and self._view.seen not in (asked, frame.seen):
-                self.ask()
-                self._looking = True
+                self.request_frame()
+                self._follows_camera = True
 
-    def _ready(self) -> None:
-        self._times.waiting = self._dropped = False
+    def _show_ready_frame(self) -> None:
+        self._times.waiting = self._was_superseded = False
         # Before drawing the frame, so that the engine computes the next one meanwhile.
-        self._document.catch_up()
-        frame = self._engine.take()
+        self._document.apply_waiting_change()
+        frame = self._engine.take_frame()
         if frame is None or frame.generation != self.generation:
             return
         scene = self._document.scene
@@ -201,25 +205,25 @@ class Director(QObject):
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
         self._end_notice()
         if not frame.coarse:
-            self._stages.flush()
+            self._stages.write_runs()
         before = self._view.frame
         self._view.show_frame(frame, scene.view)
         if before is None or before.generation != frame.generation:
-            self._look(moving=False)  # the first frame has just aimed the camera
+            self._follow_camera(moving=False)  # the first frame has just aimed the camera
         self.drawn.emit(frame)
 
-    def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
+    def _show_stage_run(self, section: str, seconds: float, executions: int) -> None:
         self._stages.show_run(section, seconds, executions)
         self._stages.set_state(section, "fresh")
 
-    def _progressed(self, section: str, share: float, step: str) -> None:
-        self._running, self._share = section, share
-        self._step = _STOPPING if self._giving_up else step
+    def _record_progress(self, section: str, share: float, step: str) -> None:
+        self._running, self._progress = section, share
+        self._step = _STOPPING if self._is_cancelling else step
 
     def _show_running(self) -> None:
         if self._engine.busy and self._running:
             self._stages.set_state(self._running, "running")
-            self.progress.emit(self._running, self._share, self._step)
+            self.progress.emit(self._running, self._progress, self._step)
             self._notice.start()
         else:
             self._end_notice()
@@ -233,25 +237,25 @@ class Director(QObject):
         else:
             self._notice.stop()
 
-    def _failed(self, error: BaseException, job: Job) -> None:
+    def _show_failure(self, error: BaseException, request: FrameRequest) -> None:
         self._times.waiting = False
-        if job.generation != self.generation:
-            return  # the job belongs to a closed scene
-        if job is self._asked:
-            # Only for the latest job: a newer one still needs its fine frame.
+        if request.generation != self.generation:
+            return  # the request belongs to a closed scene
+        if request is self._last_request:
+            # Only for the latest request: a newer one still needs its fine frame.
             self.rest.stop()
         self._times.pause()
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
         self._end_notice()
         self.failed.emit(error)
-        if self.swing is None or job.swing is not None:
+        if self.swing is None or request.swing is not None:
             # A run from before a swing may fail when the swing has begun, and must not end it.
             self.swing_ended.emit()
 
-    def _cancelled(self) -> None:
+    def _show_cancelled(self) -> None:
         self._times.waiting = False
-        if self._dropped:  # only the view had changed, so the stages are still up to date
-            self._dropped = False
+        if self._was_superseded:  # only the view had changed, so the stages are still up to date
+            self._was_superseded = False
             self._stages.set_state("surface", "fresh")
             self._end_notice()
             return
@@ -266,20 +270,20 @@ class Director(QObject):
                 self._stages.set_state(stage.section, "stale" if below else state)
                 below = True
 
-    def _idle(self) -> None:
+    def _report_cancellation(self) -> None:
         self._end_notice()
-        frame, asked = self._view.frame, self._asked
-        if not self._giving_up or asked is None:
+        frame, asked = self._view.frame, self._last_request
+        if not self._is_cancelling or asked is None:
             return
-        self._giving_up = False
+        self._is_cancelling = False
         if frame is None or frame.generation != asked.generation:
-            self.given_up.emit("there is no picture of this scene yet")
+            self.run_cancelled.emit("there is no picture of this scene yet")
         elif (frame.values, frame.time) != (asked.values, asked.time):
-            self.given_up.emit("the picture is older than the fields")
+            self.run_cancelled.emit("the picture is older than the fields")
         elif frame.coarse:
-            self.given_up.emit("the picture is coarser than the fields say")
+            self.run_cancelled.emit("the picture is coarser than the fields say")
 
 
-def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:
+def _stage_settings(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the settings of all connected stages."""
     return {stage.section: stage.settings for stage in scene.stages}

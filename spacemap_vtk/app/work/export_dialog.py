@@ -20,8 +20,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.documents.ask_file import may_write_over
-from spacemap_vtk.app.widgets import CountBox, mark, note, row
+from spacemap_vtk.app.documents.file_dialogs import confirm_overwrite
+from spacemap_vtk.app.widgets import CountBox, mark_bad, note, row
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import endings_with_alpha
 from spacemap_vtk.scenes.settings import Animation
@@ -29,9 +29,9 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 
 #: Sizes in pixels, by name. The list starts with the sizes of the window and of the scene.
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
-_OTHER, _KEPT = "Other", "export/size"
+_OTHER, _SIZE_KEY = "Other", "export/size"
 #: Choices of the camera, each with an explanation.
-_SEEN = {
+_CAMERAS = {
     "As in the window": "All that the view shows is written, as large as it fits into this size, "
     "from the same place, with the same parts and the same background.",
     "As the scene says": "Camera, parts and background are those of the scene's section [view].",
@@ -39,7 +39,7 @@ _SEEN = {
 
 
 @dataclass
-class Drawn:
+class PictureOptions:
     """Data that the dialog needs for a picture or a film."""
 
     #: A key of `spacemap_vtk.io.registry.DRAWN`.
@@ -63,32 +63,32 @@ class ExportDialog(QDialog):
         parent: QWidget,
         title: str,
         animation: Animation | None = None,
-        drawn: Drawn | None = None,
+        options: PictureOptions | None = None,
     ) -> None:
         super().__init__(parent, windowTitle=title)
-        self._drawn = drawn
-        self._chosen = ""
+        self._picture = options
+        self._confirmed_name = ""
         #: Chosen times in s; empty if the dialog asks for none.
         self.times: list[float] = []
         self.lines: dict[str, QLineEdit] = {}
         form = QFormLayout(self)
         form.setContentsMargins(16, 16, 16, 12)
-        self.told = note("", "note")
-        self.told.setMinimumSize(400, 3 * self.told.fontMetrics().lineSpacing())
+        self.summary = note("", "note")
+        self.summary.setMinimumSize(400, 3 * self.summary.fontMetrics().lineSpacing())
         box = QDialogButtonBox.StandardButton
         buttons = QDialogButtonBox(box.Save | box.Cancel)
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
         self.save = buttons.button(box.Save)
-        if drawn is not None:
-            self._ask_drawn(form, drawn)
+        if options is not None:
+            self._add_picture_rows(form, options)
         #: Times of the film as typed; None if the dialog does not ask for them.
         self.animation = None if animation is None else Animation(**animation.settings)
         if animation is not None:
-            self._ask_times(form, animation)
-        form.addRow(self.told)
+            self._add_time_rows(form, animation)
+        form.addRow(self.summary)
         form.addRow(buttons)
-        self._change()
+        self._update_summary()
 
     @property
     def file(self) -> Path:
@@ -96,34 +96,34 @@ class ExportDialog(QDialog):
         return Path(self.line.text())
 
     @property
-    def size_chosen(self) -> tuple[int, int]:
+    def picture_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.width_box.value(), self.height_box.value()
 
     @property
-    def as_window(self) -> bool:
+    def uses_window_view(self) -> bool:
         """Whether to use the camera and the parts of the window."""
         return self.camera.currentIndex() == 0
 
     @property
-    def clear(self) -> bool:
+    def is_transparent(self) -> bool:
         """Whether the background is transparent."""
         return self.transparent.isEnabled() and self.transparent.isChecked()
 
     def accept(self) -> None:
         """Accept the dialog, after asking about an existing file."""
-        if self._drawn is not None:
+        if self._picture is not None:
             # For a name from the file dialog, that dialog has already asked.
-            if self.line.text() != self._chosen and not may_write_over(self, self.file):
+            if self.line.text() != self._confirmed_name and not confirm_overwrite(self, self.file):
                 return
             kept = self.preset.currentText()
-            size = "{} x {}".format(*self.size_chosen)
-            QSettings().setValue(_KEPT, size if kept == _OTHER else kept)
+            size = "{} x {}".format(*self.picture_size)
+            QSettings().setValue(_SIZE_KEY, size if kept == _OTHER else kept)
         super().accept()
 
-    def _ask_drawn(self, form: QFormLayout, drawn: Drawn) -> None:
-        self.line = QLineEdit(str(drawn.proposal), minimumWidth=340)
-        self.line.textChanged.connect(self._change)
+    def _add_picture_rows(self, form: QFormLayout, options: PictureOptions) -> None:
+        self.line = QLineEdit(str(options.proposal), minimumWidth=340)
+        self.line.textChanged.connect(self._update_summary)
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
         self.width_box, self.height_box = (
@@ -132,81 +132,81 @@ class ExportDialog(QDialog):
         )
         self.preset = QComboBox()
         self.preset.textActivated.connect(self._choose_size)
-        self.preset.addItems([*drawn.sizes, _OTHER])
-        kept = str(QSettings().value(_KEPT, "Scene"))
+        self.preset.addItems([*options.sizes, _OTHER])
+        kept = str(QSettings().value(_SIZE_KEY, "Scene"))
         width, _, height = kept.partition(" x ")
         own = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
-        self._show_size(own or drawn.sizes.get(kept, drawn.sizes["Scene"]))
+        self._show_size(own or options.sizes.get(kept, options.sizes["Scene"]))
         self.preset.setCurrentText(_OTHER if own else kept)
         self.camera = QComboBox()
-        self.camera.addItems(list(_SEEN))
-        self.camera.currentIndexChanged.connect(self._change)
-        self.transparent = QCheckBox("None: transparent", checked=drawn.transparent)
+        self.camera.addItems(list(_CAMERAS))
+        self.camera.currentIndexChanged.connect(self._update_summary)
+        self.transparent = QCheckBox("None: transparent", checked=options.transparent)
         form.addRow("File", row(None, (self.line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
         form.addRow("Size", row(None, self.preset, *sizes, None))
         form.addRow("Seen", self.camera)
         form.addRow("Background", self.transparent)
         for box in (self.width_box, self.height_box):
-            box.valueChanged.connect(self._change)
-            box.strayed.connect(self._change)
+            box.valueChanged.connect(self._update_summary)
+            box.range_error_changed.connect(self._update_summary)
 
-    def _ask_times(self, form: QFormLayout, animation: Animation) -> None:
+    def _add_time_rows(self, form: QFormLayout, animation: Animation) -> None:
         labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
         for name, label in labels.items():
             parameter = animation.parameter(name)
             shown = parameter.show(getattr(animation, name))
             line = QLineEdit(shown, toolTip=parameter.help)
-            line.textChanged.connect(self._change)
+            line.textChanged.connect(self._update_summary)
             form.addRow(label, line)
             self.lines[name] = line
-        if self._drawn is not None:
+        if self._picture is not None:
             tip = "How long the film lasts: as the motion does, or slower or faster"
             self.lines["duration"] = line = QLineEdit(toolTip=tip)
-            line.textEdited.connect(self._change)
+            line.textEdited.connect(self._update_summary)
             form.insertRow(form.rowCount() - 1, "Duration", line)
 
     def _browse(self) -> None:
-        assert self._drawn is not None
-        text, filters = self.line.text(), self._drawn.filters
-        self._chosen, _ = QFileDialog.getSaveFileName(self, "Export", text, filters)
-        if self._chosen:
-            self.line.setText(self._chosen)
+        assert self._picture is not None
+        text, filters = self.line.text(), self._picture.filters
+        self._confirmed_name, _ = QFileDialog.getSaveFileName(self, "Export", text, filters)
+        if self._confirmed_name:
+            self.line.setText(self._confirmed_name)
 
     def _choose_size(self, name: str) -> None:
-        assert self._drawn is not None
-        if name in self._drawn.sizes:
-            self._show_size(self._drawn.sizes[name])
+        assert self._picture is not None
+        if name in self._picture.sizes:
+            self._show_size(self._picture.sizes[name])
             self.preset.setCurrentText(name)
 
     def _show_size(self, size: tuple[int, int]) -> None:
         for box, side in zip((self.width_box, self.height_box), size, strict=True):
             box.setValue(side)
 
-    def _change(self) -> None:
+    def _update_summary(self) -> None:
         """Describe the present choice, or explain why it is not possible."""
         words, bad = "", False
         try:
             if self.animation is not None:
                 words = self._read_times(self.animation)
-            if self._drawn is not None:
-                self._show_drawn(self._drawn)
+            if self._picture is not None:
+                self._update_picture_rows(self._picture)
                 for key, box in (("width", self.width_box), ("height", self.height_box)):
-                    if box.complaint:
-                        raise InputError(box.complaint, key=key)
-                self._drawn.check(self.file, self.size_chosen, len(self.times) or 1)
-                told = (words, self._drawn.note, _SEEN[self.camera.currentText()])
+                    if box.range_error:
+                        raise InputError(box.range_error, key=key)
+                self._picture.check(self.file, self.picture_size, len(self.times) or 1)
+                told = (words, self._picture.note, _CAMERAS[self.camera.currentText()])
                 words = " ".join(filter(None, told))
         except SpacemapError as error:
             words, bad = str(error), True
-        mark(self.told, bad)
+        mark_bad(self.summary, bad)
         self.save.setEnabled(not bad)
-        self.told.setText(words)
+        self.summary.setText(words)
 
-    def _show_drawn(self, drawn: Drawn) -> None:
+    def _update_picture_rows(self, options: PictureOptions) -> None:
         if self.sender() in (self.width_box, self.height_box):
             self.preset.setCurrentText(_OTHER)
-        ending, able = self.file.suffix.lower(), endings_with_alpha(drawn.kind)
+        ending, able = self.file.suffix.lower(), endings_with_alpha(options.kind)
         self.transparent.setEnabled(ending in able)
         why = f" (a {ending or 'file without ending'} cannot be; {', '.join(able)} can)"
         self.transparent.setText("None: transparent" + ("" if ending in able else why))
@@ -227,8 +227,8 @@ class ExportDialog(QDialog):
             self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
         self.times = animation.frame_times()
         apart, count = animation.speed / animation.frames_per_second, len(self.times)
-        what = "frame" if self._drawn is not None else "time"
+        what = "frame" if self._picture is not None else "time"
         words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
         if animation.speed != 1.0:
             words += f"; a second of film is {format_quantity(animation.speed, 's')}"
-        return words if self._drawn is None else f"{words}."
+        return words if self._picture is None else f"{words}."

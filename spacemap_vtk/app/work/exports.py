@@ -16,12 +16,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.documents.ask_file import agreed, ended, last_folder
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.documents.file_dialogs import add_ending, confirm, last_folder
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.widgets import row
-from spacemap_vtk.app.work.export_dialog import SIZES, Drawn, ExportDialog
+from spacemap_vtk.app.work.export_dialog import SIZES, ExportDialog, PictureOptions
 from spacemap_vtk.app.work.job_process import JobProcess
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import (
@@ -37,12 +37,12 @@ from spacemap_vtk.scenes.footprint import PictureRequest
 from spacemap_vtk.scenes.level_of_detail import choose_level
 
 #: Most letters of a file name in the status line.
-_LONGEST = 16
+_MAX_NAME = 16
 #: Parameters of a scene's view that the window can override: it has a dark mode, and its own
 #: switches for axes and scale bar.
-_WINDOW = ("background", "background_top", "triad", "scale_bar")
+_WINDOW_KEYS = ("background", "background_top", "triad", "scale_bar")
 #: Settings key for the folder of the last export.
-_FOLDER = "export/folder"
+_FOLDER_KEY = "export/folder"
 
 
 class Exports(QObject):
@@ -58,12 +58,12 @@ class Exports(QObject):
         super().__init__(window)
         self._window, self._document, self._times, self._view = window, document, times, view
         #: Progress bar with a button to cancel; hidden while nothing is written.
-        self.progress, self.bar, self._words = QWidget(), QProgressBar(), QLabel()
+        self.progress, self.bar, self._label = QWidget(), QProgressBar(), QLabel()
         self.bar.setFixedWidth(90)
         tip = "Stop writing; nothing of it stays"
-        self.stopping = QPushButton("Cancel", toolTip=tip)
-        self.stopping.clicked.connect(self.cancel)
-        row(self.progress, self._words, self.bar, self.stopping, spacing=6)
+        self.cancel_button = QPushButton("Cancel", toolTip=tip)
+        self.cancel_button.clicked.connect(self.cancel)
+        row(self.progress, self._label, self.bar, self.cancel_button, spacing=6)
         self.progress.hide()
         self._process: JobProcess | None = None
         #: Sentences about data that the file cannot store.
@@ -71,18 +71,18 @@ class Exports(QObject):
 
     def picture(self) -> None:
         """Ask for the file and size of a picture, and write it."""
-        self._drawn("picture", name_filter("Pictures", writer_endings("picture")), ".png")
+        self._export_picture("picture", name_filter("Pictures", writer_endings("picture")), ".png")
 
     def film(self) -> None:
         """Ask for the file and size of a film, and write it."""
         endings = available_writer_endings("film")
         frames = name_filter("Numbered frames", writer_endings("frames"))
         filters = f"{name_filter('Films', endings)};;{frames}"
-        self._drawn("film", filters, endings[0])
+        self._export_picture("film", filters, endings[0])
 
     def data(self) -> None:
         """Ask for a data file, and write what its format stores."""
-        if not self._free():
+        if not self._require_idle():
             return
         filters = export_dialog_filters()
         if not self._document.scene.has_draft:
@@ -90,19 +90,19 @@ class Exports(QObject):
         name, chosen = QFileDialog.getSaveFileName(
             self._window,
             "Export data (a name with %04d in it: a file for each time)",
-            str(self._proposal("")),
+            str(self._propose_path("")),
             ";;".join(filters),
         )
         if not name:
             return
         kind = filters.get(chosen, "patches")
         ending = re.search(r"\*(\.\w+)", chosen)
-        path = ended(
+        path = add_ending(
             self._window, Path(name), ending[1] if ending else next(iter(writer_endings(kind)))
         )
         if path is None:
             return
-        QSettings().setValue(_FOLDER, str(path.parent))
+        QSettings().setValue(_FOLDER_KEY, str(path.parent))
         if path.suffix.lower() not in writer_endings(kind):
             kind = next(
                 (other for other in DATA if path.suffix.lower() in writer_endings(other)), kind
@@ -129,9 +129,9 @@ class Exports(QObject):
         **fields: Any,
     ) -> None:
         """Start a job; `more` replaces values of the scene."""
-        if not self._free():
+        if not self._require_idle():
             return
-        path = _numbered(kind, path)
+        path = _add_frame_number(kind, path)
         try:
             process = JobProcess(self, make_job(kind, path, **fields))
         except SpacemapError as error:
@@ -143,7 +143,7 @@ class Exports(QObject):
         process.ended.connect(self._end)
         process.succeeded.connect(self._succeed)
         process.failed.connect(self.failed)
-        self._words.setText(f"Writing {_shortened(path.name)}")
+        self._label.setText(f"Writing {_shorten(path.name)}")
         self.progress.setToolTip(f"Writing {DATA.get(kind, kind).lower()}: {path}")
         self.bar.setRange(0, 0)
         self.progress.show()
@@ -167,14 +167,14 @@ class Exports(QObject):
         if self._process is not None:
             self._process.stop()
 
-    def may_leave(self) -> bool:
+    def confirm_close(self) -> bool:
         """Ask whether a running export may be cancelled; return whether the window may close."""
         if self._process is None:
             return True
         text = f"{self._process.target.name} is being written. Close, and give it up?"
-        return agreed(self._window, "Still writing", text)
+        return confirm(self._window, "Still writing", text)
 
-    def _free(self) -> bool:
+    def _require_idle(self) -> bool:
         if self._process is None:
             return True
         name = self._process.target.name
@@ -182,47 +182,47 @@ class Exports(QObject):
         self.failed.emit(InputError(f"{name} is being written", cure=cure))
         return False
 
-    def _proposal(self, ending: str) -> Path:
-        proposed = last_folder() / self._document.proposed(ending)
-        kept = QSettings().value(_FOLDER)
+    def _propose_path(self, ending: str) -> Path:
+        proposed = last_folder() / self._document.propose_name(ending)
+        kept = QSettings().value(_FOLDER_KEY)
         return Path(kept) / proposed.name if kept and Path(kept).is_dir() else proposed
 
-    def _drawn(self, kind: str, filters: str, ending: str) -> None:
-        if not self._free():
+    def _export_picture(self, kind: str, filters: str, ending: str) -> None:
+        if not self._require_idle():
             return
         scene, view = self._document.scene, self._view
         ratio = view.devicePixelRatioF()
         seen = round(view.width() * ratio), round(view.height() * ratio)
 
         def check(path: Path, size: tuple[int, int], frames: int) -> None:
-            make_job(kind, _numbered(kind, path))
+            make_job(kind, _add_frame_number(kind, path))
             choose_level(scene, PictureRequest(size, frames))
 
         sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
-        proposal, transparent = self._proposal(ending), scene.view.transparent
+        proposal, transparent = self._propose_path(ending), scene.view.transparent
         notes = []
         if kind == "film" and not scene.moves:
             notes.append("Nothing moves in this scene: all frames are the same.")
         if view.frame is not None and view.frame.swing is not None:
             notes.append("The scene's own motion is written, not the mode or pull in the view.")
-        drawn = Drawn(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
+        drawn = PictureOptions(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
         animation = scene.animation if kind == "film" else None
         dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
         if not dialog.exec():
             return
-        QSettings().setValue(_FOLDER, str(dialog.file.parent))
-        size = dialog.size_chosen
-        more: dict[str, dict[str, Any]] = {"view": {"transparent": dialog.clear}}
+        QSettings().setValue(_FOLDER_KEY, str(dialog.file.parent))
+        size = dialog.picture_size
+        more: dict[str, dict[str, Any]] = {"view": {"transparent": dialog.is_transparent}}
         if dialog.animation is not None:
             more["animation"] = dialog.animation.settings
         fields: dict[str, Any] = {"size": size}
         if kind == "picture":
             fields["time"] = self._times.time
-        if dialog.as_window:
+        if dialog.uses_window_view:
             shown = view.settings  # includes the background of a dark window
-            more["view"] |= {key: shown[key] for key in _WINDOW}
+            more["view"] |= {key: shown[key] for key in _WINDOW_KEYS}
             fields["panels"] = view.panels(scene)
-            fields["place"] = view.place_for(size)
+            fields["place"] = view.viewpoint_for(size)
             fields["wireframe"] = view.look.wireframe
         self.start(kind, dialog.file, more, **fields)
 
@@ -240,11 +240,11 @@ class Exports(QObject):
         self.progress.hide()
 
 
-def _shortened(name: str) -> str:
-    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 :]}"
+def _shorten(name: str) -> str:
+    return name if len(name) <= _MAX_NAME else f"{name[: _MAX_NAME // 2]}…{name[-_MAX_NAME // 2 :]}"
 
 
-def _numbered(kind: str, path: Path) -> Path:
+def _add_frame_number(kind: str, path: Path) -> Path:
     """Return the path of the output; for a film of single files, with ``%04d`` in the name."""
     frames = kind == "film" and path.suffix.lower() in writer_endings("frames")
     return path.with_name(f"{path.stem}-%04d.png") if frames and "%" not in path.name else path

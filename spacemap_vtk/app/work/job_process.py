@@ -56,9 +56,9 @@ class JobProcess(QObject):
         # As in `workers.start`.
         environment.insert("PYTHONSAFEPATH", "1")
         self._process.setProcessEnvironment(environment)
-        self._process.readyReadStandardOutput.connect(self._read)
+        self._process.readyReadStandardOutput.connect(self._read_messages)
         self._process.finished.connect(self._finish)
-        self._process.errorOccurred.connect(self._fail_to_start)
+        self._process.errorOccurred.connect(self._report_start_failure)
 
     def start(self, values: Mapping[str, Any], base: Path) -> None:
         """Start the process with a scene's values; relative paths are resolved from file `base`."""
@@ -82,7 +82,7 @@ class JobProcess(QObject):
             self._process.kill()
             self._process.waitForFinished(_PATIENCE)
 
-    def _read(self) -> None:
+    def _read_messages(self) -> None:
         while self._process.canReadLine():
             text = bytes(self._process.readLine().data()).decode()
             try:
@@ -98,7 +98,7 @@ class JobProcess(QObject):
             else:
                 self.progress.emit(message["done"], message["of"])
 
-    def _fail_to_start(self, failure: QProcess.ProcessError) -> None:
+    def _report_start_failure(self, failure: QProcess.ProcessError) -> None:
         # All other failures also emit `finished`.
         if failure == QProcess.ProcessError.FailedToStart:
             error = SpacemapError(
@@ -109,7 +109,7 @@ class JobProcess(QObject):
             self._end(self._error or error)
 
     def _finish(self, code: int, _status: object) -> None:
-        self._read()
+        self._read_messages()
         error = self._error
         if error is None and code != 0:
             printed = bytes(self._process.readAllStandardError().data()).decode(errors="replace")

@@ -1,4 +1,4 @@
-"""The engine's scene: set to the values of a job, and updated stage by stage."""
+"""The engine's scene: set to the values of a request, and updated stage by stage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk import cancel
-from spacemap_vtk.app.work.job import Job, Pull, Swing
+from spacemap_vtk.app.work.frame_request import FrameRequest, Pull, Swing
 from spacemap_vtk.cancel import CancelToken
 from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
@@ -67,16 +67,16 @@ class Pipeline:
     ) -> None:
         self._ran, self._progressed = ran, progressed
         self._generation = -1
-        #: The scene with the values of the last job.
+        #: The scene with the values of the last request.
         self.scene: Scene | None = None
         self._settings: dict[str, dict[str, Any]] = {}
         # Index of the first stage that must run again even if the time is unchanged.
-        self._first = 0
+        self._first_stale = 0
         #: Bytes that drawing the last surface takes.
         self._drawn = 0
         self._coarse = PatchTessellator()
         #: Last analysed motion with the stage that reconstructs its rotations, and its figures.
-        self._looked_at: tuple[Motion | None, Stage | None] = None, None
+        self._analysed: tuple[Motion | None, Stage | None] = None, None
         self._figures: dict[str, Any] | None = None
         self._swing = vtkTrivialProducer()
         self._swing_crimp = CrimpInterchange()
@@ -84,39 +84,39 @@ class Pipeline:
         #: Gives yarns near the camera more facets, and the scale in pixels per metre up to which
         #: the usual number of facets is enough.
         self._detail: FacetChooser | None = None
-        self._enough = 0.0
+        self._enough_scale = 0.0
         self._sheet: ClothSheet | None = None
         self._near: NearYarns | None = None
         #: Key of the last drawing of the near yarns, and their fine and coarse surfaces.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
-        #: Cancels the present run. The caller sets a new token for each job.
+        #: Cancels the present run. The caller sets a new token for each request.
         self.token = CancelToken()
 
-    def run(self, job: Job) -> Frame:
-        """Compute the frame of a job."""
+    def run(self, request: FrameRequest) -> Frame:
+        """Compute the frame of a request."""
         with self.token.active():
-            return self._run(job)
+            return self._run(request)
 
-    def _run(self, job: Job) -> Frame:
-        scene = self.prepared(job)
+    def _run(self, request: FrameRequest) -> Frame:
+        scene = self.apply_request(request)
         *stages, surface = scene.stages
         # A shown mode or pull replaces the motion, so the stages of motion need not run.
         solver, mover = scene.stage("solver"), scene.stage("mover")
-        swing = job.swing if solver else None
+        swing = request.swing if solver else None
         skipped = scene.moving if swing else []
         # A shown mode never comes to rest, a pull does.
-        coarse = job.coarse or isinstance(swing, Swing)
-        sheet, piece = self._sheet_of(scene), WHOLE
+        coarse = request.coarse or isinstance(swing, Swing)
+        sheet, piece = self._choose_sheet(scene), WHOLE
         if sheet is not None:  # the sheet replaces the stages that build yarns
             piece = sheet.one
             skipped = [*skipped, *(stage for stage in stages[1:] if stage.makes == "object")]
         # Stages before `first` are up to date. Updating them would take time, as each update checks
         # all stages upstream of it.
-        first = min(self._first, stages.index(mover)) if mover else self._first
+        first = min(self._first_stale, stages.index(mover)) if mover else self._first_stale
         for stage in stages[first:]:
             if stage not in skipped:
-                self._update(scene, stage, job.time, piece)
-        self._first = len(stages)
+                self._update(scene, stage, request.time, piece)
+        self._first_stale = len(stages)
         source: Stage = stages[-1]
         cage = None
         if swing and solver:
@@ -125,7 +125,7 @@ class Pipeline:
                 _add_pull(cage, swing)
             else:
                 _add_swing(scene, cage, swing)
-            source = source if sheet else self._swung(scene, cage)
+            source = source if sheet else self._connect_swing(scene, cage)
         if sheet is not None:
             moved = scene.deformed_cage if scene.moves and cage is None else cage
             drawn = sheet.ride(moved, coarse)
@@ -134,43 +134,47 @@ class Pipeline:
             self._coarse.choose(AUTOMATIC_SIDES, fibres)
             numbers = None if coarse or swing is not None else DrawnCloth.of(scene)
             follows = numbers is not None and numbers.follows_camera
-            detail = self._detail_of(numbers, source, job) if numbers and follows else None
+            detail = self._choose_detail(numbers, source, request) if numbers and follows else None
             scene.surface.choose(AUTOMATIC_SIDES, fibres, detail)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
             if surface is self._coarse:
-                surface.update(job.time)
+                surface.update(request.time)
             else:
-                self._update(scene, surface, job.time, WHOLE)
+                self._update(scene, surface, request.time, WHOLE)
             drawn = surface.GetOutputDataObject(0)
-            self._require_drawn(drawn)
+            self._require_memory(drawn)
         cloth, crossings = (None, None) if sheet is None else (sheet.cloth, sheet.crossings)
         frame = replace(
-            frame_of(scene, job.time, drawn, cage, swing is None, cloth, crossings),
-            values=job.values,
+            frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings),
+            values=request.values,
             coarse=coarse and (surface is self._coarse or sheet is not None),
             swing=None if swing is None else getattr(swing, "mode", -1),
-            generation=job.generation,
+            generation=request.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
-            motion=None if swing else self._motion(scene, job.coarse),
+            motion=None if swing else self._motion_figures(scene, request.coarse),
         )
         if sheet is not None:
-            return self._nearer(scene, job, frame, sheet)
+            return self._add_near_yarns(scene, request, frame, sheet)
         if follows:
-            frame = replace(frame, seen=job.seen, enough=self._enough, finer=detail is not None)
+            frame = replace(
+                frame, seen=request.seen, enough=self._enough_scale, finer=detail is not None
+            )
         if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
-            return self._lighter(scene, source, frame)
+            return self._add_light_frame(scene, source, frame)
         return frame
 
-    def _detail_of(self, cloth: DrawnCloth, source: Stage, job: Job) -> FacetChooser | None:
+    def _choose_detail(
+        self, cloth: DrawnCloth, source: Stage, request: FrameRequest
+    ) -> FacetChooser | None:
         """Choose more facets for yarns near the camera; None if they would not be visible."""
         grid = source.GetOutputDataObject(0)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
-        self._enough = coarse_scale(cloth.plies, points, patches)
-        if job.seen is None:
+        self._enough_scale = coarse_scale(cloth.plies, points, patches)
+        if request.seen is None:
             self._detail = None
             return None
-        new = FacetChooser(job.seen, LEAST_SIDES, quads_in_view(job.seen.size), cloth.plies)
+        new = FacetChooser(request.seen, LEAST_SIDES, quads_in_view(request.seen.size), cloth.plies)
         wanted = new(points, patches)
         # Keep the present facets if they are enough, and not far too many, so that a small turn of
         # the camera rebuilds nothing.
@@ -182,24 +186,26 @@ class Pipeline:
             self._detail = new if wanted.max(initial=0) > AUTOMATIC_SIDES else None
         return self._detail
 
-    def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: ClothSheet) -> Frame:
+    def _add_near_yarns(
+        self, scene: Scene, request: FrameRequest, frame: Frame, sheet: ClothSheet
+    ) -> Frame:
         """Add the yarns near the camera to the frame of a sheet."""
         whole, thin = frame.surface, coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS)
         if frame.coarse:
             frame = replace(frame, surface=thin)
         else:
-            frame = replace(frame, light=replace(frame, surface=thin), seen=job.seen)
-        if job.seen is None or (frame.coarse and sheet.solves_long):
+            frame = replace(frame, light=replace(frame, surface=thin), seen=request.seen)
+        if request.seen is None or (frame.coarse and sheet.solves_long):
             return frame
         near = self._near
         if near is None or not near.serves(scene, sheet):
             self._near = near = NearYarns(scene, sheet)
         cage = None
         if scene.moves:
-            cage = scene.deformed_cage if job.swing is None else frame.cage
-        why = near.follow(job.seen, cage, job.swing is not None)
+            cage = scene.deformed_cage if request.swing is None else frame.cage
+        why = near.follow(request.seen, cage, request.swing is not None)
         if frame.coarse:
-            few = None if why else near.light(job.time)
+            few = None if why else near.light(request.time)
             if few is None or near.part is None:
                 return frame
             few = copied(few)
@@ -209,14 +215,14 @@ class Pipeline:
         if not why:
             try:
                 for stage in near.stages:
-                    self._update(scene, stage, job.time, WHOLE)
+                    self._update(scene, stage, request.time, WHOLE)
             except SizeError as error:
                 self._near, why = None, str(error)
         if why or near.part is None:
             return replace(frame, warnings=(*frame.warnings, why))
 
         # Reuse unchanged objects, as new ones would be sent to OpenGL again.
-        few = near.light(job.time)
+        few = near.light(request.time)
         key = [near, frame.color, *(stage.executions for stage in near.stages)]
         if self._near_drawn is None or self._near_drawn[0] != key:
             made = [None if yarns is None else copied(yarns) for yarns in (near.yarns, few)]
@@ -231,7 +237,7 @@ class Pipeline:
         around = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
         return replace(frame, yarns=fine, around=around)
 
-    def _lighter(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
+    def _add_light_frame(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
         """Add a frame with fewer facets, to be drawn while the camera moves."""
         few = self._coarse_surface(scene, source, coarse=True)
         if few is None:
@@ -240,25 +246,25 @@ class Pipeline:
         add_color_values(surface, frame.color)
         return replace(frame, light=replace(frame, surface=surface))
 
-    def prepared(self, job: Job) -> Scene:
-        """Set the values of a job in the scene; values that are equal are not set again."""
+    def apply_request(self, request: FrameRequest) -> Scene:
+        """Set the values of a request in the scene; values that are equal are not set again."""
         here = self.scene
-        if here is None or job.generation != self._generation:
-            here, self._first = Scene(job.values, job.base), 0
-            self.scene, self._generation = here, job.generation
+        if here is None or request.generation != self._generation:
+            here, self._first_stale = Scene(request.values, request.base), 0
+            self.scene, self._generation = here, request.generation
         else:
             # Only stages downstream of a changed value run.
-            changed = {k: v for k, v in job.settings.items() if v != self._settings[k]}
+            changed = {k: v for k, v in request.settings.items() if v != self._settings[k]}
             before = here.stages
-            here.adopt(changed, job.values.keys())
+            here.adopt(changed, request.values.keys())
             if here.stages != before:
-                self._first = 0
+                self._first_stale = 0
             places = [n for n, stage in enumerate(here.stages) if stage.section in changed]
-            self._first = min([self._first, *places])
-        self._settings = job.settings
+            self._first_stale = min([self._first_stale, *places])
+        self._settings = request.settings
         return here
 
-    def _sheet_of(self, scene: Scene) -> ClothSheet | None:
+    def _choose_sheet(self, scene: Scene) -> ClothSheet | None:
         """Return the sheet that is drawn for a cloth with very many yarns, or None."""
         found = self._sheet
         if found is None or not found.serves(scene):
@@ -288,15 +294,15 @@ class Pipeline:
         if listed and stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
 
-    def _motion(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
+    def _motion_figures(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
         """Return the figures of the motion; during a drag, return the former ones to save time."""
         mover = scene.stage("mover")
         now = (mover and mover.motion), scene.stage("rotation")
-        if not coarse and now != self._looked_at:
-            self._looked_at, self._figures = now, report.last_motion(scene)
+        if not coarse and now != self._analysed:
+            self._analysed, self._figures = now, report.last_motion(scene)
         return self._figures
 
-    def _require_drawn(self, surface: vtkPolyData) -> None:
+    def _require_memory(self, surface: vtkPolyData) -> None:
         """Raise an error if a surface needs too much memory in addition to the one drawn last."""
         size = DRAWN_POINT * surface.GetNumberOfPoints()
         if size > self._drawn:
@@ -319,7 +325,7 @@ class Pipeline:
         self._coarse.SetInputConnection(source.GetOutputPort())
         return self._coarse
 
-    def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
+    def _connect_swing(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
         # A mode has no velocity to interpolate.
         self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})

@@ -16,8 +16,8 @@ from PySide6.QtWidgets import (
     QStyleOptionSlider,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
-from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of, with_shown_unit
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, ignore_wheel
+from spacemap_vtk.app.fields.parameter_info import STEPS, SliderSpan, add_shown_unit, slider_span
 from spacemap_vtk.app.widgets import painter_on, row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 from spacemap_vtk.scenes.assignments import value_of
@@ -26,7 +26,7 @@ from spacemap_vtk.units import pretty
 _Role = QPalette.ColorRole
 _bursts = itertools.count(1)
 #: Width of a line beside its slider in pixels; Qt's value for no limit (QWIDGETSIZE_MAX).
-_LINE, _WIDEST = 80, 16_777_215
+_LINE_WIDTH, _NO_MAX_WIDTH = 80, 16_777_215
 #: Replaces the characters of `pretty` by those of files.
 _PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 
@@ -82,11 +82,11 @@ class NumberEditor(LineEditor):
         component: Any = getattr(parameter, "component", parameter)
         self.real: Real = component
         self.slider = Slider()
-        leave_wheel(self.slider)
+        ignore_wheel(self.slider)
         self.slider.setRange(0, STEPS)
         self.slider.setPageStep(STEPS // 20)
         self._layout = row(self, self.line, (self.slider, 1), spacing=4)
-        self.line.setFixedWidth(_LINE)
+        self.line.setFixedWidth(_LINE_WIDTH)
         self._value: float | None = None
         #: Value in use while the parameter is automatic.
         self._in_use: float | None = None
@@ -94,23 +94,23 @@ class NumberEditor(LineEditor):
         self._span: SliderSpan | None = None
         self._stacked = False
         self._burst = 0
-        self.slider.valueChanged.connect(self._slid)
-        self.slider.sliderPressed.connect(self._pressed)
-        self.slider.sliderReleased.connect(self._released)
+        self.slider.valueChanged.connect(self._submit_slider)
+        self.slider.sliderPressed.connect(self._begin_drag)
+        self.slider.sliderReleased.connect(self._end_drag)
 
-    def stack(self) -> None:
+    def set_half_width(self) -> None:
         """Put the slider below the line."""
         self._layout.setDirection(QBoxLayout.Direction.TopToBottom)
         self._layout.setSpacing(1)
         self._stacked = True
         self.line.setMinimumWidth(34)
-        self.line.setMaximumWidth(_WIDEST)
+        self.line.setMaximumWidth(_NO_MAX_WIDTH)
 
     def show_in_use(self, value: Any) -> None:
         """Show the value in use in grey and on the slider."""
         super().show_in_use(value)
         if self._bare and value is not None:
-            self.line.setPlaceholderText(self._text(value))
+            self.line.setPlaceholderText(self._format(value))
         self._in_use = value if isinstance(value, (int, float)) else None
         if self._value is None:
             self._place_slider()
@@ -118,18 +118,18 @@ class NumberEditor(LineEditor):
     def show_value(self, value: Any) -> None:
         """Show the value in the line and, except during a drag, on the slider."""
         self._value = value if isinstance(value, (int, float)) else None
-        self.shown = "" if value is None else self._text(value)
+        self.shown = "" if value is None else self._format(value)
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(self.shown)
             self.line.setCursorPosition(0)
         self.slider.setEnabled(self._value is not None)
         if not self._stacked:  # without a value, the line also takes the place of the slider
             self.slider.setVisible(value is not None)
-            self.line.setMaximumWidth(_WIDEST if value is None else _LINE)
+            self.line.setMaximumWidth(_NO_MAX_WIDTH if value is None else _LINE_WIDTH)
         if not self.slider.isSliderDown():
             self._place_slider()
 
-    def limit(self, low: float, high: float) -> None:
+    def set_feasible(self, low: float, high: float) -> None:
         """Set the range of the slider to the feasible interval."""
         if self._feasible != (low, high):
             self._feasible = low, high
@@ -137,7 +137,7 @@ class NumberEditor(LineEditor):
                 self._span = None
                 self._place_slider()
 
-    def _text(self, value: Any) -> str:
+    def _format(self, value: Any) -> str:
         return f"{value:.6g}" if self._bare else pretty(self.parameter.show(value))
 
     def _place_slider(self) -> None:
@@ -149,38 +149,38 @@ class NumberEditor(LineEditor):
             and self._span.low <= value <= self._span.high
         )
         if not inside:
-            self._span = span_of(self.real, value, self._feasible)
+            self._span = slider_span(self.real, value, self._feasible)
         assert self._span is not None
         with QSignalBlocker(self.slider):
-            self.slider.origin = self._span.step(min(max(0.0, self._span.low), self._span.high))
-            self.slider.setValue(0 if value is None else self._span.step(value))
+            self.slider.origin = self._span.step_at(min(max(0.0, self._span.low), self._span.high))
+            self.slider.setValue(0 if value is None else self._span.step_at(value))
 
-    def written(self, text: str) -> Any:
+    def parse_text(self, text: str) -> Any:
         """Convert a text to a number or a text with a unit; an empty one to None if optional."""
         self.line.setModified(False)  # let `show_value` overwrite the text
         if text.strip() == "" and self.parameter.optional:
             return None
         if not self._bare:  # use the shown unit; that of an automatic value is in the placeholder
             shown = (self.shown or self.line.placeholderText()).translate(_PLAIN)
-            text = with_shown_unit(text, shown, self.parameter.unit)
+            text = add_shown_unit(text, shown, self.parameter.unit)
         return value_of(text.translate(_PLAIN))
 
-    def _pressed(self) -> None:
+    def _begin_drag(self) -> None:
         self._burst = next_burst()
-        self.held.emit(True)
+        self.dragging.emit(True)
 
-    def _released(self) -> None:
+    def _end_drag(self) -> None:
         self._burst = 0
         if self._feasible is None and self.slider.value() in (0, STEPS):
             self._span = None  # the slider is at an end of an open range: extend the range
         self._place_slider()
-        self.held.emit(False)
+        self.dragging.emit(False)
 
-    def _slid(self, step: int) -> None:
+    def _submit_slider(self, step: int) -> None:
         if self._span is None:
             return
         bare = self._bare and self.real.kind != "integer"
-        number = self._span.number(step) if bare else self._span.written(self.real, step)
+        number = self._span.number_at(step) if bare else self._span.value_at(self.real, step)
         self.edited.emit(number, self._burst)
 
 
@@ -197,13 +197,13 @@ class VectorEditor(Editor):
         for place, label in enumerate(parameter.labels):
             editor = NumberEditor(parameter.component, bare=True)
             editor.setObjectName(label)
-            editor.edited.connect(self._edited)
-            editor.held.connect(self.held)
-            editor.restored.connect(self._restored)
+            editor.edited.connect(self._submit_component)
+            editor.dragging.connect(self.dragging)
+            editor.restored.connect(self._emit_restored)
             editor.line.setMinimumWidth(34)
             editor.slider.setMinimumWidth(34)
             head = f"{label}  [{pretty(parameter.unit)}]" if parameter.unit else label
-            editor.stack()
+            editor.set_half_width()
             name = QLabel(head if place == 0 else label, objectName="about")
             name.setBuddy(editor)
             layout.addWidget(name, 0, place)
@@ -224,11 +224,11 @@ class VectorEditor(Editor):
         for number, editor in enumerate(self.components):
             editor.show_in_use(None if value is None else value[number])
 
-    def _restored(self) -> None:
+    def _emit_restored(self) -> None:
         if all(editor.line.text() == editor.shown for editor in self.components):
             self.restored.emit()
 
-    def _edited(self, written: object, burst: int) -> None:
+    def _submit_component(self, written: object, burst: int) -> None:
         if self.parameter.is_automatic(written):
             self.edited.emit(AUTOMATIC, burst)  # all components or none
             return

@@ -17,7 +17,7 @@ from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.vanishing import clear, hidden, hold
 
 
-class KeptDrafts:
+class DraftVersions:
     """A temporary folder of draft files named by their content; deleted with this object."""
 
     # A scene refers to a draft by its file. Because each version has a separate file, undo and redo
@@ -29,18 +29,18 @@ class KeptDrafts:
         #: Name shown to the user for each file.
         self._names: dict[str, str] = {}
 
-    def keep(self, draft: Draft, former: Path | None = None) -> Path:
+    def add(self, draft: Draft, former: Path | None = None) -> Path:
         """Write a draft that was edited from the draft in a former file."""
-        told = "drawn here" if former is None else f"{former.name}, edited"
-        if former is not None and self.holds(former):
-            told = self._names[former.name]
-        return self._keep(format_wif(draft), ".wif", told)
+        name = "drawn here" if former is None else f"{former.name}, edited"
+        if former is not None and self.contains(former):
+            name = self._names[former.name]
+        return self._store(format_wif(draft), ".wif", name)
 
-    def keep_file(self, file: Path) -> Path:
+    def add_file(self, file: Path) -> Path:
         """Copy a draft file into the folder."""
-        return self._keep(file.read_bytes(), file.suffix, f"{file.name}, as it was")
+        return self._store(file.read_bytes(), file.suffix, f"{file.name}, as it was")
 
-    def _keep(self, data: bytes, suffix: str, told: str) -> Path:
+    def _store(self, data: bytes, suffix: str, name: str) -> Path:
         try:
             if self._folder is None:
                 place = Path(tempfile.gettempdir()).resolve()
@@ -57,7 +57,7 @@ class KeptDrafts:
                     # An incomplete file would later be used as a complete one.
                     path.unlink(missing_ok=True)
                     raise
-            self._names.setdefault(path.name, told)
+            self._names.setdefault(path.name, name)
         except OSError as error:
             raise InputError(
                 f"the draft cannot be kept ({error.strerror})",
@@ -66,11 +66,11 @@ class KeptDrafts:
             ) from None
         return path
 
-    def holds(self, path: Path | None) -> bool:
+    def contains(self, path: Path | None) -> bool:
         """Return whether a file lies in this folder."""
         return path is not None and self._folder is not None and path.parent == self._folder
 
-    def told(self, text: object) -> str:
+    def replace_paths(self, text: object) -> str:
         """Replace the paths of kept drafts in a text by the names that users see."""
         if self._folder is None:
             return str(text)

@@ -17,8 +17,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, leave_wheel
-from spacemap_vtk.app.fields.number import next_burst
+from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
+from spacemap_vtk.app.fields.number_editors import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_parameters import repeat_of
@@ -37,10 +37,10 @@ COMMON = (
     "satin 8/3",
     "basket 2",
 )
-_LARGEST, _SMALLEST, _HEIGHT = 26.0, 3.0, 140
+_MAX_SQUARE, _MIN_SQUARE, _MAX_HEIGHT = 26.0, 3.0, 140
 #: Width of the darker sides of a yarn, as a fraction of a square; below, Qt's factor of darkening
 #: in percent.
-_SIDE, _DARKER = 0.14, 135
+_EDGE, _DARKER = 0.14, 135
 
 
 class PatternEditor(Editor):
@@ -49,7 +49,7 @@ class PatternEditor(Editor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.box = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
-        leave_wheel(self.box)
+        ignore_wheel(self.box)
         self.box.addItems(COMMON)
         self.line = self.box.lineEdit()
         self.grid = PatternGrid()
@@ -64,7 +64,7 @@ class PatternEditor(Editor):
             ("− pick", "One pick less", 0, False),
         ):
             button = QToolButton(text=text, toolTip=tip)
-            button.clicked.connect(self._resized)
+            button.clicked.connect(self._resize_repeat)
             button.setProperty("change", (axis, more))
             button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             beside.addWidget(button, 2 - axis, int(more))
@@ -74,11 +74,11 @@ class PatternEditor(Editor):
         below.setAlignment(self.grid, Qt.AlignmentFlag.AlignTop)
         column(self, self.box, below, spacing=4)
         self.setFocusProxy(self.box)
-        self.box.textActivated.connect(self._typed)
+        self.box.textActivated.connect(self._submit_text)
         self.line.textEdited.connect(self.is_new)
-        self.line.editingFinished.connect(self._typed)
-        self.grid.painted.connect(self._painted)
-        self.grid.held.connect(self.held)
+        self.line.editingFinished.connect(self._submit_text)
+        self.grid.painted.connect(self._submit_repeat)
+        self.grid.dragging.connect(self.dragging)
 
     def show_value(self, value: Any) -> None:
         """Show the name and the squares."""
@@ -94,14 +94,14 @@ class PatternEditor(Editor):
         picks, ends = self.grid.repeat.shape
         self.size.setText(f"{ends} ends, {picks} picks")
 
-    def _typed(self) -> None:
+    def _submit_text(self) -> None:
         if self.is_new(self.line.text()):
             self.edited.emit(value_of(self.line.text()), 0)
 
-    def _painted(self, burst: int) -> None:
+    def _submit_repeat(self, burst: int) -> None:
         self.edited.emit(drawdown.rows(self.grid.repeat), burst)
 
-    def _resized(self) -> None:
+    def _resize_repeat(self) -> None:
         axis, more = self.sender().property("change")
         repeat = self.grid.repeat
         if more:
@@ -117,7 +117,7 @@ class PatternGrid(QWidget):
 
     #: The repeat has changed; the burst, a number that is the same during one drag.
     painted = Signal(int)
-    held = Signal(bool)
+    dragging = Signal(bool)
 
     def __init__(self) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ class PatternGrid(QWidget):
     def cell(self) -> float:
         """Width of a square in pixels."""
         picks, ends = self.repeat.shape
-        return max(_SMALLEST, min(_LARGEST, _HEIGHT / picks, 150 / ends))
+        return max(_MIN_SQUARE, min(_MAX_SQUARE, _MAX_HEIGHT / picks, 150 / ends))
 
     def show_repeat(self, repeat: NDArray[np.bool_]) -> None:
         self.repeat = np.array(repeat, bool)
@@ -144,17 +144,17 @@ class PatternGrid(QWidget):
         self.colors = warp, weft
         self.update()
 
-    def square(self, pick: int, end: int) -> QRectF:
+    def square_rect(self, pick: int, end: int) -> QRectF:
         cell = self.cell
         return QRectF(1 + end * cell, 1 + (len(self.repeat) - 1 - pick) * cell, cell, cell)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        painter, side = QPainter(self), _SIDE * self.cell
+        painter, side = QPainter(self), _EDGE * self.cell
         warp, weft = ([QColor(*color) for color in colors.tolist()] for colors in self.colors)
         for pick, squares in enumerate(self.repeat):
             for end, over in enumerate(squares):
                 color = warp[end % len(warp)] if over else weft[pick % len(weft)]
-                x, y, square = side * over, side * (not over), self.square(pick, end)
+                x, y, square = side * over, side * (not over), self.square_rect(pick, end)
                 # Dark sides show the direction of the yarn for any colour.
                 painter.fillRect(square, color.darker(_DARKER))
                 painter.fillRect(square.adjusted(x, y, -x, -y), color)
@@ -162,22 +162,22 @@ class PatternGrid(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Invert a square, and start to paint with its new value."""
-        there = self._under(event.position())
+        there = self._square_at(event.position())
         if event.button() == Qt.MouseButton.LeftButton and there is not None:
             self._brush = not self.repeat[there]
             self._burst = next_burst()
-            self.held.emit(True)
+            self.dragging.emit(True)
             self._paint(there)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        there = self._under(event.position())
+        there = self._square_at(event.position())
         if self._brush is not None and there is not None:
             self._paint(there)
 
     def mouseReleaseEvent(self, _event: QMouseEvent) -> None:
         if self._brush is not None:
             self._brush = None
-            self.held.emit(False)
+            self.dragging.emit(False)
 
     def _paint(self, there: tuple[int, int]) -> None:
         if self.repeat[there] != self._brush:
@@ -185,7 +185,7 @@ class PatternGrid(QWidget):
             self.update()
             self.painted.emit(self._burst)
 
-    def _under(self, at: QPointF) -> tuple[int, int] | None:
+    def _square_at(self, at: QPointF) -> tuple[int, int] | None:
         picks, ends = self.repeat.shape
         end, up = int((at.x() - 1) // self.cell), int((at.y() - 1) // self.cell)
         pick = picks - 1 - up

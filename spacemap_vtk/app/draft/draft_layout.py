@@ -1,4 +1,4 @@
-"""Layout of a draft's grids on the screen, and lookup of the cell at a point."""
+"""DraftLayout of a draft's grids on the screen, and lookup of the cell at a point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MARGIN, GAP, STRIP, NEAR = 10, 24, 13, 4
 FROZEN = 0.6
 
 
-class Place(NamedTuple):
+class GridCell(NamedTuple):
     """A cell: its panel, and its numbers along x and y from 1; 0 across a strip of colours."""
 
     panel: str
@@ -22,7 +22,7 @@ class Place(NamedTuple):
     y: int
 
 
-class Axis(NamedTuple):
+class ScrollAxis(NamedTuple):
     """One direction of the screen: a part before the drawdown, the drawdown, a part after it."""
 
     # Only the drawdown scrolls, and the parts before and after it stay visible, unless they leave
@@ -45,37 +45,37 @@ class Axis(NamedTuple):
         return self.cells * self.cell
 
     @property
-    def frozen(self) -> bool:
+    def is_frozen(self) -> bool:
         """Whether only the drawdown scrolls."""
         return self.before + self.after <= FROZEN * self.room
 
     @property
-    def most(self) -> int:
+    def max_offset(self) -> int:
         """Largest offset."""
         return max(0, self.before + self.length + self.after - self.room)
 
     @property
-    def main(self) -> int:
+    def drawdown_begin(self) -> int:
         """Pixel where the drawdown begins, visible or not."""
         return self.before - self.offset
 
     @property
-    def clip(self) -> tuple[int, int]:
+    def clip_range(self) -> tuple[int, int]:
         """First and last pixel between which the drawdown is visible."""
-        if not self.frozen:
+        if not self.is_frozen:
             return 0, self.room
-        return self.before, max(self.before, self.last)
+        return self.before, max(self.before, self.after_begin)
 
     @property
-    def first(self) -> int:
+    def before_begin(self) -> int:
         """Pixel where the part before the drawdown begins."""
-        return 0 if self.frozen else -self.offset
+        return 0 if self.is_frozen else -self.offset
 
     @property
-    def last(self) -> int:
+    def after_begin(self) -> int:
         """Pixel where the part after the drawdown begins."""
-        if not self.frozen:
-            return self.main + self.length
+        if not self.is_frozen:
+            return self.drawdown_begin + self.length
         return min(self.before + self.length, self.room - self.after)
 
 
@@ -94,7 +94,7 @@ class PanelSpan(NamedTuple):
     reversed: bool
     """Whether the last number comes first."""
 
-    def number(self, pixel: float) -> int | None:
+    def number_at(self, pixel: float) -> int | None:
         """Return the number of the cell at a pixel."""
         if not self.low <= pixel < self.high:
             return None
@@ -105,20 +105,20 @@ class PanelSpan(NamedTuple):
             return 0
         return self.cells - index if self.reversed else index + 1
 
-    def pixel(self, number: int) -> int:
+    def pixel_of(self, number: int) -> int:
         """Return the pixel where a cell begins."""
         index = self.cells - number if self.reversed else max(number - 1, 0)
         return self.begin + self.size * index
 
     @property
-    def visible(self) -> range:
+    def visible_cells(self) -> range:
         """The visible cells, counted from 0 in the order of the screen."""
         first = max(0, (self.low - self.begin) // self.size)
         last = min(max(self.cells, 1), -(-(self.high - self.begin) // self.size))
         return range(first, max(first, last))
 
 
-class Layout:
+class DraftLayout:
     """Positions of all grids and strips of a draft."""
 
     # The threading is above the drawdown, the treadling to its right, the tie-up in the corner
@@ -137,25 +137,25 @@ class Layout:
         (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
         self.cell = cell
         head = MARGIN + STRIP + NEAR
-        x = Axis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
-        y = Axis(head + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
+        x = ScrollAxis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
+        y = ScrollAxis(head + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
         #: Largest scroll offsets.
-        self.most = x.most, y.most
-        self.offset = min(max(offset[0], 0), x.most), min(max(offset[1], 0), y.most)
+        self.max_offset = x.max_offset, y.max_offset
+        self.offset = min(max(offset[0], 0), x.max_offset), min(max(offset[1], 0), y.max_offset)
         self.x, self.y = (
             axis._replace(offset=at) for axis, at in zip((x, y), self.offset, strict=True)
         )
         x, y = self.x, self.y
-        along_ends = PanelSpan(x.main, ends, cell, *x.clip, not as_cloth)
-        along_picks = PanelSpan(y.main, picks, cell, *y.clip, as_cloth)
-        right, far = x.last + GAP, x.last + GAP + columns * cell
+        along_ends = PanelSpan(x.drawdown_begin, ends, cell, *x.clip_range, not as_cloth)
+        along_picks = PanelSpan(y.drawdown_begin, picks, cell, *y.clip_range, as_cloth)
+        right, far = x.after_begin + GAP, x.after_begin + GAP + columns * cell
         treadles = PanelSpan(right, columns, cell, right, far, False)
         # Shaft 1 is next to the cloth, at the bottom of the threading.
-        top = y.first + head
+        top = y.before_begin + head
         heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
         strip, side = (
             PanelSpan(begin, 0, STRIP, begin, begin + STRIP, False)
-            for begin in (y.first + MARGIN, far + NEAR)
+            for begin in (y.before_begin + MARGIN, far + NEAR)
         )
         self.panels: dict[str, tuple[PanelSpan, PanelSpan]] = {
             "threading": (along_ends, heddles),
@@ -167,22 +167,22 @@ class Layout:
         if shown.loom.liftplan is None:
             self.panels["tieup"] = treadles, heddles
 
-    def at(self, x: float, y: float, panel: str | None = None) -> Place | None:
+    def cell_at(self, x: float, y: float, panel: str | None = None) -> GridCell | None:
         """Return the cell under a point."""
         for name, (across, down) in self.panels.items():
             if panel in (None, name):
-                column, row = across.number(x), down.number(y)
+                column, row = across.number_at(x), down.number_at(y)
                 if column is not None and row is not None:
-                    return Place(name, column, row)
+                    return GridCell(name, column, row)
         return None
 
-    def center(self, place: Place) -> tuple[int, int]:
+    def center(self, place: GridCell) -> tuple[int, int]:
         """Return the centre of a cell, visible or not."""
         across, down = self.panels[place.panel]
-        return across.pixel(place.x) + across.size // 2, down.pixel(place.y) + down.size // 2
+        return across.pixel_of(place.x) + across.size // 2, down.pixel_of(place.y) + down.size // 2
 
 
-def fitting(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
+def fit_cell_size(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
     """Return the largest size of a cell with which the whole draft is visible."""
     ends, picks = shown.size
     wide = room[0] - 2 * MARGIN - GAP - NEAR - STRIP

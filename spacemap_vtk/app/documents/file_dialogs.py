@@ -15,13 +15,15 @@ def last_folder() -> Path:
     return folder if folder.is_dir() else Path.cwd()
 
 
-def keep_folder(file: Path) -> Path:
+def remember_folder(file: Path) -> Path:
     """Remember a file's folder as the last used one."""
     QSettings().setValue("folder", str(file.resolve().parent))
     return file
 
 
-def ask_file(parent: QWidget, title: str, proposal: str, filters: str, ending: str) -> Path | None:
+def ask_output_file(
+    parent: QWidget, title: str, proposal: str, filters: str, ending: str
+) -> Path | None:
     """Ask where to write a file; propose a name, relative to the folder that was used last."""
     begin = last_folder() / proposal
     name, chosen = QFileDialog.getSaveFileName(parent, title, str(begin), filters)
@@ -31,31 +33,31 @@ def ask_file(parent: QWidget, title: str, proposal: str, filters: str, ending: s
     if path == begin and kinds and begin.suffix not in kinds:
         # The proposed name was kept, but with another file type.
         path, ending = path.with_suffix(""), kinds[0]
-    whole = ended(parent, path, ending)
-    return whole and keep_folder(whole)
+    whole = add_ending(parent, path, ending)
+    return whole and remember_folder(whole)
 
 
-def ask_opened(parent: QWidget, title: str, filters: str) -> str:
+def ask_input_file(parent: QWidget, title: str, filters: str) -> str:
     """Ask which file to open; return an empty string if the dialog is cancelled."""
     name, _ = QFileDialog.getOpenFileName(parent, title, str(last_folder()), filters)
-    return str(keep_folder(Path(name))) if name else ""
+    return str(remember_folder(Path(name))) if name else ""
 
 
-def ended(parent: QWidget, path: Path, ending: str) -> Path | None:
+def add_ending(parent: QWidget, path: Path, ending: str) -> Path | None:
     """Add an ending to a name without one, and ask before an existing file is overwritten."""
     # Qt's dialog has checked only the name without the ending.
     if path.suffix:
         return path
     path = path.with_suffix(ending)
-    return path if may_write_over(parent, path) else None
+    return path if confirm_overwrite(parent, path) else None
 
 
-def may_write_over(parent: QWidget, path: Path) -> bool:
+def confirm_overwrite(parent: QWidget, path: Path) -> bool:
     """Ask before an existing file is overwritten; return whether to go on."""
-    return not path.exists() or agreed(parent, "Write over it?", f"{path.name} already exists.")
+    return not path.exists() or confirm(parent, "Write over it?", f"{path.name} already exists.")
 
 
-def agreed(parent: QWidget, title: str, question: str) -> bool:
+def confirm(parent: QWidget, title: str, question: str) -> bool:
     """Ask a yes-or-no question; Enter means no."""
     box = QMessageBox.StandardButton
     return box.Yes == QMessageBox.question(parent, title, question, box.Yes | box.No, box.No)

@@ -8,9 +8,9 @@ from typing import Any
 
 from spacemap_vtk.draw.camera import CameraView
 
-#: A run that has taken longer, in s, is cancelled when a newer job arrives. Shorter runs are
+#: A run that has taken longer, in s, is cancelled when a newer request arrives. Shorter runs are
 #: finished: a drag that sends jobs faster than runs end would otherwise show no frame at all.
-PATIENCE = 0.5
+CANCEL_AFTER = 0.5
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Pull:
 
 
 @dataclass(frozen=True)
-class Job:
+class FrameRequest:
     """A request for one frame."""
 
     #: The scene as in a scene file.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from spacemap_vtk.app.fields.known import (
+from spacemap_vtk.app.fields.parameter_info import (
     SliderSpan,
-    feasible_of,
-    idle_of,
-    resolved_of,
-    span_of,
-    told_interval,
-    with_shown_unit,
+    add_shown_unit,
+    automatic_values,
+    feasible_intervals,
+    format_interval,
+    idle_reason,
+    slider_span,
 )
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
@@ -35,12 +35,12 @@ _EDITORS = {
     "supports": "text",
 }
 #: Parameters that have other controls in the page or only concern output files.
-_ELSEWHERE = (
+_EXCLUDED = (
     *("view.color", "view.size", "view.time", "view.zoom", "view.shadows"),
     "animation.frames_per_second",
 )
 #: Number of a section's rows that are shown at first, besides those written in the scene file.
-_FIRST = 3
+_SHOWN_AT_FIRST = 3
 
 
 class ParameterRows:
@@ -55,15 +55,15 @@ class ParameterRows:
         #: Cache by section: settings and their feasible intervals. Computing these takes as long as
         #: a frame.
         self._feasible: dict[str, tuple[dict[str, Any], dict[str, tuple[float, float]]]] = {}
-        self._there: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
+        self._parameters: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
         #: Present values as text with units; for automatic ones, the value in use.
         self._shown: dict[str, str] = {}
 
-    def of(
+    def make_sections(
         self, scene: Scene, values: Mapping[str, Any], held: bool = False
     ) -> list[dict[str, Any]]:
         """Make the sections of the page with their rows; keep feasible intervals during a drag."""
-        self._there.clear()
+        self._parameters.clear()
         sections = []
         for section, part in scene.parts.items():
             used = part in scene.stages if isinstance(part, Stage) else True
@@ -71,7 +71,7 @@ class ParameterRows:
                 continue
             settings, found = part.settings, self._feasible.get(section)
             if found is None or (found[0] != settings and not held):
-                self._feasible[section] = settings, feasible_of(part)
+                self._feasible[section] = settings, feasible_intervals(part)
             rows = self._rows(section, part, values.get(section, ()))
             if rows:
                 about = (type(part).__doc__ or "").strip().splitlines()[0]
@@ -79,32 +79,32 @@ class ParameterRows:
                 sections.append({"name": section, "label": name, "about": about, "rows": rows})
         return sections
 
-    def written(self, key: str, text: str) -> Any:
+    def parse_text(self, key: str, text: str) -> Any:
         """Convert the text of a row to a value for a scene file; None for the default."""
-        parameter = self._there[key][1]
+        parameter = self._parameters[key][1]
         if text.strip() == "" and parameter.optional:
             return None
         if isinstance(parameter, Real | Series):
-            text = with_shown_unit(text, self._shown[key], parameter.unit)
+            text = add_shown_unit(text, self._shown[key], parameter.unit)
         return value_of(text)
 
-    def slid(self, key: str, step: int) -> Any:
+    def value_at_step(self, key: str, step: int) -> Any:
         """Convert a step of a row's slider to a value for a scene file."""
-        return self._spans[key].written(_number(self._there[key][1]), step)
+        return self._spans[key].value_at(_number_parameter(self._parameters[key][1]), step)
 
     def __contains__(self, key: object) -> bool:
         """Return whether a row with this key exists."""
-        return key in self._there
+        return key in self._parameters
 
-    def refuse(self, error: SpacemapError, key: str = "", text: str | None = None) -> bool:
+    def mark_refused(self, error: SpacemapError, key: str = "", text: str | None = None) -> bool:
         """Show in a row why its value was refused; return whether the row exists."""
         key = key or f"{error.section}.{error.key}"
         allowed = f"; allowed: {error.allowed}" if error.allowed else ""
         why = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
         self._refused[key] = text, why
-        return key in self._there
+        return key in self._parameters
 
-    def accept(self, key: str = "") -> None:
+    def clear_refused(self, key: str = "") -> None:
         """Forget the refused value of a row, or without a key the values that a run refused."""
         kept = {k: v for k, v in self._refused.items() if k != key and (key or v[0] is not None)}
         self._refused = kept
@@ -113,23 +113,23 @@ class ParameterRows:
         self, section: str, part: Parameterised, written: Collection[str]
     ) -> list[dict[str, Any]]:
         found = self.found.get(section, {})
-        feasible, known = self._feasible[section][1], found or resolved_of(part)
+        feasible, known = self._feasible[section][1], found or automatic_values(part)
         rows: list[dict[str, Any]] = []
         for name, parameter in part.parameters.items():
             key, component = f"{section}.{name}", getattr(parameter, "component", None)
             editor = _EDITORS.get(parameter.kind)
-            idle = idle_of(part, name, found)
-            if editor is None or key in _ELSEWHERE or (idle and name not in written):
+            idle = idle_reason(part, name, found)
+            if editor is None or key in _EXCLUDED or (idle and name not in written):
                 continue
             if parameter.kind == "series" and not isinstance(component, Real):
                 editor = "text"
-            self._there[key] = part, parameter
+            self._parameters[key] = part, parameter
             value = getattr(part, name)
             in_use = known.get(name) if value is None else value
             self._shown[key] = "" if in_use is None else parameter.show(in_use)
             interval = feasible.get(name)
             typed, bad = self._refused.get(key, (None, ""))
-            note = f"does not count: {idle}" if idle else told_interval(parameter, interval)
+            note = f"does not count: {idle}" if idle else format_interval(parameter, interval)
             if name in found and not note and found[name] != value:
                 note = f"in force: {parameter.tell(found[name])}"
             row = {
@@ -138,19 +138,19 @@ class ParameterRows:
                 "unit": parameter.unit if parameter.kind == "vector" else "",
                 "kind": editor,
                 "text": _text(parameter, value) if typed is None else typed,
-                "automatic": _automatic(parameter, known.get(name)),
+                "automatic": _automatic_hint(parameter, known.get(name)),
                 "help": f"{parameter.help}\n\nAllowed: {parameter.allowed}.",
                 "note": note,
                 "bad": bad,
                 "changed": name in written,
-                "first": bool(bad) or name in written or len(rows) < _FIRST,
+                "first": bool(bad) or name in written or len(rows) < _SHOWN_AT_FIRST,
             }
             if editor == "choice":
                 row["choices"] = list(getattr(parameter, "choices", ()))
             elif editor == "flag":
                 row["on"] = bool(value)
             elif editor == "number" and isinstance(value, int | float):
-                row["step"] = self._span(key, parameter, value, interval).step(value)
+                row["step"] = self._span(key, parameter, value, interval).step_at(value)
             rows.append(row)
         return rows
 
@@ -158,11 +158,11 @@ class ParameterRows:
         # Keep the span while the value is inside, so that the slider does not jump.
         span = self._spans.get(key)
         if interval is not None or span is None or not span.low <= value <= span.high:
-            self._spans[key] = span = span_of(_number(parameter), value, interval)
+            self._spans[key] = span = slider_span(_number_parameter(parameter), value, interval)
         return span
 
 
-def _number(parameter: Parameter[Any]) -> Real:
+def _number_parameter(parameter: Parameter[Any]) -> Real:
     real = getattr(parameter, "component", parameter)
     if not isinstance(real, Real):
         raise InputError("no number", key=parameter.name)
@@ -178,7 +178,7 @@ def _text(parameter: Parameter[Any], value: Any) -> str:
     return text.strip('"')
 
 
-def _automatic(parameter: Parameter[Any], known: Any) -> str:
+def _automatic_hint(parameter: Parameter[Any], known: Any) -> str:
     if not parameter.automatic:
         return ""
     return parameter.automatic if known is None else f"auto: {parameter.tell(known)}"

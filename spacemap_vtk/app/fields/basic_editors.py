@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, ignore_wheel
 from spacemap_vtk.app.widgets import column, narrow, painter_on, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import SIDES, parse_places
@@ -27,7 +27,7 @@ from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import value_of
 
 #: A whole number with at most so many allowed values has a combo box instead of a slider.
-_FEW = 5
+_MAX_CHOICES = 5
 
 
 class TextEditor(LineEditor):
@@ -41,9 +41,9 @@ class TextEditor(LineEditor):
 
     def show_value(self, value: Any) -> None:
         """Show the value with its unit."""
-        self.show_text("" if value is None else _bare(self.parameter.show(value)))
+        self.show_text("" if value is None else _strip_quotes(self.parameter.show(value)))
 
-    def written(self, text: str) -> Any:
+    def parse_text(self, text: str) -> Any:
         """Convert a text to a number, list or string; an empty one to None if it is optional."""
         return None if text == "" and self.parameter.optional else value_of(text)
 
@@ -56,9 +56,11 @@ class ChoiceEditor(Editor):
     def __init__(self, parameter: Choice | Integer) -> None:
         super().__init__(parameter)
         self.box = narrow(QComboBox(), 4)
-        self.box.activated.connect(self._chosen)
-        leave_wheel(self.box)
-        for choice in few(parameter) if isinstance(parameter, Integer) else parameter.choices:
+        self.box.activated.connect(self._submit_choice)
+        ignore_wheel(self.box)
+        for choice in (
+            few_choices(parameter) if isinstance(parameter, Integer) else parameter.choices
+        ):
             self.box.addItem(str(choice), choice)
         row(self, self.box)
         self.setFocusProxy(self.box)
@@ -70,14 +72,14 @@ class ChoiceEditor(Editor):
         """Show the value in use while nothing is chosen."""
         self.box.setPlaceholderText("" if value is None else str(value))
 
-    def _chosen(self) -> None:
+    def _submit_choice(self) -> None:
         self.edited.emit(self.box.currentData(), 0)
 
 
-def few(parameter: Integer) -> range:
+def few_choices(parameter: Integer) -> range:
     """Return the allowed numbers if they are few; otherwise an empty range."""
     low, high = parameter.minimum, parameter.maximum
-    if parameter.optional or low is None or high is None or high - low >= _FEW:
+    if parameter.optional or low is None or high is None or high - low >= _MAX_CHOICES:
         return range(0)
     return range(round(low), round(high) + 1)
 
@@ -90,14 +92,14 @@ class FlagEditor(Editor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.box = QCheckBox("On")
-        self.box.clicked.connect(self._clicked)
+        self.box.clicked.connect(self._submit_checked)
         row(self, self.box)
         self.setFocusProxy(self.box)
 
     def show_value(self, value: Any) -> None:
         self.box.setChecked(bool(value))
 
-    def _clicked(self, checked: bool) -> None:
+    def _submit_checked(self, checked: bool) -> None:
         self.edited.emit(checked, 0)
 
 
@@ -109,7 +111,7 @@ class ColorEditor(LineEditor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.button = QPushButton(toolTip="Choose a colour")
-        self.button.clicked.connect(self._choose)
+        self.button.clicked.connect(self._choose_color)
         self.button.setFixedWidth(40)
         row(self, self.button, (self.line, 1))
 
@@ -120,7 +122,7 @@ class ColorEditor(LineEditor):
             f"background-color: {fill}; border: 1px solid #8a94a3; border-radius: 4px;"
         )
 
-    def _choose(self) -> None:
+    def _choose_color(self) -> None:
         color = QColorDialog.getColor(QColor(self.shown), self, self.parameter.label)
         if color.isValid():
             self.edited.emit(color.name(), 0)
@@ -134,11 +136,11 @@ class FileEditor(LineEditor):
         self.button = QPushButton("Browse…")
         self.button.clicked.connect(self._browse)
         #: Returns the name to show for a file.
-        self.told: Callable[[Path], str] = str
+        self.display_name: Callable[[Path], str] = str
         row(self, (self.line, 1), self.button)
 
     def show_value(self, value: Any) -> None:
-        self.show_text("" if value is None else self.told(value))
+        self.show_text("" if value is None else self.display_name(value))
         #: Start of the file dialog; empty for a temporary file, which has another name here.
         self._file = str(value) if str(value).endswith(self.shown) else ""
 
@@ -148,14 +150,14 @@ class FileEditor(LineEditor):
             self.edited.emit(file, 0)
 
 
-def _bare(text: str) -> str:
+def _strip_quotes(text: str) -> str:
     """Remove quotes around the whole text, which users do not type."""
     quoted = len(text) >= 2 and text[0] == text[-1] == '"' and '"' not in text[1:-1]
     return text[1:-1] if quoted else text
 
 
 #: Names of the sides as seen from the front, in the order of the buttons.
-_WORDS = {
+_SIDE_NAMES = {
     "+y": "top",
     "+x": "right",
     "+z": "front",
@@ -163,7 +165,7 @@ _WORDS = {
     "-x": "left",
     "-z": "back",
 }
-assert set(_WORDS) == set(SIDES)
+assert set(_SIDE_NAMES) == set(SIDES)
 
 
 class SupportsEditor(LineEditor):
@@ -173,10 +175,10 @@ class SupportsEditor(LineEditor):
         super().__init__(parameter)
         self.sides: dict[str, QPushButton] = {}
         grid = QGridLayout(spacing=4)
-        for number, (side, word) in enumerate(_WORDS.items()):
+        for number, (side, word) in enumerate(_SIDE_NAMES.items()):
             tip = f"Hold the {word} side of the cage's box, {side}"
             button = QPushButton(objectName="side", checkable=True, toolTip=tip)
-            button.clicked.connect(self._clicked)
+            button.clicked.connect(self._submit_checked)
             grid.addWidget(button, number // 3, number % 3)
             self.sides[side] = button
         column(self, grid, self.line, spacing=4)
@@ -189,20 +191,20 @@ class SupportsEditor(LineEditor):
         for side, button in self.sides.items():
             button.setChecked(side in held)
             partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
-            button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
+            button.setText(f"{side} {_SIDE_NAMES[side]}" + (f" ({partly})" if partly else ""))
 
     def show_in_use(self, value: Any) -> None:
         """Show in grey what is held automatically, or that nothing is held."""
         self.line.setPlaceholderText(" ".join(value or ()) or "nothing is held")
 
-    def _clicked(self) -> None:
+    def _submit_checked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
         kept = [str(support) for support in parse_places(self.shown) if support.shape != side]
         if self.sides[side].isChecked():
             kept.append(side)
         self.edited.emit(" ".join(kept), 0)
 
-    def written(self, text: str) -> str:
+    def parse_text(self, text: str) -> str:
         """Return the text; if it is valid, the buttons change it from now on."""
         with suppress(InputError):  # the document reports the error
             parse_places(text)
@@ -212,7 +214,7 @@ class SupportsEditor(LineEditor):
 
 _SIDE, _GAP = 20, 3
 #: Most swatches in a row, in the full and in half the width.
-_IN_A_ROW, _IN_HALF = 11, 5
+_PER_ROW, _PER_NARROW_ROW = 11, 5
 
 
 class ColorsEditor(LineEditor):
@@ -224,10 +226,10 @@ class ColorsEditor(LineEditor):
         self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
         self._colors: list[str] = []
         column(self, row(None, self.swatches, None), self.line, spacing=4)
-        self.swatches.chosen.connect(self._choose)
+        self.swatches.chosen.connect(self._choose_color)
 
-    def stack(self) -> None:
-        self.swatches.in_a_row = _IN_HALF
+    def set_half_width(self) -> None:
+        self.swatches.per_row = _PER_NARROW_ROW
 
     def show_value(self, value: Any) -> None:
         """Show the colours as swatches and as codes."""
@@ -242,7 +244,7 @@ class ColorsEditor(LineEditor):
         if not self._colors:
             self.swatches.show_colors([] if value is None else [self.parameter.show(value)])
 
-    def _choose(self, number: int) -> None:
+    def _choose_color(self, number: int) -> None:
         before = QColor(self.swatches.colors[number] if self.swatches.colors else "#2d6a8e")
         color = QColorDialog.getColor(before, self, self.parameter.label)
         if color.isValid():
@@ -259,18 +261,18 @@ class Swatches(QWidget):
     def __init__(self) -> None:
         super().__init__(toolTip="Click to choose another colour")
         self.colors: list[str] = []
-        self.in_a_row = _IN_A_ROW
+        self.per_row = _PER_ROW
         self.setCursor(Qt.CursorShape.PointingHandCursor)
 
     def show_colors(self, colors: list[str]) -> None:
         self.colors = colors
         count = max(1, len(colors))
-        columns, rows = min(count, self.in_a_row), -(-count // self.in_a_row)
+        columns, rows = min(count, self.per_row), -(-count // self.per_row)
         self.setFixedSize(QSize(columns * (_SIDE + _GAP), rows * (_SIDE + _GAP)))
         self.update()
 
-    def place(self, number: int) -> QRectF:
-        row, column = divmod(number, self.in_a_row)
+    def swatch_rect(self, number: int) -> QRectF:
+        row, column = divmod(number, self.per_row)
         step = _SIDE + _GAP
         return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
 
@@ -279,11 +281,11 @@ class Swatches(QWidget):
         painter.setPen(QColor("#8a94a3"))
         for number, color in enumerate(self.colors or [""]):
             painter.setBrush(QColor(color) if color else Qt.BrushStyle.NoBrush)
-            painter.drawRoundedRect(self.place(number), 4, 4)
+            painter.drawRoundedRect(self.swatch_rect(number), 4, 4)
         painter.end()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         for number in range(max(1, len(self.colors))):
-            if self.place(number).contains(event.position()):
+            if self.swatch_rect(number).contains(event.position()):
                 self.chosen.emit(number)
                 return

@@ -16,14 +16,14 @@ from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.units import UNITS, format_quantity, split_quantity
 
 
-def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
+def feasible_intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
     """Return the feasible interval of each parameter, with all others as they are."""
     with suppress(SpacemapError):
         return dict(getattr(part, "feasible", {}))
     return {}
 
 
-def resolved_of(part: Parameterised) -> dict[str, Any]:
+def automatic_values(part: Parameterised) -> dict[str, Any]:
     """Return the values in use for a weave's automatic parameters; empty for other stages."""
     if not isinstance(part, Woven):
         return {}
@@ -35,7 +35,7 @@ def resolved_of(part: Parameterised) -> dict[str, Any]:
         return {}
 
 
-def idle_of(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
+def idle_reason(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
     """Return why a parameter has no effect (empty if it has one), given the last run's results."""
     why, kind = part.idle(name), found.get("elements")
     if not why and kind and isinstance(part, CageMaterial) and part.elements == "auto":
@@ -43,7 +43,7 @@ def idle_of(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
     return why
 
 
-def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | None) -> str:
+def format_interval(parameter: Parameter[Any], interval: tuple[float, float] | None) -> str:
     """Format the feasible interval of a parameter; empty if it is unknown."""
     if interval is None:
         return ""
@@ -53,7 +53,7 @@ def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | Non
     return f"feasible: {low} to {high}"
 
 
-def with_shown_unit(typed: str, shown: str, unit: str) -> str:
+def add_shown_unit(typed: str, shown: str, unit: str) -> str:
     """Add the units that a field shows to the numbers typed without a unit."""
     known = UNITS.get(unit, {})
     units = [each[1] for each in map(split_quantity, shown.split(",")) if each is not None]
@@ -70,7 +70,7 @@ def with_shown_unit(typed: str, shown: str, unit: str) -> str:
 #: Number of steps of a slider.
 STEPS = 1000
 #: A slider is logarithmic if the ratio of its ends is larger than this.
-_WIDE = 50.0
+_LOGARITHMIC_FROM = 50.0
 
 
 @dataclass(frozen=True)
@@ -82,36 +82,38 @@ class SliderSpan:
     high: float
 
     @property
-    def scaled(self) -> bool:
+    def is_logarithmic(self) -> bool:
         """Whether the scale is logarithmic."""
-        return self.low > 0.0 and self.high / self.low > _WIDE
+        return self.low > 0.0 and self.high / self.low > _LOGARITHMIC_FROM
 
-    def number(self, step: int) -> float:
+    def number_at(self, step: int) -> float:
         """Return the number at a step."""
         share, low, high = step / STEPS, self.low, self.high
-        number = low * (high / low) ** share if self.scaled else low + share * (high - low)
+        number = low * (high / low) ** share if self.is_logarithmic else low + share * (high - low)
         return min(max(float(f"{number:.4g}"), self.low), self.high)
 
-    def written(self, real: Real, step: int) -> Any:
+    def value_at(self, real: Real, step: int) -> Any:
         """Return the number at a step, with its unit, as in a scene file."""
-        number = self.number(step)
+        number = self.number_at(step)
         if real.kind == "integer":
             return round(number)
         return real.show(number) if real.unit else number
 
-    def step(self, number: float) -> int:
+    def step_at(self, number: float) -> int:
         """Return the step nearest to a number."""
         number = min(max(number, self.low), self.high)
         if self.high <= self.low:
             return 0
-        if self.scaled:
+        if self.is_logarithmic:
             share = math.log(number / self.low, self.high / self.low)
         else:
             share = (number - self.low) / (self.high - self.low)
         return round(share * STEPS)
 
 
-def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> SliderSpan:
+def slider_span(
+    parameter: Real, value: Any, feasible: tuple[float, float] | None = None
+) -> SliderSpan:
     """Choose the range of a parameter's slider."""
     low, high = parameter.minimum, parameter.maximum
     open_low = parameter.above is not None and low is None
