@@ -36,7 +36,7 @@ def diamond(window: MainWindow) -> None:
     window.document.set_many("weave", values)
     window.draft._set_loom(DIAMOND, "loom")
     window.splitter.setSizes([270, 640, 530])
-    window.menus.actions["To the end"].trigger()
+    window.menus.actions["Go to end"].trigger()
     wait(lambda: window.view.frame.time == window.times.time)
     window.view.reset_camera()
     window.times.go_to(0.02)

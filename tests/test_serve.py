@@ -136,9 +136,9 @@ async def _call(socket, number, method, args):
 def test_a_taken_port_and_a_public_address_are_refused(served, capsys):
     port = str(urlsplit(served[1]).port)
     for option, value, told in (
-        ("--host", "0.0.0.0", "this machine alone"),
-        ("--port", port, "another program listens there"),
-        ("--port", "70000", "cannot be had"),
+        ("--host", "0.0.0.0", "reachable from this machine only"),
+        ("--port", port, "another program uses this port"),
+        ("--port", "70000", "cannot be opened"),
     ):
         with pytest.raises(SystemExit, match="2"):
             main(["serve", "plain_weave", option, value])

@@ -85,7 +85,7 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     assert {window.stages.states[s] for s in sections[at:]} == {"stale"}
     # It is told when the thread has come to rest, after that it was cancelled.
     wait_until(lambda: window.errors.text)
-    assert window.errors.text == "The run was cancelled: the picture is older than the fields."
+    assert window.errors.text == "The run was cancelled: the picture is older than the values."
     assert window.errors.run_button.isVisible()
     # What was begun is not taken for a result: the scene before comes back whole.
     before = np.array(frame.surface.GetBounds())

@@ -95,7 +95,11 @@ def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     assert stages.items["weave"].data(3, Qt.ItemDataRole.CheckStateRole) is None
     box(window, "modal")
     assert [s for s, state in stages.states.items() if state == "fresh"] == ["weave", "surface"]
-    assert window.statusBar().currentMessage().startswith("Off, too: Tetra cage, Modal response")
+    assert (
+        window.statusBar()
+        .currentMessage()
+        .startswith("Also switched off: Tetra cage, Modal response")
+    )
     assert window.view.frame.cage is None
     box(window, "response")
     assert document.values == values

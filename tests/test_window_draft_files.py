@@ -118,7 +118,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     line = window.properties.rows["draft"].editor.line
     assert line.text() == "twill.wif"
     click(qtbot, window, "threading", 2, 4)
-    assert line.text() == "twill.wif, edited"
+    assert line.text() == "twill.wif (edited)"
     assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
     # To leave the field as it is changes nothing.
     type_into(line, line.text())
@@ -128,7 +128,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     window.document.scene.source.draft.unlink()
     window.document.set("weave", "warp_spacing", "1 mm")
     wait_until(lambda: window.errors.text)
-    assert "twill.wif, edited" in window.errors.text
+    assert "twill.wif (edited)" in window.errors.text
     assert "spacemap-drafts" not in window.errors.text
     window.document.history.undo()
     window.document.history.undo()
@@ -216,7 +216,7 @@ def test_a_draft_is_a_document(
     # What no draft holds is told, and not taken for saved.
     window.document.set("cage", "divisions", [3, 3, 1])
     window.menus.actions["Save"].trigger()
-    assert "a draft holds no cage.divisions" in window.errors.text
+    assert "a draft file cannot store cage.divisions" in window.errors.text
     assert window.isWindowModified()
     asked: list[tuple[str, ...]] = []
 

@@ -65,7 +65,7 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
     # Told for a while, whatever is drawn meanwhile.
     window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
-    assert window.statusBar().currentMessage() == f"Written: {file}"
+    assert window.statusBar().currentMessage() == f"Saved: {file}"
     # From the side a cloth is narrow.
     coloured = [(np.ptp(picture, axis=2) > 40).any(axis=0).sum() for picture in pictures]
     assert coloured[1] < 0.6 * coloured[0]
@@ -245,7 +245,7 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     monkeypatch.setattr(QMessageBox, "question", refuse)
     window.close()
     assert window.isVisible()
-    assert "long.gif is being written. Close" in asked[0]
+    assert "long.gif is being written. Cancel it and close?" in asked[0]
     window.document.history.setClean()
     window.errors.clear()
     QTest.qWait(100)  # the view is larger again
@@ -353,7 +353,7 @@ def test_a_series_has_the_times_that_are_typed(
     window.menus.actions["Export data…"].trigger()
     wait_until(lambda: done or window.errors.text)
     assert window.errors.text == ""
-    assert said[0] == "50 times, 4 ms apart; a second of film is 100 ms"
+    assert said[0] == "50 times, 4 ms apart; 1 s of film shows 100 ms"
     assert "a time after animation.start = 1 s" in said[1]
     assert said[2].startswith("4 times, 2 ms apart")
     assert done[0].startswith(f"{file}: 4 times, ")

@@ -58,7 +58,7 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
     assert alpha.editor.isEnabled()  # what it advises can be done
     type_into(alpha.editor.line, "0")
     wait_until(lambda: settled(window) and window.errors.text == "")
-    assert alpha.note.text().startswith("does not count: damping_ratio is ")
+    assert alpha.note.text().startswith("no effect: damping_ratio is ")
     assert not alpha.editor.isEnabled()
     table = window.modes.table
     assert {table.item(row, 2).text() for row in range(10)} == {"0.050"}

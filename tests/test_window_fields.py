@@ -236,7 +236,7 @@ def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
     # What the scene says stays in sight, in grey, and can be taken back.
     window.document.set("cage", "method", "lattice")
     assert shown() == ["method", "divisions", "order", "padding", "margin"]
-    assert rows["margin"].note.text() == 'does not count: method is "lattice"'
+    assert rows["margin"].note.text() == 'no effect: method is "lattice"'
     assert not rows["margin"].editor.isEnabled()
     wait_until(lambda: settled(window))
     assert "cage.margin does not count" in window.status_text.toolTip()

@@ -405,7 +405,7 @@ def test_a_picture_is_what_is_seen(
     for name in ("cage", "triad", "scale_bar"):  # pixels that a screen has of other sizes
         window.tools.part_actions[name].trigger()
     wait_until(lambda: settled(window))
-    window.menus.actions["Save what is seen…"].trigger()
+    window.menus.actions["Save screenshot…"].trigger()
     seen = window.view.image().astype(int)
     assert np.abs(np.asarray(Image.open(file)).astype(int) - seen).max() < 8
     # It says how it came to be, and is made again without a window.

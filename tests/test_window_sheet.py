@@ -62,16 +62,16 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     window = open_scene(str(strip))
     window.stages.select("modal")
     found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
-    assert told["elements"] == "in force: sheet"  # "auto" has decided
+    assert told["elements"] == "in use: sheet"  # "auto" has decided
     assert told["bending_rigidity"] == (
-        "in force: warp 12 µN·m (0.1224 gf.cm²/cm), weft 8 µN·m (0.08158 gf.cm²/cm)"
+        "in use: warp 12 µN·m (0.1224 gf.cm²/cm), weft 8 µN·m (0.08158 gf.cm²/cm)"
     )
-    assert told["areal_mass"] == "in force: 150 g/m² (4.424 oz/yd²)"
+    assert told["areal_mass"] == "in use: 150 g/m² (4.424 oz/yd²)"
     warp, weft = (f"{1e3 * c:.4g} mm ({1e2 * c:.4g} cm)" for c in found["bending_length"])
-    assert told["bending_length"] == f"in force: warp {warp}, weft {weft}"
+    assert told["bending_length"] == f"in use: warp {warp}, weft {weft}"
     assert f"bending length warp {warp}, weft {weft}" in window.modes.sheet.text()
     for name in found:
-        assert told[name].startswith("in force: ")
+        assert told[name].startswith("in use: ")
     assert not window.properties.rows["material"].note.text()
     headings = window.properties.groups
     assert list(headings) == ["Sheet", "Hung"]
@@ -81,7 +81,7 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
     told = notes(window)
     assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
-    assert told["bending_rigidity"] == "does not count: the cage is no sheet"
+    assert told["bending_rigidity"] == "no effect: the cage is no sheet"
     assert "tetrahedra" in window.modes.sheet.text()
     window.document.set("modal", "elements", "tetrahedra")
     wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field says it
@@ -105,7 +105,7 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     # Nothing is held there, and nothing moves.
     assert not any((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     assert "no supports" in supports.toolTip()
-    assert "Nothing moves" in times.play.toolTip()
+    assert "does not move" in times.play.toolTip()
     assert not window.menus.time.isEnabled()
     window.document.switch("response")
     assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
@@ -223,7 +223,7 @@ def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip:
     wait_until(lambda: not window.engine.busy, 30.0)
     wait_until(lambda: window.stages.states["modal"] == "stale")
     assert window.view.frame is frame
-    assert window.errors.text == "The run was cancelled: the picture is older than the fields."
+    assert window.errors.text == "The run was cancelled: the picture is older than the values."
     # Nothing of it is taken for a result.
     window.document.history.undo()
     wait_until(lambda: settled(window))

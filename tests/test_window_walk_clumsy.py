@@ -70,7 +70,7 @@ def test_a_clumsy_user_loses_nothing(
     wait_until(window.cancel.isVisible)
     qtbot.mouseClick(window.cancel, LEFT)
     wait_until(lambda: "The run was cancelled" in window.errors.text)
-    assert "older than the fields" in window.errors.text
+    assert "older than the values" in window.errors.text
     undo()
     wait_until(lambda: settled(window))
 
@@ -100,7 +100,7 @@ def test_a_clumsy_user_loses_nothing(
 
     monkeypatch.setattr(QMessageBox, "question", cancel)
     window.close()
-    assert "has changes that are not saved" in questions[0]
+    assert "Save the changes to" in questions[0]
     assert window.isVisible()
     assert window.document.scene.source.ends == 20
 

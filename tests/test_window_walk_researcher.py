@@ -44,7 +44,7 @@ def test_a_researcher_compares_cages(
     modes = window.modes
     window.tabs.setCurrentWidget(modes)
     wait_until(lambda: modes.table.rowCount() > 0)
-    assert "The cage is of tetrahedra" in modes.sheet.text()
+    assert "The cage consists of tetrahedra" in modes.sheet.text()
     tetrahedra = modes.table.item(0, 1).text()
     first = modes.table.visualItemRect(modes.table.item(0, 0)).center()
     qtbot.mouseClick(modes.table.viewport(), LEFT, pos=first)

@@ -54,7 +54,7 @@ def test_a_weaver_corrects_a_draft(
     assert (scene_of(window).source.cloth.drawdown[:, 2] != woven[:, 2]).any()
     window.stages.select("weave")
     name = window.properties.rows["draft"].editor.line
-    assert name.text() == "32-shaft_twill.wif, edited"
+    assert name.text() == "32-shaft_twill.wif (edited)"
     assert window.isWindowModified()
     window.menus.actions["Undo"].trigger()
     wait_until(lambda: settled(window))
@@ -90,5 +90,5 @@ def test_a_weaver_corrects_a_draft(
     wait_until(lambda: settled(window))
     picture = tmp_path / "mine.png"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(picture), ""))
-    window.menus.actions["Save what is seen…"].trigger()
+    window.menus.actions["Save screenshot…"].trigger()
     assert picture.read_bytes().startswith(b"\x89PNG")

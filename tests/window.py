@@ -205,7 +205,7 @@ def wait_written(window: Any, file: Path) -> None:
 
     def told() -> bool:
         message = window.statusBar().currentMessage()
-        return message.startswith("Written:") and file.name in message
+        return message.startswith("Saved:") and file.name in message
 
     # Another process writes it: on a machine whose cores others share its start alone takes long.
     wait_until(lambda: told() or window.errors.text, 600.0)

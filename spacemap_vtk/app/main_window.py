@@ -303,7 +303,7 @@ class MainWindow(QMainWindow):
         self.files.recent_changed.connect(self._set_title)
         self.gallery.chosen.connect(self.files.switch_to)
         # As a temporary message: the next frame would replace the text about the view.
-        self.exports.written.connect(lambda file: self._show_message(f"Written: {file}"))
+        self.exports.written.connect(lambda file: self._show_message(f"Saved: {file}"))
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
@@ -326,7 +326,7 @@ class MainWindow(QMainWindow):
         ):
             self.errors.connect_signals(about, failing, righting)
         self.exports.lost.connect(
-            lambda what: self.errors.show_warning(f"Written, but {what}.", "export")
+            lambda what: self.errors.show_warning(f"Saved, but {what}.", "export")
         )
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
@@ -365,7 +365,7 @@ class MainWindow(QMainWindow):
         values = {}
         if on and section == "motion" and not self.document.was_switched_off(section):
             # Unlike all other stages, this one has no useful default: it needs a file.
-            file, _ = QFileDialog.getOpenFileName(self, "The motion to read")
+            file, _ = QFileDialog.getOpenFileName(self, "Open motion file")
             values = {"file": file} if file else {}
             on = bool(file)
         self._try_change(self.document.switch, section, on, values)
@@ -439,7 +439,7 @@ class MainWindow(QMainWindow):
         if frame.swing is None:
             self.errors.clear("run")
             self.properties.clear_errors("run")
-        if not (frame.coarse and self.director.dragging):
+        if not (frame.coarse and self.director.is_dragging):
             # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.set_angles(self.document.scene.stage("rotation") is not None)

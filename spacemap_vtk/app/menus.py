@@ -39,12 +39,12 @@ _COLUMN = 16
 MOUSE = "\n".join(
     f"{hand:<{_COLUMN}}{does}"
     for hand, does in (
-        ("Drag", "Turn"),
-        ("Shift+drag", "Move (or middle button)"),
+        ("Drag", "Rotate"),
+        ("Shift+drag", "Pan (or middle button)"),
         ("Ctrl+drag", "Roll"),
-        ("Wheel", "Zoom (or drag, right button)"),
-        ("Click", "Read and plot a yarn's point"),
-        ("Shift+click", "One more point"),
+        ("Wheel", "Zoom (or drag with the right button)"),
+        ("Click", "Pick a point of a yarn and plot it"),
+        ("Shift+click", "Pick another point"),
         ("Click an axis", "Look along it"),
     )
 )
@@ -88,7 +88,7 @@ class Menus(QObject):
         self._add_action(menu, "Save", keys.Save, files.save)
         self._add_action(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
         menu.addSeparator()
-        self._add_action(menu, "Save what is seen…", "Ctrl+P", lambda: files.save_picture(view))
+        self._add_action(menu, "Save screenshot…", "Ctrl+P", lambda: files.save_picture(view))
         self._add_action(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
         self._add_action(menu, "Export film…", "Ctrl+Shift+F", exports.film)
         self._add_action(menu, "Export data…", "Ctrl+E", exports.data)
@@ -112,10 +112,10 @@ class Menus(QObject):
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
         self.time = menu = self._add_menu("&Time")
         self._add_action(menu, "Play or pause", "Space", times.play.click)
-        self._add_action(menu, "To the start", "Home", times.go_to_start)
-        self._add_action(menu, "To the end", "End", times.go_to_end)
-        self._add_action(menu, "A frame back", ",", times.step_back)
-        self._add_action(menu, "A frame on", ".", times.step_forward)
+        self._add_action(menu, "Go to start", "Home", times.go_to_start)
+        self._add_action(menu, "Go to end", "End", times.go_to_end)
+        self._add_action(menu, "Previous frame", ",", times.step_back)
+        self._add_action(menu, "Next frame", ".", times.step_forward)
         menu = self._add_menu("&View")
         menu.addActions([*tools.part_actions.values()])
         menu.addSeparator()
@@ -123,7 +123,7 @@ class Menus(QObject):
             ("Lines and points", tools.keys.appearance_actions),
             ("Colour by", tools.coloring_actions),
             ("Camera", tools.camera_actions),
-            ("Cut open", [tools.clip, *tools.clip_sides]),
+            ("Clip plane", [tools.clip, *tools.clip_sides]),
             ("Style", [*tools.styles.values()]),
             ("Background", [*tools.backgrounds.values()]),
         ):
@@ -136,11 +136,11 @@ class Menus(QObject):
         for shown in panels:
             inside.addAction(shown)
             self.actions[shown.text()] = shown
-        self.dark = self._add_action(inside, "Dark window", "Ctrl+D", self._set_theme)
+        self.dark = self._add_action(inside, "Dark theme", "Ctrl+D", self._set_theme)
         self.dark.setCheckable(True)
         self.dark.setChecked(QSettings().value("dark") == "true")
         menu = self._add_menu("&Help")
-        self._add_action(menu, "Keys and mouse", "F1", self._show_keys)
+        self._add_action(menu, "Keyboard and mouse", "F1", self._show_keys)
         self._set_theme()
         _FieldKeyFilter(window, view.canvas)
 
@@ -190,8 +190,12 @@ class Menus(QObject):
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene as text; refused if its draft exists only in a temporary file."""
         if self._document.drafts.contains(self._document.scene.draft_file):
-            words = "The draft is edited and in no file yet: save the scene, then copy"
-            self.refused.emit(InputError(words))
+            self.refused.emit(
+                InputError(
+                    "the edited draft is not saved in a file yet",
+                    cure="Save the scene, then copy again.",
+                )
+            )
             return
         try:
             text = text_of(self._document, self._times.time)
@@ -207,7 +211,7 @@ class Menus(QObject):
 
     def _show_keys(self) -> None:
         box = QMessageBox(self.parent())
-        box.setWindowTitle("Keys and mouse")
+        box.setWindowTitle("Keyboard and mouse")
         menus, view = self.help_texts
         # Side by side, because one above the other they are higher than a small screen.
         box.setText(

@@ -23,9 +23,8 @@ _DEBIAN_PACKAGES = (
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0"
 )
 _INSTALL = f'On Debian or Ubuntu: "apt-get install {_DEBIAN_PACKAGES}".'
-_NO_DISPLAY = "there is no display to open a window on"
 _NEEDS_DISPLAY = (
-    'Start it from a desktop, or with "xvfb-run -a spacemap gui"; '
+    'Run it on a desktop, or with "xvfb-run -a spacemap gui"; '
     '"spacemap render" and "spacemap animate" need no display.'
 )
 
@@ -47,9 +46,7 @@ def require_window() -> None:
         # EGL's warnings would only repeat the error that this program raises.
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
         if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            raise MissingLibraryError(
-                "there is no display to open a window on", cure=_NEEDS_DISPLAY
-            )
+            raise MissingLibraryError("there is no display for a window", cure=_NEEDS_DISPLAY)
     # PySide6 replaces Python's import function. The replacement reads the source of every module
     # that imports another, to look for a feature that is not used here; this takes as long as
     # importing all of Qt. Therefore the original function is restored.
@@ -93,4 +90,4 @@ def _explain(messages: list[str]) -> str:
         return f"Qt cannot open a window: {messages[0]}. {_INSTALL}"
     names = {name: os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")}
     shown = " nor ".join(f'{name}="{value}"' for name, value in names.items() if value)
-    return f"no display server lets this program in at {shown}. {_NEEDS_DISPLAY}"
+    return f"cannot connect to the display {shown}. {_NEEDS_DISPLAY}"

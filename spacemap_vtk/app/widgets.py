@@ -125,7 +125,7 @@ class CountBox(QSpinBox):
         if typed.isdecimal() and self.minimum() <= int(typed) <= self.maximum():
             return ""
         allowed = f"{self.minimum()} to {self.maximum()}{self.suffix()}"
-        return f"{typed or 'nothing'} is out of range: allowed is {allowed}"
+        return f"{typed or 'nothing'} is out of range; allowed: {allowed}"
 
     def validate(self, text: str, place: int) -> object:
         """Accept all digits, also those of a number out of range."""

@@ -21,25 +21,23 @@ def serve(
     /,
     *,
     set_: Set = (),
-    port: Annotated[int, Parameter(help="Where to listen; 0: any port that is free.")] = 0,
+    port: Annotated[int, Parameter(help="Port to listen on; 0: any free port.")] = 0,
     host: Annotated[
-        str, Parameter(help="An address of this machine that only this machine reaches.")
+        str, Parameter(help="Address to listen on, which only this machine can reach.")
     ] = "127.0.0.1",
-    browser: Annotated[bool, Parameter(help="Open a browser, where there is a screen.")] = True,
+    browser: Annotated[bool, Parameter(help="Open a browser if there is a display.")] = True,
 ) -> None:
-    """Show a scene in a browser on this machine, live.
+    """Show a scene in a browser, with its motion and parameters.
 
-    The scene moves, turns, and its parameters can be changed.
+    Prints an address with a token that changes at each start; requests without it are refused.
+    The pictures are drawn by this program: the browser needs no graphics card, and this machine no
+    display. Press Ctrl-C to stop. Needs the extra [web].
 
-    Prints an address with a token, which changes at each start; who has not that gets nothing.
-    Pictures are drawn here, so that the browser's machine needs no graphics, and no screen is
-    needed here. Ctrl-C ends it. Needs the extra [web].
+    To use the browser of another machine, run there:
 
-    From another machine, let ssh carry it. There:
+        ssh -t -L 8080:127.0.0.1:8080 HOST spacemap serve plain_weave --port 8080
 
-        ssh -t -L 8080:127.0.0.1:8080 HERE spacemap serve plain_weave --port 8080
-
-    and open the address that this prints.
+    and open the address that this command prints.
     """
     from spacemap_vtk.app.web import server
 

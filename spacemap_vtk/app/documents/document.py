@@ -156,7 +156,9 @@ class Document(QObject):
             self.history.setClean()
         lost = format_.loses(draft) if format_.loses else []
         if left and drafted:
-            lost.append(f'a draft holds no {", ".join(left)}: "Save as" keeps that in a scene')
+            lost.append(
+                f'a draft file cannot store {", ".join(left)}: use "Save as" to save a scene'
+            )
         return lost
 
     @property
@@ -283,17 +285,20 @@ class Document(QObject):
                 self._write_value("view", "show", "both")  # show what the change adds
 
         self._change(
-            change, f"{words_of(type(scene.parts[section]).__name__)} {'on' if on else 'off'}"
+            change,
+            f"switch {'on' if on else 'off'} {words_of(type(scene.parts[section]).__name__)}",
         )
         before, after = (
             [words_of(type(s).__name__) for s in stages if s.section != section]
             for stages in (scene.stages, self.scene.stages)
         )
-        also = {"On": [n for n in after if n not in before]}
-        also["Off"] = [n for n in before if n not in after]
-        words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
-        if words:
-            self.side_effects.emit(words)
+        added, removed = (
+            [n for n in a if n not in b] for a, b in ((after, before), (before, after))
+        )
+        effects = [f"Also switched on: {', '.join(added)}"] if added else []
+        effects += [f"Also switched off: {', '.join(removed)}"] if removed else []
+        if effects:
+            self.side_effects.emit(". ".join(effects))
 
     def _copy_common_values(self, section: str, former: str) -> None:
         """Copy values of the same name from a stage to the stage that replaces it in its role."""
@@ -325,7 +330,7 @@ class Document(QObject):
                 self._write_value("view", "color", None)
                 self._scene = Scene(self.values, self.base)
                 label = COLORINGS[lost].label
-                self.side_effects.emit(f'Own colours again: "{label}" is there no more')
+                self.side_effects.emit(f'Colouring reset: "{label}" is no longer available')
         except InputError:
             self._parse(before.text)
             self._values = former

@@ -31,14 +31,14 @@ class DraftVersions:
 
     def add(self, draft: Draft, former: Path | None = None) -> Path:
         """Write a draft that was edited from the draft in a former file."""
-        name = "drawn here" if former is None else f"{former.name}, edited"
+        name = "new draft" if former is None else f"{former.name} (edited)"
         if former is not None and self.contains(former):
             name = self._names[former.name]
         return self._store(format_wif(draft), ".wif", name)
 
     def add_file(self, file: Path) -> Path:
         """Copy a draft file into the folder."""
-        return self._store(file.read_bytes(), file.suffix, f"{file.name}, as it was")
+        return self._store(file.read_bytes(), file.suffix, f"{file.name} (earlier version)")
 
     def _store(self, data: bytes, suffix: str, name: str) -> Path:
         try:
@@ -60,9 +60,9 @@ class DraftVersions:
             self._names.setdefault(path.name, name)
         except OSError as error:
             raise InputError(
-                f"the draft cannot be kept ({error.strerror})",
+                f"the draft could not be stored in a temporary file ({error.strerror})",
                 key="draft",
-                cure=f"Make room in {tempfile.gettempdir()}.",
+                cure=f"Free space in {tempfile.gettempdir()}.",
             ) from None
         return path
 

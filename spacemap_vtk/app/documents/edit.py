@@ -15,9 +15,9 @@ class Version(NamedTuple):
 
     text: str
     folder: Path
-    """Relative paths count from it."""
+    """Folder that relative paths start from."""
     overwritten: int
-    """How many drafts had been written over."""
+    """Number of drafts that had been overwritten."""
 
 
 class Edit(QUndoCommand):

@@ -54,7 +54,9 @@ def add_ending(parent: QWidget, path: Path, ending: str) -> Path | None:
 
 def confirm_overwrite(parent: QWidget, path: Path) -> bool:
     """Ask before an existing file is overwritten; return whether to go on."""
-    return not path.exists() or confirm(parent, "Write over it?", f"{path.name} already exists.")
+    return not path.exists() or confirm(
+        parent, "Replace file", f"{path.name} already exists. Replace it?"
+    )
 
 
 def confirm(parent: QWidget, title: str, question: str) -> bool:

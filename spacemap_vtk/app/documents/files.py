@@ -94,7 +94,7 @@ class FileCommands(QObject):
             ending = own if own in _draft_endings() else ".wif"
             filters = f"{name_filter('Drafts', _draft_endings())};;{filters}"
             if own != ending:
-                title = f"Save as (no {own} can be written: the draft goes into a {ending})"
+                title = f"Save as ({own} cannot be written; the draft is saved as {ending})"
         proposal = self._document.propose_name(ending)
         path = ask_output_file(self._window, title, proposal, filters, ending)
         return path is not None and self._save(path)
@@ -157,7 +157,7 @@ class FileCommands(QObject):
         answer = QMessageBox.question(
             self._window,
             "Unsaved changes",
-            f"{self._document.name} has changes that are not saved.",
+            f"Save the changes to {self._document.name}?",
             box.Save | box.Discard | box.Cancel,
             box.Save,
         )
@@ -177,7 +177,7 @@ class FileCommands(QObject):
             return False
         self._errors.clear(about)
         if lost:
-            self._errors.show_warning(f"Written, but {'; '.join(lost)}.", about)
+            self._errors.show_warning(f"Saved, but {'; '.join(lost)}.", about)
         return True
 
     def _add_recent(self, path: Path) -> None:

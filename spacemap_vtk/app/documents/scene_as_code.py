@@ -40,7 +40,8 @@ def as_command(document: Document, time: float) -> str:
             given.add(section)
     if [stage.section for stage in chain(before.parts, given)] != [s.section for s in here.stages]:
         raise InputError(
-            "no command switches stages on or off", cure="Save the scene, and draw its file."
+            "a command line cannot switch stages on or off",
+            cure="Save the scene, and render its file.",
         )
     return shlex.join(words)
 
@@ -54,7 +55,7 @@ def as_script(document: Document, time: float) -> str:
         "from pathlib import Path\n\n"
         "from spacemap_vtk.scenes.scene import Scene\n\n"
         f"values = {values}\n"
-        "# Relative paths count from this file's folder.\n"
+        "# Relative paths start at this file's folder.\n"
         f"scene = Scene(values, Path({str(document.base)!r}))\n"
         f"scene.update(time={time:g})\n"
         "surface = scene.polygons  # vtkPolyData\n"

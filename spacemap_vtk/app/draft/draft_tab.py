@@ -36,7 +36,7 @@ _SECTION = "weave"
 #: Largest fraction of the time that changes of the scene take during a stroke.
 _MAX_LOAD = 0.3
 _MAX_COUNT = 4096
-_HINT = "Drag, or arrows and Enter, to edit · Ctrl: a second mark · Ctrl+wheel: zoom"
+_HINT = "Edit: drag, or arrow keys and Enter · Second mark: Ctrl · Zoom: Ctrl+wheel"
 
 
 class DraftTab(QWidget):
@@ -91,7 +91,7 @@ class DraftTab(QWidget):
         scene = self._document.scene
         woven = scene.woven
         if woven is None:
-            self._show_draft(None, "This scene is not woven, and has no draft.")
+            self._show_draft(None, "This scene is not woven, so it has no draft.")
             return
         if scene.source.section != _SECTION:
             self._show_draft(None, f"The draft of [{scene.source.section}] cannot be edited here.")
@@ -126,20 +126,20 @@ class DraftTab(QWidget):
 
     def _make_tools(self) -> QBoxLayout:
         """Create the tools; return the row above them, which is also shown without a draft."""
-        tip = "Weave a draft from a file (.wif, .dtx, .wpo, rows, picture)"
+        tip = "Use a draft file in this scene (.wif, .dtx, .wpo, text rows, picture)"
         self.open_button = tool_button("Open…", tip)
         self.open_button.clicked.connect(self.open)
-        self.save_button = tool_button("Save…", "Write the draft as WIF, for weaving programs")
+        self.save_button = tool_button("Save…", "Save the draft as a WIF file for weaving programs")
         draft = self.grid
-        self.zoom_out_button = tool_button("−", "Smaller (Ctrl+wheel)")
+        self.zoom_out_button = tool_button("−", "Zoom out (Ctrl+wheel)")
         self.zoom_out_button.clicked.connect(lambda: draft.zoom(False))
-        self.zoom_in_button = tool_button("+", "Larger (Ctrl+wheel)")
+        self.zoom_in_button = tool_button("+", "Zoom in (Ctrl+wheel)")
         self.zoom_in_button.clicked.connect(lambda: draft.zoom(True))
-        self.fit_button = tool_button("Fit", "Show the whole draft")
+        self.fit_button = tool_button("Fit", "Fit the whole draft")
         self.fit_button.clicked.connect(draft.fit)
-        tip = "The yarns' colours; else black where the end is up"
+        tip = "Show the colours of the yarns; off: black where the end is on top"
         self.colors_button = tool_button("Colours", tip, checkable=True, checked=draft.colored)
-        tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
+        tip = "Count ends from the left and picks from the bottom; off: from the right and top"
         self.cloth_button = tool_button("As cloth", tip, checkable=True, checked=draft.as_cloth)
         for button in (self.colors_button, self.cloth_button):
             button.toggled.connect(self._update_view)
@@ -148,10 +148,10 @@ class DraftTab(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         for number, (name, tip) in enumerate(
             (
-                ("ends", "Warp yarns; more repeat the draft"),
-                ("picks", "Weft yarns; more repeat the draft"),
-                ("shafts", "Of the loom; those in use cannot be taken away"),
-                ("treadles", "Of the loom; those in use cannot be taken away"),
+                ("ends", "Number of warp yarns; more than the draft has repeat it"),
+                ("picks", "Number of weft yarns; more than the draft has repeat it"),
+                ("shafts", "Number of shafts; those in use cannot be removed"),
+                ("treadles", "Number of treadles; those in use cannot be removed"),
             )
         ):
             spin = CountBox(minimum=1, maximum=_MAX_COUNT, keyboardTracking=False, toolTip=tip)
@@ -161,11 +161,11 @@ class DraftTab(QWidget):
             grid.addWidget(QLabel(name.capitalize()), number // 2, number % 2 * 2)
             grid.addWidget(spin, number // 2, number % 2 * 2 + 1)
             self.counts[name] = spin
-        tip = "Tie-up and treadling, or the shafts of each pick (dobby, table loom)"
+        tip = "Tie-up and treadling, or a liftplan (dobby and table looms)"
         self.loom_kind = QComboBox(toolTip=tip)
         self.loom_kind.activated.connect(self._set_loom_kind)
         self.loom_kind.addItems(["Treadles", "Liftplan"])
-        tip = "Marked shafts rise (jack loom); else they sink (counterbalance)"
+        tip = "Marked shafts rise (jack loom); off: they sink (counterbalance loom)"
         self.rising = QCheckBox("Rising shed", toolTip=tip)
         self.rising.clicked.connect(self._set_rising)
         grid.addWidget(self.loom_kind, 2, 0, 1, 2)

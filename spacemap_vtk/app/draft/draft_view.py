@@ -193,7 +193,7 @@ class DraftGrid(QAbstractScrollArea):
         assert self.shown is not None
         if grid_cell.panel == "drawdown" and not self.shown.bare:
             self.refused.emit(
-                "The loom weaves this cloth: change threading, tie-up or "
+                "The loom determines the drawdown: edit the threading, tie-up or "
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
             )
             return

@@ -92,7 +92,7 @@ class Palette(QWidget):
         if index < len(self.colors):
             self.choose(self.colors[index])
         else:
-            color = QColorDialog.getColor(self.color, self, "Another colour")
+            color = QColorDialog.getColor(self.color, self, "Add colour")
             if color.isValid():
                 self.choose(color)
 
@@ -102,7 +102,7 @@ class Palette(QWidget):
         if index is None or index >= len(self.colors):
             return
         old = self.colors[index]
-        new = QColorDialog.getColor(old, self, "This colour, wherever it is")
+        new = QColorDialog.getColor(old, self, "Replace this colour everywhere")
         if new.isValid() and new != old:
             if new not in self.colors:
                 self.colors[index] = new
@@ -113,9 +113,9 @@ class Palette(QWidget):
         """Show a tooltip for the colour under the mouse."""
         index = self._index_at(event.position().toPoint())
         if index is not None:
-            words = "Another colour"
+            words = "Add a colour"
             if index < len(self.colors):
-                words = f"{self.colors[index].name()}: double click changes it everywhere"
+                words = f"{self.colors[index].name()}: double-click to replace it everywhere"
             QToolTip.showText(event.globalPosition().toPoint(), words, self)
 
     def _add_colors(self, *colors: QColor) -> None:

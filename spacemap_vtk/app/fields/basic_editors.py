@@ -176,7 +176,7 @@ class SupportsEditor(LineEditor):
         self.sides: dict[str, QPushButton] = {}
         grid = QGridLayout(spacing=4)
         for number, (side, word) in enumerate(_SIDE_NAMES.items()):
-            tip = f"Hold the {word} side of the cage's box, {side}"
+            tip = f"Fix the {word} side of the cage ({side})"
             button = QPushButton(objectName="side", checkable=True, toolTip=tip)
             button.clicked.connect(self._submit_checked)
             grid.addWidget(button, number // 3, number % 3)
@@ -195,7 +195,7 @@ class SupportsEditor(LineEditor):
 
     def show_in_use(self, value: Any) -> None:
         """Show in grey what is held automatically, or that nothing is held."""
-        self.line.setPlaceholderText(" ".join(value or ()) or "nothing is held")
+        self.line.setPlaceholderText(" ".join(value or ()) or "nothing is fixed")
 
     def _submit_checked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
@@ -223,7 +223,7 @@ class ColorsEditor(LineEditor):
     def __init__(self, parameter: Any) -> None:
         super().__init__(parameter)
         self.swatches = Swatches()
-        self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
+        self.line.setToolTip("Colours as #rrggbb, separated by commas; they repeat over the yarns")
         self._colors: list[str] = []
         column(self, row(None, self.swatches, None), self.line, spacing=4)
         self.swatches.chosen.connect(self._choose_color)
@@ -259,7 +259,7 @@ class Swatches(QWidget):
     chosen = Signal(int)
 
     def __init__(self) -> None:
-        super().__init__(toolTip="Click to choose another colour")
+        super().__init__(toolTip="Click to change the colour")
         self.colors: list[str] = []
         self.per_row = _PER_ROW
         self.setCursor(Qt.CursorShape.PointingHandCursor)

@@ -48,7 +48,7 @@ class LoadsEditor(Editor):
         super().__init__(parameter)
         self.cards: list[_LoadCard] = []
         self._tables: list[dict[str, Any]] = []
-        self.add = QToolButton(text="Add a load ▾")
+        self.add = QToolButton(text="Add load ▾")
         self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.add)
         self._declared = parameter

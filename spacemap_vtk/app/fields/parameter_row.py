@@ -60,7 +60,7 @@ class ParameterRow(QWidget):
         self.editor = editor
         self.note = note(name="note")
         self.note.hide()
-        back = f"Back to the default: {pretty(parameter.usually)}"
+        back = f"Reset to the default: {pretty(parameter.usually)}"
         self.reset = tool_button("↺", back)
         kept = self.reset.sizePolicy()
         kept.setRetainSizeWhenHidden(True)
@@ -83,7 +83,7 @@ class ParameterRow(QWidget):
             column(self, line, self.note, margins=(0, 0, 0, 2), spacing=1)
         if beside:
             editor.set_half_width()
-        when = f" Counts where {parameter.counts}." if parameter.counts else ""
+        when = f" Has an effect only if {parameter.counts}." if parameter.counts else ""
         self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
         #: Whether the value can be reset; some values of a time function are required.
         self.resettable = True
@@ -110,7 +110,7 @@ class ParameterRow(QWidget):
         """Hide a row whose value has no effect; disable it instead if the value is written."""
         self._is_relevant = not why or written
         self.setVisible(self._is_relevant and self._matches_search)
-        idle = f"does not count: {why}" if why else ""
+        idle = f"no effect: {why}" if why else ""
         if idle != self._idle:
             self._idle = idle
             self.mark_error(None)
@@ -141,7 +141,7 @@ class ParameterRow(QWidget):
 
     def show_used(self, figure: str) -> None:
         """Show the value that the last run used; empty if unknown."""
-        text = f"in force: {pretty(figure)}" if figure else ""
+        text = f"in use: {pretty(figure)}" if figure else ""
         if text != self._used:
             self._used = text
             if not self.note.property("bad"):
@@ -188,7 +188,9 @@ class RowGroup(QWidget):
         super().__init__()
         self.title = title
         self.rows: list[QWidget] = []
-        self.head = tool_button(title, "Fold or unfold", checkable=True, objectName="group")
+        self.head = tool_button(
+            title, "Show or hide these parameters", checkable=True, objectName="group"
+        )
         self.head.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         self.body = QWidget()
         self._matches_search = False

@@ -58,10 +58,10 @@ class PatternEditor(Editor):
         beside.addWidget(self.size, 0, 0, 1, 2)
         self.buttons: dict[str, QToolButton] = {}
         for text, tip, axis, more in (
-            ("+ end", "One end more in the repeat", 1, True),
-            ("− end", "One end less", 1, False),
-            ("+ pick", "One pick more in the repeat", 0, True),
-            ("− pick", "One pick less", 0, False),
+            ("+ end", "Add an end to the repeat", 1, True),
+            ("− end", "Remove an end from the repeat", 1, False),
+            ("+ pick", "Add a pick to the repeat", 0, True),
+            ("− pick", "Remove a pick from the repeat", 0, False),
         ):
             button = QToolButton(text=text, toolTip=tip)
             button.clicked.connect(self._resize_repeat)
@@ -126,7 +126,7 @@ class PatternGrid(QWidget):
         self.colors = np.array([WARP_COLOR]), np.array([WEFT_COLOR])
         self._brush: bool | None = None
         self._burst = 0
-        self.setToolTip("Upright: the end lies over the pick. Click or drag to change.")
+        self.setToolTip("Upright yarn: the end lies over the pick. Click or drag to change.")
 
     @property
     def cell(self) -> float:

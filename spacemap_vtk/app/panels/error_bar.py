@@ -32,7 +32,7 @@ class ErrorBar(QWidget):
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         #: Starts a cancelled run again.
         self.run_button = QPushButton("Run")
-        close = tool_button("✕")
+        close = tool_button("✕", "Close this message")
         close.clicked.connect(self.hide)
         row(self, (self.label, 1), self.run_button, close, margins=(10, 6, 6, 6))
         self._kind = ""

@@ -45,30 +45,31 @@ _DPI, _MIN_WIDTH = 100.0, 240
 #: Figures of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
-    "Peirce's figures where a yarn changes side, and what they make of the cloth.",
-    "This scene is not woven: these are its own figures.",
-    "An object has no yarns.",
+    "Figures of the yarns and of the cloth by Peirce's geometry. Hover over a name for its "
+    "definition.",
+    "This scene is not woven. These are the figures of its textile.",
+    "This scene has no yarns.",
 )
 _TIPS = {
-    "diameter": "Height of the yarn's section: of a round yarn its diameter",
-    "width": "Of the yarn's section, in the plane of the cloth",
+    "diameter": "Height of the yarn's section; of a round yarn, its diameter",
+    "width": "Width of the yarn's section in the plane of the cloth",
     "tex": "Mass of 1000 m of yarn in g",
-    "spacing": "From the middle of a yarn to that of its neighbour: 1 / sett",
-    "theta_deg": "Steepest slope of the yarn's axis, where it changes side",
-    "length": "Of the yarn's axis from one crossing to the next, where it changes side",
+    "spacing": "Distance between the axes of neighbouring yarns: 1 / sett",
+    "theta_deg": "Steepest slope of the yarn's axis where the yarn changes side",
+    "length": "Length of the yarn's axis between two crossings where the yarn changes side",
     "crimp": "c = l / p - 1 where the yarn changes side",
-    "mean_crimp": "By how much the yarns are longer than the cloth",
-    "height": "By which the yarn's axis rises or falls where it changes side",
-    "cover": "Share of the plane that yarns cover: K = width / p, together K1 + K2 - K1 K2",
-    "mean_float": "Crossings that a yarn passes on average until it changes side",
-    "longest_float": "Most crossings in a row that a yarn passes on the same side",
-    "yarn_length": "All yarns as built, with what stands over at the edges",
-    "thickness": "From the lowest to the highest place of the yarns",
-    "fibre_volume_fraction": "Fibres of all the room between the cloth's two faces",
-    "areal_mass": "Of the cloth as built, crimp included",
+    "mean_crimp": "Length of the yarns over length of the cloth, minus 1; floats included",
+    "height": "Rise or fall of the yarn's axis where the yarn changes side",
+    "cover": "Fraction of the plane covered by yarns: K = width / p; together K1 + K2 - K1 K2",
+    "mean_float": "Mean number of crossings that a yarn passes before it changes side",
+    "longest_float": "Largest number of consecutive crossings on the same side",
+    "yarn_length": "Total length of all yarns as built, including the ends beyond the edges",
+    "thickness": "From the lowest to the highest point of the yarns",
+    "fibre_volume_fraction": "Volume of fibres over the volume between the two faces of the cloth",
+    "areal_mass": "Mass per area of the cloth as built, crimp included",
     "repeat": "Ends by picks",
-    "feasible_height": "Crimp heights of the warp for which the yarns have room",
-    "least_clearance": "Between any two yarns: 0 where they touch, below 0 where they overlap",
+    "feasible_height": "Crimp heights of the warp that leave the yarns enough room",
+    "least_clearance": "Smallest distance between two yarns; 0: they touch, negative: they overlap",
 }
 
 
@@ -155,8 +156,8 @@ class FiguresTab(QWidget):
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
-        tip = "The table, for a spreadsheet: numbers in columns, units beside"
-        self.copy_button = QPushButton("Copy", toolTip=tip)
+        tip = "Copy the table for a spreadsheet"
+        self.copy_button = QPushButton("Copy table", toolTip=tip)
         self.copy_button.clicked.connect(self._copy)
         self.sections = _SectionDrawings()
         parts = QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False)

@@ -34,7 +34,7 @@ class Gallery(QWidget):
     def __init__(self) -> None:
         super().__init__()
         heading = QLabel("Scenes", objectName="heading")
-        about = note("Click one to open it. Everything in it can then be changed.")
+        about = note("Click a scene to open it. You can change everything in it.")
         self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
         buttons = row(None, self.new_button, self.open_button)
         self.list = _ThumbnailList()
@@ -44,7 +44,7 @@ class Gallery(QWidget):
             item.setToolTip(f"{thumbnails.title_of(name)}\n{name}")
             self.list.addItem(item)
         self.list.chosen.connect(self.chosen)
-        self._recent_label = QLabel("Used lately")
+        self._recent_label = QLabel("Recent files")
         self.recent = QListWidget(objectName="recent")
         self.recent.itemClicked.connect(lambda item: self.chosen.emit(item.data(_NAME)))
         _make_transparent(self.recent)

@@ -37,15 +37,15 @@ from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, describe_unresol
 from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
 from spacemap_vtk.units import aligned, pretty
 
-_HEADINGS = ("Mode", "Hz", "Damping", "Mass")
-_FREQUENCY, _MASS = _HEADINGS.index("Hz"), _HEADINGS.index("Mass")
+_HEADINGS = ("Mode", "Frequency [Hz]", "Damping", "Mass")
+_FREQUENCY, _MASS = _HEADINGS.index("Frequency [Hz]"), _HEADINGS.index("Mass")
 #: Prefix of a frequency whose mode the cells of the cage are too large to resolve.
 _APPROXIMATE = "≈ "
 _TIPS = (
     "",
-    "Frequency without damping",
-    "Damping ratio, where the mode swings: 1 and more is overdamped",
-    "Effective mass along the axis of which the mode moves most, of the mass that can move",
+    "Natural frequency without damping",
+    "Damping ratio of a mode that oscillates; a mode with 1 or more is overdamped",
+    "Effective mass along the axis where it is largest, as a fraction of the movable mass",
 )
 #: An effective mass below this fraction is shown as a dash.
 _MIN_MASS = 0.005
@@ -57,22 +57,21 @@ _SHARES = (
     50,
     15,
     (
-        "Largest displacement, in percent of the cage's longest side; with a section [rotation] "
-        "a mode is shown up to 90°"
+        "Largest displacement in % of the cage's longest side. With a section [rotation], modes "
+        "can be shown up to 90°."
     ),
 )
 _ANGLES = (
     90,
     45,
-    "The angle by which the mode turns the cloth at most; less where it would stretch it by half",
+    "Largest rotation of the cloth; less if the cloth would be stretched by half",
 )
 
 #: Hints of the tab: with modes; without a cage; with a motion that is read from a file.
 _HINTS = (
-    "Click a mode to see it swing, slowed to a swing in a second.",
-    "Nothing moves in this scene: change a value of the modal solver, and it gets a cage that "
-    "swings.",
-    "The motion is read from a file, and has no modes.",
+    "Click a mode to animate it, slowed to about one swing per second.",
+    "This scene has no motion. To add a cage that swings, change a value of the modal solver.",
+    "The motion is read from a file, which has no modes.",
 )
 
 
@@ -101,7 +100,7 @@ class ModesTab(QWidget):
         self.amplitude_text = QLabel()
         self._uses_angles: bool | None = None
         self.set_angles(False)
-        self.back_button = QPushButton("Back to the motion", enabled=False)
+        self.back_button = QPushButton("Return to motion", enabled=False)
         self.back_button.clicked.connect(self.stop)
         self.hint = note(_HINTS[0])
         #: Plot of the frequency response, which also provides the effective masses.
@@ -215,11 +214,11 @@ class ModesTab(QWidget):
             item = self.table.item(number, _MASS)
             item.setText(f"{share[axis]:.0%} {'xyz'[axis]}" if share[axis] >= _MIN_MASS else "–")
             lines = (
-                f"{x}: {a:.1%}, with those above {b:.1%}"
+                f"{x}: {a:.1%}; up to this mode: {b:.1%}"
                 for x, a, b in zip("xyz", share, total, strict=True)
             )
-            whose = "of the modes before" if old else "of what can move"
-            item.setToolTip(f"Effective mass, {whose}\n" + "\n".join(lines))
+            base = "of the former modes" if old else "as a fraction of the movable mass"
+            item.setToolTip(f"Effective mass, {base}\n" + "\n".join(lines))
             faint = self.palette().brush(QPalette.ColorRole.PlaceholderText)
             item.setForeground(faint if old else QBrush())
         if not old:
@@ -232,11 +231,9 @@ class ModesTab(QWidget):
             if error > UNRESOLVED:
                 item = self.table.item(number, _FREQUENCY)
                 item.setText(_APPROXIMATE + item.text().removeprefix(_APPROXIMATE))
-                item.setToolTip(
-                    f"Shorter than the cage's cells resolve: about {error:.0%} too high"
-                )
+                item.setToolTip(f"The cage is too coarse for this mode: about {error:.0%} too high")
         clause = describe_unresolved_modes(errors)
-        self.unresolved.setText(f"{clause.capitalize()}; set finer divisions of the cage.")
+        self.unresolved.setText(f"{clause.capitalize()}; use finer divisions of the cage.")
         self.unresolved.setVisible(bool(clause))
 
     def set_angles(self, turns: bool) -> None:
@@ -298,7 +295,7 @@ class ModesTab(QWidget):
 def _describe_cage(found: dict[str, Any]) -> str:
     """Return a sentence about the kind of the cage."""
     if "bending_length" not in found:
-        return f"The cage is of {found['elements']}." if found else ""
+        return f"The cage consists of {found['elements']}." if found else ""
     mass, length = (
         pretty(ModalSolver.parameter(name).tell(found[name]))
         for name in ("areal_mass", "bending_length")

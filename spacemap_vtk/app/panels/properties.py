@@ -83,9 +83,9 @@ class Properties(QScrollArea):
         page = QWidget()
         cls = sections()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
-        self.search = QLineEdit(placeholderText="Search what can be set", clearButtonEnabled=True)
+        self.search = QLineEdit(placeholderText="Search parameters", clearButtonEnabled=True)
         self.search.textChanged.connect(self._filter_rows)
-        self.switch_on_button = QPushButton("Switch it on")
+        self.switch_on_button = QPushButton("Switch on")
         self.switch_on_button.clicked.connect(lambda: self.switched_on.emit(section))
         parts: list[QWidget] = [about, self.switch_on_button]
         if len(cls.parameters) > _SEARCH_FROM:

@@ -43,7 +43,9 @@ _STEPS = {
     Qt.Key.Key_Up: (0, 1),
 }
 _KEYS = (*_STEPS, Qt.Key.Key_Home, Qt.Key.Key_Escape)
-_TIP = "Arrows move the point by 0.2 %, with Shift by 1 %; Home: as woven; Esc: back to the motion"
+_TIP = (
+    "Arrow keys move the point by 0.2 %, with Shift by 1 %. Home: as woven. Esc: return to motion."
+)
 
 
 class PullMap(QWidget):
@@ -283,12 +285,12 @@ class PullMap(QWidget):
         return reached & (found.weft[:, None] >= found.jam[1])
 
     def _name_regions(self, painter: QPainter, found: StretchMap) -> None:
-        """Write the name of each region (jam, slack, pressed) where the region is widest."""
+        """Write the name of each region (jammed, slack, pressed) where the region is widest."""
         from scipy.ndimage import distance_transform_edt
 
         reached, frame = self._unjammed_mask(found), self.plot_rect()
         cell = frame.height() / len(found.weft), frame.width() / len(found.warp)
-        regions: list[tuple[str, Any]] = [("jam", ~reached), ("slack", reached & found.slack)]
+        regions: list[tuple[str, Any]] = [("jammed", ~reached), ("slack", reached & found.slack)]
         if not found.force.any():
             strains = found.strain.max(axis=0) > 1e-6
             regions.append(("pressed", reached & ~found.slack & ~strains))
@@ -300,7 +302,7 @@ class PullMap(QWidget):
                 continue
             area = painter.fontMetrics().boundingRect(name).toRectF().adjusted(-4, 0, 4, 0)
             area.moveCenter(self.position_of(found.warp[column], found.weft[row]))
-            if name == "jam":
+            if name == "jammed":
                 painter.fillRect(area, self.palette().window())
             if not any(area.intersects(other) for other in self._label_rects):
                 painter.drawText(area, Qt.AlignmentFlag.AlignCenter, name)

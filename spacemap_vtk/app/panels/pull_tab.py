@@ -25,17 +25,16 @@ _REST_TIME = 150
 #: Lines of the description. The number is fixed, because a change would resize and repaint the
 #: map.
 _LINES = 5
-_HINT = "Drag the point, and the cloth follows. Where it is hatched yarns jam. "
+_HINT = "Drag the point to stretch the cloth. Yarns are jammed in the hatched region. "
 _LINE_HINTS = (
-    "Lines of equal force: <b>—</b> along the warp, <b>--</b> along the weft.",
-    "Along the thick line yarns trade crimp; past it they are pressed together, then they strain: "
-    "<b>—</b> the warp, <b>--</b> the weft. Yarns that stretch, with a tension, have lines of "
-    "force.",
+    "Lines of equal force: <b>—</b> warp, <b>--</b> weft.",
+    "Along the thick line, warp and weft exchange crimp; beyond it, yarns are pressed together, "
+    "then stretched. Lines of equal strain: <b>—</b> warp, <b>--</b> weft.",
 )
 _NO_MAP_HINTS = (
-    'Yarns trade crimp with a section [yarns]: <a href="yarns">add it</a>, and they keep their '
-    "length where the cloth is pulled.",
-    "Only a woven scene has yarns that trade crimp.",
+    "Warp and weft exchange crimp, and yarns keep their length, if the scene has a section "
+    '[yarns]: <a href="yarns">add it</a>.',
+    "Only woven scenes can be stretched here.",
 )
 
 
@@ -56,7 +55,7 @@ class PullTab(QWidget):
         top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
         self.state_text = note(name="state", textFormat=rich, alignment=top)
         self.state_text.setFixedHeight(_LINES * self.state_text.fontMetrics().lineSpacing() + 2)
-        self.back_button = QPushButton("Back to the motion", enabled=False)
+        self.back_button = QPushButton("Return to motion", enabled=False)
         self.back_button.clicked.connect(self.stop)
         column(
             self, self.hint, (self.map, 1), self.state_text, self.back_button, margins=(6, 6, 6, 6)
@@ -109,7 +108,7 @@ class PullTab(QWidget):
                 found = stretch_map(self._crossings)
                 hint = _HINT + _LINE_HINTS[stage.inextensible]
             except SpacemapError as error:
-                hint = f"There is no map: {html.escape(str(error))}"
+                hint = f"The map cannot be computed: {html.escape(str(error))}"
         self.hint.setText(hint)
         self.map.show_map(found)
         if found is None:

@@ -29,8 +29,8 @@ _DECADES = 5
 #: Time without changes until the response is computed, in ms.
 _REST_TIME = 250
 _TIP = (
-    "How far the loads, as sines in phase, swing the place that moves most in the first mode. "
-    "Click near a peak to see its mode."
+    "Amplitude of the point that moves most in the first mode, under sinusoidal loads in phase. "
+    "Click near a peak to animate its mode."
 )
 
 

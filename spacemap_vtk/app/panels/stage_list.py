@@ -26,11 +26,11 @@ from spacemap_vtk.scenes.scene import Scene
 #: Colour of the dot and description of each state.
 STATES = {
     "fresh": ("#3fa45b", "up to date"),
-    "stale": ("#9aa3ae", "waits to be run"),
+    "stale": ("#9aa3ae", "waiting to run"),
     "running": ("#e0a526", "running"),
     "failed": ("#d1495b", "failed"),
-    "off": ("#609aa3ae", "off: its box, or a value that is set, switches it on"),
-    "settings": ("#6b8fb3", "settings, no stage"),
+    "off": ("#609aa3ae", "off; tick the box or set a value to switch it on"),
+    "settings": ("#6b8fb3", "settings, not a stage"),
 }
 _KEY = Qt.ItemDataRole.UserRole
 _CHECKED = Qt.CheckState.Checked
@@ -159,7 +159,7 @@ class StageList(QTreeWidget):
     def write_runs(self) -> None:
         """Write the runs since the last call."""
         for section, (seconds, executions) in self._runs.items():
-            took = f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
+            took = f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:.3g} s"
             self.items[section].setText(_TIME, took)
             self.items[section].setText(_RUNS, str(executions))
         self._runs.clear()

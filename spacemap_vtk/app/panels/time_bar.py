@@ -20,7 +20,7 @@ _TICK = 15
 #: Widths in pixels below which some controls are hidden to keep the slider usable, and the
 #: smallest width of the bar.
 _WIDE, _MIDDLE, _NARROW = 560, 500, 380
-_NO_MOTION = "Nothing moves here: a stage of motion, such as the response, has times"
+_NO_MOTION = "This scene does not move. Switch on a stage of motion, such as Modal response."
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -44,20 +44,20 @@ class TimeBar(QWidget):
         self._adopted: dict[str, Any] | None = None
         self.play = tool_button("▶", "Play (Space)", checkable=True)
         self.play.toggled.connect(self._toggle_playing)
-        self.first = tool_button("|◀", "To the start (Home)")
+        self.first = tool_button("|◀", "Go to start (Home)")
         self.first.clicked.connect(self.go_to_start)
-        self.back = tool_button("◁", "A frame back (,)")
+        self.back = tool_button("◁", "Previous frame (,)")
         self.back.clicked.connect(self.step_back)
-        self.forward = tool_button("▷", "A frame on (.)")
+        self.forward = tool_button("▷", "Next frame (.)")
         self.forward.clicked.connect(self.step_forward)
-        self.last = tool_button("▶|", "To the end (End)")
+        self.last = tool_button("▶|", "Go to end (End)")
         self.last.clicked.connect(self.go_to_end)
-        self.loop = tool_button("⟳", "Start again at the end", checkable=True, checked=True)
+        self.loop = tool_button("⟳", "Loop", checkable=True, checked=True)
         self.slider = QSlider(Qt.Orientation.Horizontal, maximum=_STEPS, minimumWidth=30)
-        self.line = QLineEdit(toolTip="Go to a time, as in 0.4 or 40 ms")
+        self.line = QLineEdit(toolTip="Time to show, e.g. 0.4 or 40 ms")
         self.line.setFixedWidth(80)
         self.end_label = QLabel()
-        self.speed = QComboBox(toolTip="Seconds of motion in a second")
+        self.speed = QComboBox(toolTip="Speed: seconds of motion per second")
         self.speed.addItems([f"{s} ×" for s in SPEEDS])
         buttons = (self.first, self.back, self.play, self.forward, self.last, self.loop)
         others = ((self.slider, 1), self.line, self.end_label, self.speed)

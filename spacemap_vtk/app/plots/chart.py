@@ -30,9 +30,9 @@ class CurveOptions(NamedTuple):
     """Options for showing curves."""
 
     quantity: str
-    """Out of `spacemap_vtk.draw.figure.plots.QUANTITIES`."""
+    """A key of `spacemap_vtk.draw.figure.plots.QUANTITIES`."""
     component: str
-    """Out of `COMPONENTS`."""
+    """One of `COMPONENTS`."""
     dark: bool
 
 
@@ -203,7 +203,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             if curve.max(initial=0.0) > 0.0:
                 color = POINTS[number % len(POINTS)]
                 axes.loglog(curves.frequencies, curve / size, color=color, linewidth=1.1)
-        axes.set_title(f"Amplitude, loads as sines [{word}]", loc="left")
+        axes.set_title(f"Amplitude, sinusoidal loads [{word}]", loc="left")
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
         axes.set_xlim(curves.frequencies[0], curves.frequencies[-1])
         axes.yaxis.set_major_locator(LogLocator(numticks=6))

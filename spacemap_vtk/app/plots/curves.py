@@ -48,9 +48,9 @@ class CurveRequest(NamedTuple):
     """A request for curves."""
 
     key: str
-    """Another word for another scene, range or set of points."""
+    """Differs for another scene, range or set of points."""
     points: tuple[Point, ...]
-    """At rest [m]; none: the vertex that moves most in the first mode."""
+    """Positions at rest [m]; if empty, the vertex that moves most in the first mode."""
     start: float
     stop: float
 
@@ -209,7 +209,7 @@ def _read_curves(reader: Stage, request: CurveRequest) -> Generator[float, None,
         fields.append(array_of(data, "displacement", "a plot").copy())
         yield len(fields) / len(times)
     moved = np.stack(fields)
-    places, curves, note = [], [], "A motion out of a file has neither energies nor modes."
+    places, curves, note = [], [], "A motion that is read from a file has no energies and no modes."
     largest = rest[int(np.argmax(np.linalg.norm(moved, axis=2).max(axis=0)))]
     for place in request.points or (largest,):
         where = locate([place], rest, cells, threads=1)

@@ -42,9 +42,11 @@ if TYPE_CHECKING:
 
 #: Time without changes until curves are computed, in ms.
 _REST_TIME = 250
-_HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
-_OLD_CURVES = "These curves are of the motion before the change."
-_FIRST_HINT = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
+_HINT = "Click the fabric to plot a point, Shift+click to add one. Click a plot to go to that time."
+_OLD_CURVES = "These curves show the motion before the last change."
+_FIRST_HINT = (
+    "The plotted point moves most. Click the fabric to plot another point, Shift+click to add one."
+)
 #: Quantities saved for a point over time, with their units.
 _QUANTITIES = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
 
@@ -75,8 +77,8 @@ class PlotsTab(QWidget):
         self.canvas: PlotCanvas | None = None
         self.quantity = QComboBox()
         self.quantity.addItems([name.capitalize() for name in QUANTITIES])
-        self.component = QComboBox(toolTip="Component of the points' motion")
-        self.component.addItems(["along x", "along y", "along z", "size"])
+        self.component = QComboBox(toolTip="Component of the motion")
+        self.component.addItems(["along x", "along y", "along z", "magnitude"])
         self._component_is_chosen = False
         self.clear_button = QPushButton("Clear points")
         self.save_button = QPushButton("Save")
@@ -182,7 +184,7 @@ class PlotsTab(QWidget):
         if self.isVisible():
             self.rest.start()
 
-    def request(self) -> CurveRequest:
+    def make_request(self) -> CurveRequest:
         animation = self._document.scene.animation
         start, stop = animation.span
         points = tuple(pick.rest for pick in self.points)
@@ -217,7 +219,7 @@ class PlotsTab(QWidget):
         if self.run.text() == "Cancel":
             self._engine.start_background(None)
             self._show_progress("Compute")
-            self.hint.setText("Cancelled: no curves are computed until the scene changes.")
+            self.hint.setText("Cancelled. Click Compute, or change the scene.")
         else:
             self._key = ""
             self._request()

@@ -12,7 +12,7 @@ from spacemap_vtk.app.widgets import single_shot
 
 #: Delay before the thumbnail appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
-_CAPTION = "A small picture of the scene, shown until it is computed"
+_CAPTION = "Preview. The scene is being computed."
 #: Free margin around the thumbnail, as a fraction of the view.
 _MARGIN = 0.06
 

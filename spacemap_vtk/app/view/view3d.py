@@ -540,7 +540,7 @@ class View3D(QWidget):
             if (at - start).manhattanLength() <= _MAX_CLICK_MOVE:
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
-            tip = f"From the {side}" if (side := self._side_at(event.position())) else ""
+            tip = f"Look from the {side}" if (side := self._side_at(event.position())) else ""
             if tip != self.canvas.toolTip():
                 self.canvas.setToolTip(tip)
         return False

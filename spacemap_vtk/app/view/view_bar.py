@@ -68,7 +68,7 @@ class ViewBar(QToolBar):
         more = self.findChild(QToolButton, "qt_toolbar_ext_button")
         more.setIcon(QIcon())
         more.setText("»")
-        more.setToolTip("What has no room here")
+        more.setToolTip("More tools")
         self._view = view
         #: Actions that open menus, and how many of the bar's reading aids are left out for lack of
         #: room; see `resizeEvent`.
@@ -81,7 +81,7 @@ class ViewBar(QToolBar):
         #: The same actions by the role of a stage, for the eyes in the list of stages.
         self.eye_actions: dict[str, QAction] = {}
         for name, words, key, role in _PARTS:
-            tip = f"Show the {words.lower()} ({key})"
+            tip = f"Show the {words.lower()}" + (f" ({key})" if key else "")
             shown = action(self, words, self._toggle_part, key, tip, name, checkable=True)
             if name in _WINDOW_PARTS:  # only in the menu, as the bar has no room
                 setattr(view.look, name, QSettings().value(name) != "false")
@@ -90,8 +90,8 @@ class ViewBar(QToolBar):
                 self.addAction(shown)
                 self.eye_actions[role] = shown
             self.part_actions[name] = shown
-        tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
-        self.hang = action(self, "Hung", self.hang_toggled, "H", tip, checkable=True)
+        tip = "Start the motion from the equilibrium under gravity and dead loads (H)"
+        self.hang = action(self, "Hang", self.hang_toggled, "H", tip, checkable=True)
         self.addAction(self.hang)
         # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
         # if there is room.
@@ -126,9 +126,9 @@ class ViewBar(QToolBar):
         row(named, self._label, self.coloring, margins=(4, 0, 4, 0))
         self.addWidget(named)
         self.cameras: dict[str, QAction] = {}
-        cameras = self._add_menu("Camera", "Where it is seen from")
+        cameras = self._add_menu("Camera", "Direction to look from")
         for name, key in _CAMERA_KEYS.items():
-            tip = f"Where it is seen from: {name} ({key})"
+            tip = f"Look from: {name} ({key})"
             aim = action(self, name.capitalize(), self._aim_camera, key, tip, name)
             cameras.addAction(aim)
             self.cameras[name] = aim
@@ -141,12 +141,12 @@ class ViewBar(QToolBar):
             self, "Orthographic", view.set_orthographic, "O", tip, checkable=True
         )
         view.orthographic_changed.connect(self.orthographic.setChecked)
-        tip = "What is up stays up while the mouse turns it (T)"
+        tip = "Keep the up axis upright while the mouse rotates the view (T)"
         self.turntable = action(self, "Turntable", None, "T", tip, checkable=True)
         self.turntable.toggled.connect(self._set_turntable)
         self.turntable.setChecked(QSettings().value("turntable") == "true")
         cameras.addActions([self.orthographic, self.turntable])
-        tip = "Cut it open with a plane; the mouse moves it (X)"
+        tip = "Cut the scene open with a plane that the mouse moves (X)"
         self.clip = action(self, "Clip", self._toggle_clip, "X", tip, checkable=True)
         self.addAction(self.clip)
         self.clip_sides = [
@@ -160,12 +160,14 @@ class ViewBar(QToolBar):
             )
             for name, style in STYLES.items()
         }
-        self._add_menu("Style", "What it looks like").addActions([*self.styles.values()])
+        self._add_menu("Style", "Look of the picture").addActions([*self.styles.values()])
         self.backgrounds = {
             name: action(self, name, self._choose_background, data=colors)
             for name, colors in BACKGROUNDS.items()
         }
-        self._add_menu("Background", "What lies behind").addActions([*self.backgrounds.values()])
+        self._add_menu("Background", "Colour of the background").addActions(
+            [*self.backgrounds.values()]
+        )
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Show the label of the colour choice and the marks of menus if there is room."""
@@ -215,9 +217,7 @@ class ViewBar(QToolBar):
         supports = self.part_actions["supports"]
         supports.setEnabled(held)
         supports.setChecked(held and supports.isChecked())
-        supports.setToolTip(
-            "Show the supports (S)" if held else "Nothing is held: there are no supports"
-        )
+        supports.setToolTip("Show the supports (S)" if held else "There are no supports")
         self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.hangs)

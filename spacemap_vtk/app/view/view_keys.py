@@ -34,10 +34,10 @@ class ViewKeys(QObject):
         self.wireframe.setCheckable(True)
         #: Actions of the camera.
         self.camera_actions = [
-            self._make_action("Whole in sight", "R", partial(view.reset_camera, None)),
-            self._make_action("To the point under the mouse", "Shift+F", self._fly_to_mouse),
-            self._make_action("Nearer", "Up", partial(view.zoom, _ZOOM)),
-            self._make_action("Farther", "Down", partial(view.zoom, 1.0 / _ZOOM)),
+            self._make_action("Fit to view", "R", partial(view.reset_camera, None)),
+            self._make_action("Fly to the point under the mouse", "Shift+F", self._fly_to_mouse),
+            self._make_action("Zoom in", "Up", partial(view.zoom, _ZOOM)),
+            self._make_action("Zoom out", "Down", partial(view.zoom, 1.0 / _ZOOM)),
         ]
         # Only in the view: in lists, tables and fields the arrow keys select.
         for nearer in self.camera_actions[-2:]:
@@ -47,15 +47,15 @@ class ViewKeys(QObject):
         self.appearance_actions = [
             self.wireframe,
             self._make_action(
-                "Thicker lines and dots", "+", partial(self.thickness_changed.emit, 1)
+                "Thicker lines and points", "+", partial(self.thickness_changed.emit, 1)
             ),
             self._make_action(
-                "Thinner lines and dots", "-", partial(self.thickness_changed.emit, -1)
+                "Thinner lines and points", "-", partial(self.thickness_changed.emit, -1)
             ),
             self._make_action(
-                "Read the point under the mouse", "P", lambda: view.click(self._mouse)
+                "Pick the point under the mouse", "P", lambda: view.click(self._mouse)
             ),
-            self._make_action("Forget what was read", "Esc", view.clear_picks),
+            self._make_action("Clear picked points", "Esc", view.clear_picks),
         ]
         # Enabled only with picked points, because Esc has other uses elsewhere.
         view.picks_changed.connect(self._enable_clear)

@@ -129,9 +129,9 @@ class ParameterRows:
             self._shown[key] = "" if in_use is None else parameter.show(in_use)
             interval = feasible.get(name)
             typed, bad = self._refused.get(key, (None, ""))
-            note = f"does not count: {idle}" if idle else format_interval(parameter, interval)
+            note = f"no effect: {idle}" if idle else format_interval(parameter, interval)
             if name in found and not note and found[name] != value:
-                note = f"in force: {parameter.tell(found[name])}"
+                note = f"in use: {parameter.tell(found[name])}"
             row = {
                 "key": key,
                 "label": parameter.label,
@@ -165,7 +165,7 @@ class ParameterRows:
 def _number_parameter(parameter: Parameter[Any]) -> Real:
     real = getattr(parameter, "component", parameter)
     if not isinstance(real, Real):
-        raise InputError("no number", key=parameter.name)
+        raise InputError("this parameter is not a number", key=parameter.name)
     return real
 
 

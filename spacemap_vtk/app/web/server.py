@@ -41,7 +41,7 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_REFUSED = "Refused: open the whole address that the program has printed, token and all.\n"
+_REFUSED = "Refused: open the complete address that the program printed, including the token.\n"
 _HERE = Path(__file__).parent
 
 
@@ -55,7 +55,7 @@ def serve(
     """Serve a scene until Ctrl-C; `on_ready` receives the address and a one-time address."""
     require_local(host)
     require_free_port(host, port)
-    require_packages("a page in a browser", PACKAGES, "web")
+    require_packages("the page in a browser", PACKAGES, "web")
     asyncio.run(_serve(name, assignments, host, port, on_ready))
 
 
@@ -64,11 +64,11 @@ def require_local(host: str) -> None:
     if _is_local(host):
         return
     raise InputError(
-        "others could reach it, and read along",
+        "the address must be reachable from this machine only",
         key="--host",
         value=host,
-        allowed="this machine alone: 127.0.0.1, ::1 or localhost",
-        cure='From another machine: "ssh -t -L 8080:127.0.0.1:8080 HERE", and --port 8080 here.',
+        allowed="127.0.0.1, ::1 or localhost",
+        cure='From another machine, use "ssh -t -L 8080:127.0.0.1:8080 HOST" and --port 8080.',
     )
 
 
@@ -227,10 +227,12 @@ def require_free_port(host: str, port: int) -> None:
         except (OSError, OverflowError) as error:
             taken = getattr(error, "errno", 0) == errno.EADDRINUSE
             raise InputError(
-                "another program listens there" if taken else f"this port cannot be had ({error})",
+                "another program uses this port"
+                if taken
+                else f"the port cannot be opened ({error})",
                 key="--port",
                 value=port,
-                cure="Choose another one, or leave it out: one that is free is found.",
+                cure="Choose another port, or omit it to use a free one.",
             ) from None
 
 

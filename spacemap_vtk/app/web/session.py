@@ -201,8 +201,8 @@ class Session:
                 self.screen.show_frame(frame, self.scene.view)
             except Cancelled:
                 if self._is_cancelled:
-                    before = "" if self.screen.frame is None else "the picture is from before. "
-                    self.state.failure = f"Stopped: {before}Any change begins anew."
+                    old = "" if self.screen.frame is None else "; the picture shows former values"
+                    self.state.failure = f"The run was cancelled{old}. Any change starts a new run."
             except Exception as error:
                 self.state.playing = False
                 self._show_error(error)

@@ -279,9 +279,9 @@ class Director(QObject):
         if frame is None or frame.generation != asked.generation:
             self.run_cancelled.emit("there is no picture of this scene yet")
         elif (frame.values, frame.time) != (asked.values, asked.time):
-            self.run_cancelled.emit("the picture is older than the fields")
+            self.run_cancelled.emit("the picture is older than the values")
         elif frame.coarse:
-            self.run_cancelled.emit("the picture is coarser than the fields say")
+            self.run_cancelled.emit("the picture is coarser than the values say")
 
 
 def _stage_settings(scene: Scene) -> dict[str, dict[str, Any]]:

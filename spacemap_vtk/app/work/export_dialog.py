@@ -32,9 +32,8 @@ SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
 _OTHER, _SIZE_KEY = "Other", "export/size"
 #: Choices of the camera, each with an explanation.
 _CAMERAS = {
-    "As in the window": "All that the view shows is written, as large as it fits into this size, "
-    "from the same place, with the same parts and the same background.",
-    "As the scene says": "Camera, parts and background are those of the scene's section [view].",
+    "As in the window": "The same content and background as in the window, fitted to this size.",
+    "As in the scene": "Camera, parts and background are those of the scene's section [view].",
 }
 
 
@@ -49,7 +48,7 @@ class PictureOptions:
     #: Width and height in pixels, by name.
     sizes: dict[str, tuple[int, int]]
     transparent: bool
-    #: Remark for the user.
+    #: Message for the user.
     note: str
     #: Raises an error if file, size and number of frames cannot be written.
     check: Callable[[Path, tuple[int, int], int], None]
@@ -141,18 +140,22 @@ class ExportDialog(QDialog):
         self.camera = QComboBox()
         self.camera.addItems(list(_CAMERAS))
         self.camera.currentIndexChanged.connect(self._update_summary)
-        self.transparent = QCheckBox("None: transparent", checked=options.transparent)
+        self.transparent = QCheckBox("Transparent", checked=options.transparent)
         form.addRow("File", row(None, (self.line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
         form.addRow("Size", row(None, self.preset, *sizes, None))
-        form.addRow("Seen", self.camera)
+        form.addRow("View", self.camera)
         form.addRow("Background", self.transparent)
         for box in (self.width_box, self.height_box):
             box.valueChanged.connect(self._update_summary)
             box.range_error_changed.connect(self._update_summary)
 
     def _add_time_rows(self, form: QFormLayout, animation: Animation) -> None:
-        labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
+        labels = {
+            "start": "Start time",
+            "stop": "End time",
+            "frames_per_second": "Frames per second",
+        }
         for name, label in labels.items():
             parameter = animation.parameter(name)
             shown = parameter.show(getattr(animation, name))
@@ -161,7 +164,7 @@ class ExportDialog(QDialog):
             form.addRow(label, line)
             self.lines[name] = line
         if self._picture is not None:
-            tip = "How long the film lasts: as the motion does, or slower or faster"
+            tip = "Length of the film; if longer than the motion, it plays in slow motion"
             self.lines["duration"] = line = QLineEdit(toolTip=tip)
             line.textEdited.connect(self._update_summary)
             form.insertRow(form.rowCount() - 1, "Duration", line)
@@ -208,8 +211,8 @@ class ExportDialog(QDialog):
             self.preset.setCurrentText(_OTHER)
         ending, able = self.file.suffix.lower(), endings_with_alpha(options.kind)
         self.transparent.setEnabled(ending in able)
-        why = f" (a {ending or 'file without ending'} cannot be; {', '.join(able)} can)"
-        self.transparent.setText("None: transparent" + ("" if ending in able else why))
+        why = f" (only for {', '.join(able)})"
+        self.transparent.setText("Transparent" + ("" if ending in able else why))
 
     def _read_times(self, animation: Animation) -> str:
         """Read the typed times, and return a sentence that describes them."""
@@ -221,7 +224,7 @@ class ExportDialog(QDialog):
         if duration is not None and self.sender() is self.lines["duration"]:
             lasts = parse_quantity(duration, "s")
             if not 0.0 < lasts < float("inf"):
-                raise InputError("no duration", key="duration", allowed="more than 0 s")
+                raise InputError("the duration must be more than 0 s", key="duration")
             animation.speed = span / lasts
         elif duration is not None and span > 0.0:
             self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
@@ -230,5 +233,5 @@ class ExportDialog(QDialog):
         what = "frame" if self._picture is not None else "time"
         words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
         if animation.speed != 1.0:
-            words += f"; a second of film is {format_quantity(animation.speed, 's')}"
+            words += f"; 1 s of film shows {format_quantity(animation.speed, 's')}"
         return words if self._picture is None else f"{words}."

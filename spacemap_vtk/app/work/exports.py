@@ -60,7 +60,7 @@ class Exports(QObject):
         #: Progress bar with a button to cancel; hidden while nothing is written.
         self.progress, self.bar, self._label = QWidget(), QProgressBar(), QLabel()
         self.bar.setFixedWidth(90)
-        tip = "Stop writing; nothing of it stays"
+        tip = "Cancel the export and delete its output"
         self.cancel_button = QPushButton("Cancel", toolTip=tip)
         self.cancel_button.clicked.connect(self.cancel)
         row(self.progress, self._label, self.bar, self.cancel_button, spacing=6)
@@ -89,7 +89,7 @@ class Exports(QObject):
             filters = {text: kind for text, kind in filters.items() if kind != "draft"}
         name, chosen = QFileDialog.getSaveFileName(
             self._window,
-            "Export data (a name with %04d in it: a file for each time)",
+            "Export data (with %04d in the name: one file for each time)",
             str(self._propose_path("")),
             ";;".join(filters),
         )
@@ -171,14 +171,14 @@ class Exports(QObject):
         """Ask whether a running export may be cancelled; return whether the window may close."""
         if self._process is None:
             return True
-        text = f"{self._process.target.name} is being written. Close, and give it up?"
-        return confirm(self._window, "Still writing", text)
+        text = f"{self._process.target.name} is being written. Cancel it and close?"
+        return confirm(self._window, "Export in progress", text)
 
     def _require_idle(self) -> bool:
         if self._process is None:
             return True
         name = self._process.target.name
-        cure = "Wait until it is there, or cancel it at the foot of the window."
+        cure = "Wait until it is complete, or cancel it in the status bar."
         self.failed.emit(InputError(f"{name} is being written", cure=cure))
         return False
 
@@ -202,9 +202,11 @@ class Exports(QObject):
         proposal, transparent = self._propose_path(ending), scene.view.transparent
         notes = []
         if kind == "film" and not scene.moves:
-            notes.append("Nothing moves in this scene: all frames are the same.")
+            notes.append("This scene does not move: all frames are the same.")
         if view.frame is not None and view.frame.swing is not None:
-            notes.append("The scene's own motion is written, not the mode or pull in the view.")
+            notes.append(
+                "The file shows the scene's motion, not the mode or stretch in the window."
+            )
         drawn = PictureOptions(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
         animation = scene.animation if kind == "film" else None
         dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)

@@ -70,7 +70,7 @@ class JobProcess(QObject):
 
     def cancel(self) -> None:
         """End the process and delete its output."""
-        self._error = Cancelled("the export was stopped")
+        self._error = Cancelled("the export was cancelled")
         # Terminate before killing: the process ends its child processes, which draw and encode.
         self._process.terminate()
         QTimer.singleShot(_PATIENCE, self._process, self._process.kill)
@@ -104,7 +104,7 @@ class JobProcess(QObject):
             error = SpacemapError(
                 f"{self.target.name} could not be written: {self._process.program()} "
                 f"did not start ({self._process.errorString()})",
-                cure="See that this program is there, and that there is memory for it.",
+                cure="Check that this program exists, and that enough memory is free.",
             )
             self._end(self._error or error)
 
@@ -113,7 +113,7 @@ class JobProcess(QObject):
         error = self._error
         if error is None and code != 0:
             printed = bytes(self._process.readAllStandardError().data()).decode(errors="replace")
-            last = printed.strip().splitlines()[-1:] or [f"it ended with code {code}"]
+            last = printed.strip().splitlines()[-1:] or [f"the process ended with code {code}"]
             error = SpacemapError(f"{self.target.name} could not be written: {last[0]}")
         self._end(error)
 

@@ -342,7 +342,7 @@ class Pipeline:
 
 def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
     """Add the displacement of a mode to a cage."""
-    count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
+    count = len(array_of(cage.GetFieldData(), "eigenvalues", "a mode"))
     mode = min(swing.mode, count - 1)
     side = float(np.ptp(points_of(cage), axis=0).max())
     now = math.sin(2 * math.pi * swing.phase)
