@@ -13,6 +13,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.settings import CAMERAS  # noqa: E402
 
