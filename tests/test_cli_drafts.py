@@ -76,7 +76,7 @@ def test_what_is_odd_about_a_draft_is_told_when_it_is_exported(
     file.write_text(file.read_text().replace("Units=Centimeters", "Units=mm"))  # not the standard's
     assert run("info", str(file), "--json") == 0
     told = json.loads(capsys.readouterr().out)["warnings"]
-    assert any("Units=mm is not of the standard" in warning for warning in told)
+    assert any("Units=mm is not in the standard" in warning for warning in told)
     assert run("export", str(file), "-o", str(again)) == 0
     said = capsys.readouterr().err.splitlines()
     assert said == [f"spacemap: warning: {warning}" for warning in told]

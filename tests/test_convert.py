@@ -62,19 +62,19 @@ def test_drafts_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     first, second, third = (tmp_path / name for name in ("a.dtx", "b.wif", "c.txt"))
     real = REAL
     assert run("convert", str(real), str(first)) == 0
-    assert "spacing is rounded to units of 0.53 mm" in capsys.readouterr().err
+    assert "is rounded to units of 0.53 mm" in capsys.readouterr().err
     assert run("convert", str(first), str(second)) == 0
     assert capsys.readouterr().err == ""
     np.testing.assert_array_equal(read_wif(second).drawdown, read_wif(real).drawdown)
     assert read_wif(second).loom == read_wif(real).loom
     assert run("convert", str(second), str(third)) == 0
-    assert "hold the drawdown alone: no threading" in capsys.readouterr().err
+    assert "store only the drawdown: no threading" in capsys.readouterr().err
     assert run("convert", str(third), str(second), "-q") == 0
     np.testing.assert_array_equal(read_wif(second).drawdown, read_wif(real).drawdown)
     before = second.read_bytes()
     assert "a.toml: not a draft" in refused(capsys, "convert", "a.toml", str(second))
     first.write_text("@@StartDTX\n")
-    assert "there is no Threading" in refused(capsys, "convert", str(first), str(second))
+    assert "the file has no Threading" in refused(capsys, "convert", str(first), str(second))
     assert 'format ".png" is not known here' in refused(capsys, "convert", str(real), "a.png")
     assert second.read_bytes() == before
 
@@ -86,7 +86,7 @@ def test_ends_that_nothing_holds_are_offered_to_be_trimmed(
     file.write_text(WIDE)
     assert run("validate", str(file)) == 0
     said = capsys.readouterr().err
-    assert "of 1200 x 1200 yarns 6 x 4 are woven" in said
+    assert "only 6 x 4 of 1200 x 1200 yarns are woven" in said
     assert "weave.trim" in said
     assert run("validate", str(file), "--set", "weave.trim=true") == 0
     assert "1200" not in capsys.readouterr().err

@@ -22,7 +22,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_blocks
 from spacemap_vtk.io.registry import reads, writes
 from spacemap_vtk.jobs import make_data_job
-from spacemap_vtk.paraview.hosted import proxies
+from spacemap_vtk.paraview.stages import make_proxies
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts.draft import Draft
 
@@ -189,7 +189,7 @@ def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
     assert run("export", "plain_weave", "-o", "b.png") == 2
     assert ".xyz (surface or cage)" in capsys.readouterr().err
     # ParaView opens drafts and scenes by their endings; meshes it reads itself.
-    xml = proxies()["WIFReader"]._pvsm_proxy_xml
+    xml = make_proxies()["WIFReader"]._pvsm_proxy_xml
     factory = ElementTree.fromstring(xml).find(".//ReaderFactory")
     assert factory is not None
     assert factory.attrib == {

@@ -140,13 +140,13 @@ OWN_WRITERS = {
         "write_picture": {"Image.fromarray(image).save"},
         "write_figure": {"figure.savefig"},
     },
-    "io/formats/vtk_xml.py": {"_write": {"writer.Write"}},
+    "io/formats/vtk_xml.py": {"_write_xml": {"writer.Write"}},
     # what is too large for that looks at its own end
-    "io/formats/film.py": {"_write_gif": {"palette.save"}, "_try_on": {"file.open"}},
+    "io/formats/film.py": {"_write_gif": {"palette.save"}, "_raise_disk_error": {"file.open"}},
     # a pipe, and what swallows
     "workers.py": {"main": {"os.fdopen"}},
     "cli/main.py": {"_open_streams": {"os.fdopen", "os.open"}, "_discard_output": {"os.open"}},
-    "io/formats/vtk_hdf.py": {"_Sink": {"FileIO"}},
+    "io/formats/vtk_hdf.py": {"_ErrorKeepingFile": {"FileIO"}},
 }
 _WRITING = re.compile(
     r"write_(text|bytes)|save(z|z_compressed|txt|fig)?|tofile|Write|Export|im(write|save)|FileIO"

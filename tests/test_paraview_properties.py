@@ -22,9 +22,9 @@ from spacemap_vtk.parameters import (
     Text,
     Vector,
 )
-from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.property_xml import property_of, title
-from spacemap_vtk.paraview.proxies import groups
+from spacemap_vtk.paraview.property_xml import property_label, property_of
+from spacemap_vtk.paraview.proxies import property_groups
+from spacemap_vtk.paraview.stages import PROXIES
 
 
 class Count(Real):
@@ -106,7 +106,7 @@ def test_the_xmls_default_is_the_declared_default(name: str) -> None:
     values = [kind(word) for word in text.split()] if kind else [text]
     assert len(values) == int(element.get("number_of_elements", "0"))
     assert read(name, *values) == parameter.default
-    assert element.get("label") == title(parameter)
+    assert element.get("label") == property_label(parameter)
     assert element.findtext("Documentation", "").startswith(parameter.help)
 
 
@@ -236,7 +236,10 @@ def test_the_panel_shows_what_counts(name: str) -> None:
 
 
 def test_groups_are_declared_or_share_their_first_word() -> None:
-    made = {heading: [p.name for p in ps] for heading, ps in groups(Everything.parameters).items()}
+    made = {
+        heading: [p.name for p in ps]
+        for heading, ps in property_groups(Everything.parameters).items()
+    }
     assert made["Spare"] == ["spare_width", "spare_height", "spare_shift", "spare_number"]
     assert made["Words"] == ["text"]
     assert set(made) == {"Spare", "Words"}

@@ -12,7 +12,7 @@ from spacemap_vtk import (
     WeaveSource,
 )
 from spacemap_vtk.datasets.arrays import add_array
-from spacemap_vtk.paraview.hosted import arrays_to_points
+from spacemap_vtk.paraview.stages import arrays_to_points
 
 
 def test_arrays_ride_along_to_the_surface() -> None:

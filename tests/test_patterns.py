@@ -144,7 +144,7 @@ def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
     [
         ("", "the file is empty"),
         ("10\n\n011", "line 3 has 3 ends, but line 1 has 2"),
-        ("10\n0é", "line 2: .* is no crossing; allowed: 1, # or X"),
+        ("10\n0é", "line 2: .* is not a crossing; allowed: 1, # or X"),
     ],
 )
 def test_a_bad_text_is_refused_with_file_and_line(text: str, said: str, tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_a_gray_or_transparent_picture(tmp_path: Path) -> None:
 
 def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for ending in (".png", ".txt", ".wif"):
-        with pytest.raises(InputError, match=f"none{ending}: the draft can't be read"):
+        with pytest.raises(InputError, match=f"none{ending}: the draft cannot be read"):
             read_draft(tmp_path / f"none{ending}")
     file = tmp_path / "text.png"
     file.write_text("10\n01\n")
@@ -220,7 +220,7 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
     assert found.loom is not None
     assert found.loom.liftplan == ((1, 3), (2, 4), (), (3,))
     assert drawdown.rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
-    assert found.warnings[0].endswith("one straight draw over its 4 shafts is woven")
+    assert found.warnings[0].endswith("a straight draw over its 4 shafts is assumed")
     assert found.title == "dobby"
 
 
@@ -228,9 +228,9 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
     ("text", "said"),
     [
         ("1: 1,3\n3: 2\n", "line 2: pick 3 comes after pick 1"),
-        ("12\n23\n", "are these shafts 2, 3, or is it shaft 23"),
+        ("12\n23\n", "23 may mean shaft 23, or shafts 2, 3"),
         ("1,99\n", "shafts 9, 9"),
-        ("1,2 x\n", '"2" is no crossing'),
+        ("1,2 x\n", '"2" is not a crossing'),
     ],
 )
 def test_what_is_no_liftplan(tmp_path: Path, text: str, said: str) -> None:

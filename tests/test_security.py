@@ -20,7 +20,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.file_references import file_references
-from spacemap_vtk.io.formats.pictures import decoded
+from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.jobs.frames import KeptFrames
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
@@ -234,7 +234,7 @@ def test_a_picture_is_no_program(monkeypatch):
     assert ran
     ran.clear()
     with pytest.raises(InputError, match="no picture"):
-        decoded(text, lambda width, height: None)
+        decode_picture(text, lambda width, height: None)
     assert ran == []
 
 

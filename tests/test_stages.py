@@ -222,9 +222,9 @@ def test_stages_added_in_one_place_are_told_by_the_command_line(
 
 @pytest.mark.usefixtures("toys")
 def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
-    from spacemap_vtk.paraview.hosted import proxies
+    from spacemap_vtk.paraview.stages import make_proxies
 
-    made = proxies()
+    made = make_proxies()
     xml = made["Shear"]._pvsm_proxy_xml
     assert 'name="Shear"' in xml
     assert 'command="set_rate"' in xml

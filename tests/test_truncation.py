@@ -10,8 +10,8 @@ import pyvista as pv
 
 from spacemap_vtk import ObjectSource
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.formats.exodus import is_cut_off as netcdf_is_cut_off
-from spacemap_vtk.io.formats.vtk_legacy import is_cut_off as legacy_is_cut_off
+from spacemap_vtk.io.formats.exodus import is_truncated as netcdf_is_cut_off
+from spacemap_vtk.io.formats.vtk_legacy import is_truncated as legacy_is_cut_off
 
 
 def ball() -> pv.PolyData:

@@ -199,7 +199,7 @@ def test_what_a_format_cannot_hold_is_told(open_scene: Any, tmp_path: Path) -> N
     file = tmp_path / "twill.dtx"
     window.exports.start("draft", file)
     wait_until(lambda: str(file) in done)
-    assert "a .dtx has no thickness" in window.errors.text
+    assert "a .dtx cannot store a thickness" in window.errors.text
     assert b"@@Threading" in file.read_bytes()
     window.exports.start("draft", file.with_suffix(".wif"))
     wait_until(lambda: len(done) == 2)

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.formats.toml import format_value, parsed
+from spacemap_vtk.io.formats.toml import format_value, parse_toml
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.places import SIDES
 from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
@@ -419,6 +419,6 @@ def load_vectors(
 
 def _from_text(text: str) -> Any:
     try:
-        return parsed(f"value = {text or '[]'}")["value"]
+        return parse_toml(f"value = {text or '[]'}")["value"]
     except ValueError as error:
         raise InputError(f"not a list of tables: {error}") from None

@@ -23,7 +23,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from spacemap_vtk.datasets.arrays import add_array, colors_in, to_array, to_image
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.formats.pictures import decoded
+from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bytes
 
@@ -76,7 +76,7 @@ def read_picture(path: Path) -> Pixels:
     if find_spec("PIL") is None:  # in ParaView's Python
         return _read_with_vtk(path)
     try:
-        image = decoded(path.read_bytes(), _check_size)
+        image = decode_picture(path.read_bytes(), _check_size)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}", key="texture") from None
     except InputError as error:

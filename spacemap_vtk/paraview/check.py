@@ -10,7 +10,7 @@ def main() -> None:
 
     if not hasattr(simple, "WeaveSource"):
         sys.exit("ParaView has not loaded the plugin: is PV_PLUGIN_CONFIG_FILE set?")
-    from spacemap_vtk.paraview.hosted import PROXIES
+    from spacemap_vtk.paraview.stages import PROXIES
 
     weave = simple.WeaveSource(Ends=3, Picks=3)
     cage = simple.TetraCage(Input=weave, Divisions=[2, 2, 1], Order=2)

@@ -14,21 +14,21 @@ from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Parameter, Real, Vector
-from spacemap_vtk.paraview.hosted import PROXIES
 from spacemap_vtk.paraview.property_xml import property_of
+from spacemap_vtk.paraview.stages import PROXIES
 
 _SCRIPTING = "paraview.servermanager"
 
 
-def prepare() -> None:
+def adapt_scripting() -> None:
     """Let scripts set what the filters accept: numbers for texts, units, None."""
     if _SCRIPTING in sys.modules:
-        _adapt(sys.modules[_SCRIPTING])
+        _adapt_scripting(sys.modules[_SCRIPTING])
     else:
-        sys.meta_path.insert(0, _WhenImported())
+        sys.meta_path.insert(0, _ImportHook())
 
 
-class _WhenImported(MetaPathFinder):
+class _ImportHook(MetaPathFinder):
     """Finder that adapts ParaView's scripting on import; an import here would change ParaView."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
@@ -43,18 +43,18 @@ class _WhenImported(MetaPathFinder):
         def execute_and_adapt(module: Any) -> None:
             execute(module)
             if module.__name__ == _SCRIPTING:  # one loader may serve many modules
-                _adapt(module)
+                _adapt_scripting(module)
 
         spec.loader.exec_module = execute_and_adapt  # type: ignore[method-assign]
         return spec
 
 
-def _adapt(servermanager: Any) -> None:
+def _adapt_scripting(servermanager: Any) -> None:
     """Accept ``weave.WarpDiameter = 0.25e-3``, and explain what is wrong with ``Ends = "many"``."""
     original = servermanager.Proxy.SetPropertyWithName
 
     def set_property(self: Any, name: str, value: Any) -> Any:
-        parameter: Any = _parameter(self, name)
+        parameter: Any = _parameter_of(self, name)
         # A text property accepts any text, and only the stage would report what is wrong with it.
         written = isinstance(value, str) and isinstance(parameter, (Real, Vector))
         if not written:
@@ -77,7 +77,7 @@ def _adapt(servermanager: Any) -> None:
     servermanager.Proxy.SetPropertyWithName = set_property
 
 
-def _parameter(proxy: Any, name: str) -> Parameter[Any] | None:
+def _parameter_of(proxy: Any, name: str) -> Parameter[Any] | None:
     """Return the parameter from which a property was made, or None if it is not one of ours."""
     stage = PROXIES.get(proxy.GetXMLName())
     made = proxy.GetProperty(name)

@@ -26,11 +26,11 @@ if "spacemap_vtk" not in sys.modules:
 # These imports work only after `_import_package`.
 from spacemap_vtk import __version__  # noqa: E402
 from spacemap_vtk.paraview import client, rendering  # noqa: E402
-from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
+from spacemap_vtk.paraview.stages import PROXIES  # noqa: E402
 
-client.prepare()
+client.adapt_scripting()
 rendering.show_colors()
-rendering.guard_pictures()
+rendering.require_batch_display()
 
 # ParaView reads these names, and searches the module's attributes for classes with XML.
 paraview_plugin_name = "Space mapping"

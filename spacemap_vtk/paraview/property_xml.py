@@ -49,12 +49,12 @@ class Property(NamedTuple):
     """From a checked value to what ParaView's property takes: a number, a text, or a list."""
 
 
-def command(parameter: Parameter[Any]) -> str:
+def setter_name(parameter: Parameter[Any]) -> str:
     """Return the name of the method that sets a parameter."""
     return f"set_{parameter.name}"
 
 
-def title(parameter: Parameter[Any]) -> str:
+def property_label(parameter: Parameter[Any]) -> str:
     """Return a parameter's label in capitalised words; ParaView makes its Python name from it."""
     words = parameter.label.replace("colour", "color").split()
     return " ".join(word[:1].upper() + word[1:] for word in words)
@@ -62,27 +62,27 @@ def title(parameter: Parameter[Any]) -> str:
 
 def property_name(parameter: Parameter[Any]) -> str:
     """Return a parameter's name in ParaView's Python: the letters and digits of its title."""
-    return "".join(filter(str.isalnum, title(parameter)))
+    return "".join(filter(str.isalnum, property_label(parameter)))
 
 
 def property_of(parameter: Parameter[Any]) -> Property:
     """Make the ParaView property of a parameter."""
-    made = _kind_of(parameter)(parameter)
+    made = _property_maker(parameter)(parameter)
     made.xml.set("name", property_name(parameter))
-    made.xml.set("label", title(parameter))
-    made.xml.set("command", command(parameter))
+    made.xml.set("label", property_label(parameter))
+    made.xml.set("command", setter_name(parameter))
     SubElement(made.xml, "Documentation").text = parameter.describe()
     if parameter.automatic and parameter.optional:
         # ParaView ignores this for a file, because the field of a file cannot show such a text.
-        hint(made.xml, "PlaceholderText").text = parameter.show(None)
+        add_hint(made.xml, "PlaceholderText").text = parameter.show(None)
     return made
 
 
-def _kind_of(parameter: Parameter[Any]) -> Callable[[Any], Property]:
+def _property_maker(parameter: Parameter[Any]) -> Callable[[Any], Property]:
     # The exact type decides: a subclass may accept more than a number, as yarn counts do.
     kind, numbers = type(parameter), (Real, Integer)
     makers: dict[type, Callable[[Any], Property]]
-    makers = {Flag: _flag, Choice: _choice, FilePath: _file, PlainText: _plain}
+    makers = {Flag: _flag, Choice: _choice, FilePath: _file, PlainText: _plain_text}
     if isinstance(parameter, Vector) and type(parameter.component) in numbers:
         whole = kind is Vector and not parameter.optional and type(parameter.component) is Integer
         return _integers if whole else _vector
@@ -92,16 +92,16 @@ def _kind_of(parameter: Parameter[Any]) -> Callable[[Any], Property]:
 
 
 def _number(parameter: Real) -> Property:
-    xml = _numbers(parameter, [parameter.default])
-    _range(xml, parameter)
-    _labels(xml, [pretty(parameter.unit)])
+    xml = _number_vector(parameter, [parameter.default])
+    _add_range(xml, parameter)
+    _add_component_labels(xml, [pretty(parameter.unit)])
     return Property(xml, lambda value: value, lambda value: value)
 
 
 def _integers(parameter: Vector) -> Property:
-    xml = _numbers(parameter.component, parameter.default)
-    _range(xml, parameter.component)
-    _labels(xml, list(parameter.labels))
+    xml = _number_vector(parameter.component, parameter.default)
+    _add_range(xml, parameter.component)
+    _add_component_labels(xml, list(parameter.labels))
     return Property(xml, lambda *values: values, list)
 
 
@@ -142,30 +142,30 @@ def _choice(parameter: Choice) -> Property:
 
 
 def _file(parameter: FilePath) -> Property:
-    xml = _vector_property("String", [_bare(parameter.default)])
+    xml = _vector_property("String", [_to_text(parameter.default)])
     xml.set("animateable", "0")
     SubElement(xml, "FileListDomain", name="files")
-    return Property(xml, lambda path=None: path or None, _bare)
+    return Property(xml, lambda path=None: path or None, _to_text)
 
 
-def _plain(parameter: PlainText) -> Property:
-    xml = _vector_property("String", [_bare(parameter.default)])
-    return Property(xml, lambda text=None: text or (None if parameter.optional else ""), _bare)
+def _plain_text(parameter: PlainText) -> Property:
+    xml = _vector_property("String", [_to_text(parameter.default)])
+    return Property(xml, lambda text=None: text or (None if parameter.optional else ""), _to_text)
 
 
-def _bare(value: Any) -> str:
+def _to_text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
 def _text(parameter: Parameter[Any]) -> Property:
     return Property(
-        _vector_property("String", [_written(parameter, parameter.default)]),
-        lambda text=None: _read_text(parameter, text or ""),
-        lambda value: _written(parameter, value),
+        _vector_property("String", [_format_text(parameter, parameter.default)]),
+        lambda text=None: _parse_text(parameter, text or ""),
+        lambda value: _format_text(parameter, value),
     )
 
 
-def _written(parameter: Parameter[Any], value: Any) -> str:
+def _format_text(parameter: Parameter[Any], value: Any) -> str:
     """Return a value as a user would write it, without quotes if it needs none."""
     if value in _EMPTY:
         return ""
@@ -174,14 +174,14 @@ def _written(parameter: Parameter[Any], value: Any) -> str:
     # The shown value may be rounded; as JSON it is exact.
     for text in (bare, shown, json.dumps(value, default=str)):
         try:
-            if parameter.check(_read_text(parameter, text)) == value:
+            if parameter.check(_parse_text(parameter, text)) == value:
                 return text
         except InputError:
             continue
     raise ValueError(f"{parameter.name}: its show() writes {shown}, which its convert() refuses")
 
 
-def _read_text(parameter: Parameter[Any], text: str) -> Any:
+def _parse_text(parameter: Parameter[Any], text: str) -> Any:
     if text.strip() == "" and parameter.default in _EMPTY:
         return parameter.default
     try:
@@ -194,7 +194,7 @@ def _read_text(parameter: Parameter[Any], text: str) -> Any:
     return value
 
 
-def _numbers(component: Real, values: Iterable[Any]) -> Element:
+def _number_vector(component: Real, values: Iterable[Any]) -> Element:
     return _vector_property("Int" if isinstance(component, Integer) else "Double", list(values))
 
 
@@ -206,7 +206,7 @@ def _vector_property(kind: str, values: list[Any]) -> Element:
     )
 
 
-def _range(xml: Element, parameter: Real) -> None:
+def _add_range(xml: Element, parameter: Real) -> None:
     low = parameter.minimum if parameter.minimum is not None else parameter.above
     high = parameter.maximum if parameter.maximum is not None else parameter.below
     if low is not None and high is not None and high - low > _WIDEST_SLIDER:
@@ -223,15 +223,15 @@ def _range(xml: Element, parameter: Real) -> None:
         SubElement(xml, f"{'Int' if integer else 'Double'}RangeDomain", name="range", **bounds)
 
 
-def _labels(xml: Element, labels: list[str]) -> None:
+def _add_component_labels(xml: Element, labels: list[str]) -> None:
     """Show units next to the fields; in the property's label they would enter its Python name."""
     if any(labels):
-        shown = hint(xml, "ShowComponentLabels")
+        shown = add_hint(xml, "ShowComponentLabels")
         for number, label in enumerate(labels):
             SubElement(shown, "ComponentLabel", component=str(number), label=label)
 
 
-def hint(xml: Element, name: str) -> Element:
+def add_hint(xml: Element, name: str) -> Element:
     """Add a hint to a property, in its only Hints element: of several ParaView reads the last."""
     hints = xml.find("Hints")
     return SubElement(SubElement(xml, "Hints") if hints is None else hints, name)

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.registry import reader_endings, readers
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.paraview.property_xml import hint, property_name, property_of
+from spacemap_vtk.paraview.property_xml import add_hint, property_name, property_of
 
 CATEGORY = "Space mapping"
 #: Least number of parameters with the same first word that form a group.
@@ -27,7 +27,7 @@ _ICONS = {
 }
 
 
-class FileType(NamedTuple):
+class FileParameter(NamedTuple):
     """The file parameter of a source, which makes it a reader."""
 
     parameter: str
@@ -36,7 +36,7 @@ class FileType(NamedTuple):
     """A key of `spacemap_vtk.io.registry.READ`."""
 
 
-def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None = None) -> str:
+def proxy_xml(stage: type[Stage], label: str, path: str, file: FileParameter | None = None) -> str:
     """Return the XML that describes a stage to ParaView."""
     root = Element("ServerManagerConfiguration")
     group = SubElement(root, "ProxyGroup", name="filters" if stage.inputs else "sources")
@@ -51,7 +51,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
     documentation = SubElement(proxy, "Documentation", short_help=summary, long_help=summary)
     documentation.text = " ".join(text.split())
     for port, (name, kind) in enumerate(zip(stage.input_names, stage.inputs, strict=False)):
-        _input(proxy, port, name, kind)
+        _add_input(proxy, port, name, kind)
     names = {name: property_name(p) for name, p in stage.parameters.items()}
     if file is not None:
         names[file.parameter] = "FileName"  # ParaView finds the property of the file by this name
@@ -61,13 +61,13 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
             xml.set("name", "FileName")
             xml.set("label", "File Name")
         for key, values in parameter.when.items():
-            _show_when(
+            _add_visibility(
                 xml, names[key], [property_of(stage.parameters[key]).write(v) for v in values]
             )
         proxy.append(xml)
     if stage.time_range is not Stage.time_range:
-        _times(proxy)
-    for heading, members in groups(stage.parameters).items():
+        _add_time_properties(proxy)
+    for heading, members in property_groups(stage.parameters).items():
         box = SubElement(proxy, "PropertyGroup", label=heading)
         for parameter in members:
             SubElement(box, "Property", name=names[parameter.name])
@@ -84,7 +84,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
     return tostring(root, encoding="unicode")
 
 
-def groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
+def property_groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
     """Return the parameters that are shown in groups, by the heading of the group."""
     firsts = Counter(name.split("_")[0] for name, p in parameters.items() if not p.group)
     made: dict[str, list[Parameter]] = {}
@@ -98,7 +98,7 @@ def groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
     return made
 
 
-def _input(proxy: Element, port: int, name: str, kind: str) -> None:
+def _add_input(proxy: Element, port: int, name: str, kind: str) -> None:
     xml = SubElement(
         proxy, "InputProperty", name=name, command="SetInputConnection", port_index=str(port)
     )
@@ -109,9 +109,9 @@ def _input(proxy: Element, port: int, name: str, kind: str) -> None:
     SubElement(types, "DataType", value=kind)
 
 
-def _show_when(xml: Element, key: str, values: list[Any]) -> None:
+def _add_visibility(xml: Element, key: str, values: list[Any]) -> None:
     """Show a property only if another has one of these values; without values, if it has any."""
-    shown = hint(xml, "PropertyWidgetDecorator")
+    shown = add_hint(xml, "PropertyWidgetDecorator")
     shown.attrib |= {"type": "GenericDecorator", "mode": "visibility", "property": key}
     if len(values) < 2:
         shown.attrib |= {"value": str(*values), "inverse": str(int(not values))}
@@ -119,7 +119,7 @@ def _show_when(xml: Element, key: str, values: list[Any]) -> None:
         shown.set("values", " ".join(map(str, values)))
 
 
-def _times(proxy: Element) -> None:
+def _add_time_properties(proxy: Element) -> None:
     """Give ParaView's clock the times that the stage reports."""
     for name, helper in (
         ("TimestepValues", "TimeStepsInformationHelper"),

@@ -27,20 +27,20 @@ from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
 
 _NAME = 4  # index of the array's name in the property ColorArrayName
 #: Global ids of the proxies that are observed.
-_followed: set[int] = set()
+_observed: set[int] = set()
 #: Whether a representation is opaque, by its global id, as all processes know it.
-_told: dict[int, bool] = {}
+_opaque_by_id: dict[int, bool] = {}
 
 
 def show_colors() -> None:
     """Set *Map Scalars* of each new representation, and again whenever its array changes."""
     # It is unticked for three components of unsigned char named ``color``, which `WeaveSource` has,
     # and ticked for all other arrays. A user's choice stays until another array is chosen.
-    observers = {"representations": _follow, "scalar_bars": _follow_legend}
-    _at_each_proxy(("PROCESS_CLIENT", "PROCESS_BATCH"), observers)
+    observers = {"representations": _follow_representation, "scalar_bars": _follow_legend}
+    _observe_proxies(("PROCESS_CLIENT", "PROCESS_BATCH"), observers)
 
 
-def _at_each_proxy(
+def _observe_proxies(
     processes: Sequence[str], observers: Mapping[str, Callable[[Any], object]]
 ) -> None:
     """Observe each new proxy of some groups, in processes of some types."""
@@ -53,9 +53,9 @@ def _at_each_proxy(
     def registered_one(manager: Any, _event: str) -> None:
         session = manager.GetActiveSessionProxyManager()
         for group, observe in observers.items() if session is not None else ():
-            for proxy in registered(session, group):
-                if proxy.GetGlobalID() not in _followed:
-                    _followed.add(proxy.GetGlobalID())
+            for proxy in registered_proxies(session, group):
+                if proxy.GetGlobalID() not in _observed:
+                    _observed.add(proxy.GetGlobalID())
                     observe(proxy)
 
     types = [getattr(vtkProcessModule, name) for name in processes]
@@ -63,7 +63,7 @@ def _at_each_proxy(
         vtkSMProxyManager.GetProxyManager().AddObserver("RegisterEvent", registered_one)
 
 
-def registered(session: Any, group: str) -> Iterator[Any]:
+def registered_proxies(session: Any, group: str) -> Iterator[Any]:
     """Yield the proxies of a group."""
     from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
 
@@ -76,7 +76,7 @@ def registered(session: Any, group: str) -> Iterator[Any]:
         iterator.Next()
 
 
-def _weak(proxy: Any) -> Callable[[], Any]:
+def _weak_reference(proxy: Any) -> Callable[[], Any]:
     """Return a function that returns a proxy while it exists."""
     # Python's collector would delete an observer that refers to the object that it observes.
     kept = vtkWeakReference()
@@ -84,11 +84,11 @@ def _weak(proxy: Any) -> Callable[[], Any]:
     return kept.Get
 
 
-def _follow(proxy: Any) -> None:
+def _follow_representation(proxy: Any) -> None:
     array, mapped = proxy.GetProperty("ColorArrayName"), proxy.GetProperty("MapScalars")
     if array is None or mapped is None or not hasattr(array, "GetElement"):
         return
-    alive = _weak(proxy)
+    alive = _weak_reference(proxy)
 
     def adjust(caller: Any, event: str) -> None:
         name, representation = caller.GetElement(_NAME), alive()
@@ -99,7 +99,7 @@ def _follow(proxy: Any) -> None:
 
     def tell(caller: Any, event: str) -> None:
         if (representation := alive()) is not None:
-            _tell_opaque(representation)
+            _send_opacity(representation)
 
     array.AddObserver("ModifiedEvent", adjust)
     adjust(array, "")
@@ -108,7 +108,7 @@ def _follow(proxy: Any) -> None:
     tell(mapped, "")
 
 
-def _tell_opaque(proxy: Any) -> None:
+def _send_opacity(proxy: Any) -> None:
     """Inform all processes whether a representation is opaque."""
     hides = (
         not proxy.GetProperty("MapScalars").GetElement(0)
@@ -116,11 +116,11 @@ def _tell_opaque(proxy: Any) -> None:
         and _has_colors(proxy)
     )
     number, session = proxy.GetGlobalID(), proxy.GetSessionProxyManager()
-    if _told.get(number, False) == hides:
+    if _opaque_by_id.get(number, False) == hides:
         return
-    _told[number] = hides
+    _opaque_by_id[number] = hides
     # The client sets its actor directly, and those of its server through a proxy of this plugin.
-    _force(number, hides)
+    _set_actor_opaque(number, hides)
     if (teller := session.NewProxy("sources", OPAQUE)) is not None:
         for place, value in enumerate((number, int(hides))):
             teller.GetProperty("Opaque").SetElement(place, value)
@@ -128,11 +128,11 @@ def _tell_opaque(proxy: Any) -> None:
 
 
 def _follow_legend(proxy: Any) -> None:
-    alive = _weak(proxy)
+    alive = _weak_reference(proxy)
 
     def hide(caller: Any, event: str) -> None:
         legend = alive()
-        if legend is not None and caller.GetElement(0) and not _maps(legend):
+        if legend is not None and caller.GetElement(0) and not _uses_color_map(legend):
             caller.SetElement(0, 0)
 
     shown = proxy.GetProperty("Visibility")
@@ -140,18 +140,18 @@ def _follow_legend(proxy: Any) -> None:
     hide(shown, "")
 
 
-def _maps(legend: Any) -> bool:
+def _uses_color_map(legend: Any) -> bool:
     """Return whether anything uses a legend's colour map; True if this is not known."""
-    table = _table(legend)
+    table = _color_map_id(legend)
     mapped = [
         bool(proxy.GetProperty("MapScalars").GetElement(0))
-        for proxy in registered(legend.GetSessionProxyManager(), "representations")
-        if proxy.GetProperty("MapScalars") is not None and _table(proxy) == table
+        for proxy in registered_proxies(legend.GetSessionProxyManager(), "representations")
+        if proxy.GetProperty("MapScalars") is not None and _color_map_id(proxy) == table
     ]
     return table is None or any(mapped) or not mapped
 
 
-def _table(proxy: Any) -> int | None:
+def _color_map_id(proxy: Any) -> int | None:
     """Return the global id of the colour map of a legend or representation."""
     own = proxy.GetProperty("LookupTable")
     table = own.GetProxy(0) if own is not None and own.GetNumberOfProxies() else None
@@ -176,10 +176,10 @@ def _has_colors(representation: Any) -> bool:
     )
 
 
-def guard_pictures() -> None:
+def require_batch_display() -> None:
     """Prevent the views of a batch from drawing unless all of its processes can."""
     observe = methodcaller("AddObserver", "StartEvent", _require_display)
-    _at_each_proxy(("PROCESS_BATCH",), {"views": observe})
+    _observe_proxies(("PROCESS_BATCH",), {"views": observe})
 
 
 def _require_display(view: Any, event: str) -> None:
@@ -219,14 +219,14 @@ class SpacemapOpaque(VTKPythonAlgorithmBase):
 
     def set_opaque(self, number: int, opaque: int) -> None:
         """Set whether a representation's actor is opaque; `number` is the global id."""
-        _force(number, bool(opaque))
+        _set_actor_opaque(number, bool(opaque))
 
 
 #: Actors of this process that were set to opaque, by the global id of their representation.
-_forced: dict[int, vtkWeakReference] = {}
+_opaque_actors: dict[int, vtkWeakReference] = {}
 
 
-def _force(number: int, opaque: bool) -> None:
+def _set_actor_opaque(number: int, opaque: bool) -> None:
     """Make a representation's surface opaque whatever its colours are, or undo this."""
     # These imports define the classes of the session's objects; where no script runs, nothing else
     # imports them. If only one process took its surface for opaque, it would wait for the others
@@ -237,7 +237,7 @@ def _force(number: int, opaque: bool) -> None:
 
     if not opaque:
         # Undo it for the same actor: another kind of representation may have been chosen since.
-        actor = _forced.pop(number).Get() if number in _forced else None
+        actor = _opaque_actors.pop(number).Get() if number in _opaque_actors else None
         if actor is not None:
             actor.ForceOpaqueOff()
         return
@@ -248,5 +248,5 @@ def _force(number: int, opaque: bool) -> None:
     actor = getattr(shown, "GetActor", lambda: None)()
     if actor is not None:
         actor.ForceOpaqueOn()
-        _forced[number] = vtkWeakReference()
-        _forced[number].Set(actor)
+        _opaque_actors[number] = vtkWeakReference()
+        _opaque_actors[number].Set(actor)

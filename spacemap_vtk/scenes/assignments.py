@@ -62,7 +62,7 @@ def parsed(assignment: str) -> tuple[str, str, str]:
 def value_of(text: str) -> Any:
     """Parse a value as in a scene file; quotes may be left out."""
     try:
-        return toml.parsed(f"value = {text}")["value"]
+        return toml.parse_toml(f"value = {text}")["value"]
     except ValueError:
         return text.strip()
 

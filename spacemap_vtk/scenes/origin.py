@@ -13,7 +13,7 @@ from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.file_references import file_references
-from spacemap_vtk.io.formats.toml import format_scene, parsed
+from spacemap_vtk.io.formats.toml import format_scene, parse_toml
 from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.io.series import is_pattern, matching_files, open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
@@ -86,7 +86,7 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
         )
     folder = folders[faults.index(None)]
     try:
-        values = parsed(record.scene)
+        values = parse_toml(record.scene)
     except ValueError as error:
         raise InputError(f"the scene in its record is damaged: {error}") from None
     inputs = [folder / name for name in record.inputs]

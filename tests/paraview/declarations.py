@@ -5,8 +5,8 @@ import re
 from paraview import servermanager, simple
 
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.paraview.hosted import PROXIES
 from spacemap_vtk.paraview.property_xml import property_name
+from spacemap_vtk.paraview.stages import PROXIES
 
 
 def check(name: str, stage: type[Stage]) -> None:

@@ -14,8 +14,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.paraview.hosted import PROXIES
 from spacemap_vtk.paraview.property_xml import property_name
+from spacemap_vtk.paraview.stages import PROXIES
 
 scenes, folder = (Path(argument) for argument in sys.argv[1:3])
 DRAFT, SHEET = scenes / "32-shaft_twill.wif", scenes / "calculix" / "sheet.pvd"

@@ -11,9 +11,14 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError, MissingLibraryError, Remark
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.drafts.draft_bytes import LOOSE, check_size, content, loose_notes
+from spacemap_vtk.io.drafts.draft_bytes import (
+    LOOSE_THREAD,
+    check_size,
+    loose_thread_warnings,
+    read_draft_bytes,
+)
 from spacemap_vtk.io.drafts.wif import read_wif
-from spacemap_vtk.io.formats.pictures import decoded
+from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.drafts.drawdown import rows
@@ -22,12 +27,12 @@ from spacemap_vtk.textile.drafts.loom import Loom
 #: Characters that mean a crossing in a row: True where the end lies over the pick.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
 #: A line of a liftplan, such as "1,3" or "2: 1 3 5"; 0 or a dash lifts nothing.
-_LIST = re.compile(r"(?:([0-9]{1,6})\s*[:.)]\s*)?(-|[0-9]{1,3}(?:[\s,;+]+[0-9]{1,3})*)")
-_LIST_CURE = "Write a line for each pick, its shafts with commas between them"
+_SHAFT_LIST = re.compile(r"(?:([0-9]{1,6})\s*[:.)]\s*)?(-|[0-9]{1,3}(?:[\s,;+]+[0-9]{1,3})*)")
+_LIST_CURE = "Write one line for each pick, with commas between the shafts."
 #: Most shafts of a dobby loom.
 _MOST_SHAFTS = 64
 #: Characters that may separate the crossings of a row.
-_APART = str.maketrans("", "", " \t,;")
+_SEPARATORS = str.maketrans("", "", " \t,;")
 
 
 def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
@@ -46,13 +51,13 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
     (ends, picks), (more_ends, more_picks) = small.size, draft.size
     # The offer below covers the threads that can be cut off; others within the cloth may float too.
     assert small.loom is not None
-    kept = [text for text in draft.warnings if LOOSE not in text]
-    within = loose_notes(small.loom)
+    kept = [text for text in draft.warnings if LOOSE_THREAD not in text]
+    within = loose_thread_warnings(small.loom)
     if trim:
         return replace(small, warnings=(*kept, *within))
     offer = (
-        f"of {more_ends} x {more_picks} yarns {ends} x {picks} are woven; the others are ends "
-        "in no heddle and picks without a shed. --set weave.trim=true leaves them out"
+        f"only {ends} x {picks} of {more_ends} x {more_picks} yarns are woven; the other ends are "
+        "in no heddle, the other picks in no shed. --set weave.trim=true leaves them out"
     )
     return replace(draft, warnings=(*kept, *within, offer))
 
@@ -60,11 +65,13 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
 def read_rows(path: Path) -> Draft:
     """Read a drawdown from rows of text; a text that is a liftplan or a WIF is read as such."""
     # Latin-1 decodes any byte; characters that no row may have are refused later, with their line.
-    text = content(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+    text = read_draft_bytes(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     if any(line.lstrip().startswith("[") for line in text.splitlines()):
         return read_wif(path)
     # A liftplan: each line is a list of shafts, and not all lines are rows of 0 and 1.
-    if re.search("[2-9]", text) and all(_LIST.fullmatch(line) for _, line in _lines(text)):
+    if re.search("[2-9]", text) and all(
+        _SHAFT_LIST.fullmatch(line) for _, line in _numbered_lines(text)
+    ):
         return parse_liftplan(text, path.stem)
     return Draft(parse_rows(text), title=path.stem)
 
@@ -74,10 +81,10 @@ def parse_rows(text: str) -> Bools:
     rows: list[str] = []
     first = 0
     for number, line in enumerate(text.splitlines(), start=1):
-        cells = line.translate(_APART)
+        cells = line.translate(_SEPARATORS)
         if unknown := set(cells) - _CELLS.keys():
             raise InputError(
-                f'line {number}: "{min(unknown, key=cells.index)}" is no crossing',
+                f'line {number}: "{min(unknown, key=cells.index)}" is not a crossing',
                 allowed="1, # or X (end over pick), 0, . or - (end under pick)",
             )
         if not cells:
@@ -85,7 +92,7 @@ def parse_rows(text: str) -> Bools:
         if rows and len(cells) != len(rows[0]):
             raise InputError(
                 f"line {number} has {len(cells)} ends, but line {first} has {len(rows[0])}",
-                cure="Give every line as many characters",
+                cure="Give every line the same number of characters.",
             )
         first = first or number
         rows.append(cells)
@@ -98,8 +105,8 @@ def parse_rows(text: str) -> Bools:
 def parse_liftplan(text: str, title: str = "") -> Draft:
     """Read a liftplan as people type it; its threading is assumed to be a straight draw."""
     picks: list[tuple[int, ...]] = []
-    for number, line in _lines(text):
-        match = _LIST.fullmatch(line)
+    for number, line in _numbered_lines(text):
+        match = _SHAFT_LIST.fullmatch(line)
         assert match is not None
         pick, shafts = match.groups()
         if pick is not None and int(pick) != len(picks) + 1:
@@ -110,19 +117,19 @@ def parse_liftplan(text: str, title: str = "") -> Draft:
     most = max((shaft for lifted in picks for shaft in lifted), default=0)
     if most > _MOST_SHAFTS or (most > 9 and all(len(lifted) < 2 for lifted in picks)):
         raise InputError(
-            f"are these shafts {', '.join(str(most))}, or is it shaft {most}?",
+            f"{most} may mean shaft {most}, or shafts {', '.join(str(most))}",
             allowed=f"shafts from 1 to {_MOST_SHAFTS}",
             cure=_LIST_CURE,
         )
     check_size(most, len(picks))
     loom = Loom(tuple((shaft,) for shaft in range(1, most + 1)), liftplan=tuple(picks))
-    told = Remark(
-        f"a liftplan says no threading: one straight draw over its {most} shafts is woven"
+    remark = Remark(
+        f"a liftplan has no threading: a straight draw over its {most} shafts is assumed"
     )
-    return Draft(loom.drawdown(), loom, title=title, warnings=(told,))
+    return Draft(loom.drawdown(), loom, title=title, warnings=(remark,))
 
 
-def _lines(text: str) -> list[tuple[int, str]]:
+def _numbered_lines(text: str) -> list[tuple[int, str]]:
     found = ((number, line.strip()) for number, line in enumerate(text.splitlines(), 1))
     return [(number, line) for number, line in found if line]
 
@@ -133,17 +140,18 @@ def read_picture(path: Path) -> Draft:
         from PIL import Image
     except ImportError:
         raise MissingLibraryError(
-            f"{path}: pictures need Pillow, which is not installed", cure='Try "pip install pillow"'
+            f"{path}: pictures need Pillow, which is not installed",
+            cure='Run "pip install pillow".',
         ) from None
-    seen = decoded(content(path), check_size).convert("RGBA")
-    white = Image.new("RGBA", seen.size, "white")
-    gray = np.asarray(Image.alpha_composite(white, seen).convert("L"))
+    picture = decode_picture(read_draft_bytes(path), check_size).convert("RGBA")
+    white = Image.new("RGBA", picture.size, "white")
+    gray = np.asarray(Image.alpha_composite(white, picture).convert("L"))
     between = np.count_nonzero((gray > 16) & (gray < 239))
-    told = (
+    warning = (
         f"{path.name}: {between} of {gray.size} pixels are neither black nor white; those darker "
-        "than middle grey are taken for black"
+        "than middle grey are read as black"
     )
-    return Draft(gray[::-1] < 128, title=path.stem, warnings=(told,) if between else ())
+    return Draft(gray[::-1] < 128, title=path.stem, warnings=(warning,) if between else ())
 
 
 def format_rows(draft: Draft) -> bytes:
@@ -151,7 +159,7 @@ def format_rows(draft: Draft) -> bytes:
     return "".join(f"{row}\n" for row in rows(draft.drawdown)).encode()
 
 
-def rows_lose(draft: Draft) -> list[str]:
+def row_losses(draft: Draft) -> list[str]:
     """Return sentences about what rows of 0 and 1 cannot store of a draft."""
     held = {
         "threading and treadling": draft.loom != Loom.from_drawdown(draft.drawdown),
@@ -163,4 +171,4 @@ def rows_lose(draft: Draft) -> list[str]:
         ),
     }
     lost = [what for what, there in held.items() if there]
-    return [f"rows of 0 and 1 hold the drawdown alone: no {', no '.join(lost)}"] if lost else []
+    return [f"rows of 0 and 1 store only the drawdown: no {', no '.join(lost)}"] if lost else []

@@ -23,33 +23,33 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.io.drafts.draft_bytes import MAX_CROSSINGS, content, loose_threads
+from spacemap_vtk.io.drafts.draft_bytes import MAX_CROSSINGS, loose_threads, read_draft_bytes
 from spacemap_vtk.io.drafts.wif_text import (
     MAX_LENGTH,
     MAX_NUMBER,
     Entry,
-    Notes,
+    WarningList,
     WifText,
-    boolean,
-    count,
-    decimal,
     decode,
-    numbers,
+    parse_boolean,
+    parse_count,
+    parse_decimal,
+    parse_numbers,
 )
 from spacemap_vtk.io.drafts.wif_threads import read_colors, read_lengths
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
 
-# Lists of a section: entry and numbers by thread or treadle.
-_Found = dict[int, tuple[Entry, tuple[int, ...]]]
+#: Lists of a section: entry and numbers by thread or treadle.
+_RowEntries = dict[int, tuple[Entry, tuple[int, ...]]]
 
-_CURE = "Check that it is a whole WIF file, or export it again from the weaving program"
+_CURE = "Check that the WIF file is complete, or export it again from the weaving program."
 
 
 def read_wif(path: str | os.PathLike[str]) -> Draft:
     """Read a Weaving Information File."""
     try:
-        return parse_wif(content(Path(path)))
+        return parse_wif(read_draft_bytes(Path(path)))
     except InputError as error:
         error.file = os.fsdecode(path)
         raise
@@ -58,12 +58,12 @@ def read_wif(path: str | os.PathLike[str]) -> Draft:
 def parse_wif(data: str | bytes) -> Draft:
     """Read a Weaving Information File from its content."""
     if len(data) > MAX_LENGTH:
-        raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes", cure=_CURE)
-    notes = Notes()
-    text = WifText(decode(data, notes) if isinstance(data, bytes) else data, notes)
+        raise SizeError("the file is too large", allowed=f"up to {MAX_LENGTH} bytes", cure=_CURE)
+    warnings = WarningList()
+    text = WifText(decode(data, warnings) if isinstance(data, bytes) else data, warnings)
     if not {"WEAVING", "WARP", "WEFT", "THREADING", "TREADLING", "LIFTPLAN"} & set(text.sections):
-        raise _missing(text, "section of a draft up to the end of the file")
-    _check_head(text)
+        raise _missing_error(text, "the file has no section of a draft")
+    _check_header(text)
     loom = _read_loom(text)
     ends, picks = len(loom.threading), len(loom.sheds())
     colors = read_colors(text, ends, picks)
@@ -78,35 +78,35 @@ def parse_wif(data: str | bytes) -> Draft:
     title = text.entry("TEXT", "title")
     return Draft(
         *(loom.drawdown(), loom, warp, weft, title.value if title else ""),
-        warnings=notes.texts(),
+        warnings=warnings.texts(),
         besides=text.besides,
     )
 
 
-def _missing(text: WifText, what: str, section: str = "") -> InputError:
+def _missing_error(text: WifText, message: str, section: str = "") -> InputError:
     """Return the error for a missing part, with the line of the section or the last line."""
     line = text.sections[section].line if section in text.sections else text.last
     allowed = "a draft in the WIF format, version 1.1"
-    return InputError(f"line {line}: there is no {what}", allowed=allowed, cure=_CURE)
+    return InputError(f"line {line}: {message}", allowed=allowed, cure=_CURE)
 
 
-def _check_head(text: WifText) -> None:
+def _check_header(text: WifText) -> None:
     """Add one warning for all faults of [WIF] and [CONTENTS], which hold nothing essential."""
     found: list[tuple[int, str]] = []
     if "WIF" not in text.sections:
-        found.append((1, "there is no [WIF]; read as version 1.1"))
+        found.append((1, "section [WIF] is missing; version 1.1 is assumed"))
     else:
         version = text.entry("WIF", "version")
         value = version.value if version else ""
-        if decimal(value) != decimal("1.1"):
-            what = f'Version "{value[:40]}" is' if value else "there is no Version;"
-            found.append((text.line("WIF", key="version"), f"{what} read as 1.1"))
+        if parse_decimal(value) != parse_decimal("1.1"):
+            what = f'Version "{value[:40]}" is unknown' if value else "[WIF] has no Version"
+            found.append((text.line("WIF", key="version"), f"{what}; version 1.1 is assumed"))
     contents = text.sections.get("CONTENTS")
     if contents is None:
-        found.append((1, "there is no [CONTENTS]"))
+        found.append((1, "section [CONTENTS] is missing"))
     else:
         entries = contents.entries.values()
-        listed = {entry.key.upper(): entry.line for entry in entries if boolean(entry.value)}
+        listed = {entry.key.upper(): entry.line for entry in entries if parse_boolean(entry.value)}
         there = {
             name: section.line
             for name, section in text.sections.items()
@@ -114,159 +114,173 @@ def _check_head(text: WifText) -> None:
         }
         lacking = {name: line for name, line in listed.items() if name not in text.sections}
         for names, lines, what in (
-            (list(lacking), lacking, "[CONTENTS] lists {}, not there"),
+            (list(lacking), lacking, "[CONTENTS] lists {}, but the file has no such section"),
             ([name for name in there if name not in listed], there, "[CONTENTS] does not list {}"),
         ):
             if names:
                 more = f" and {len(names) - 1} more" if names[1:] else ""
                 found.append((lines[names[0]], what.format(f"[{names[0][:40]}]{more}")))
     if found:
-        text.notes.add(min(line for line, _ in found), "; ".join(what for _, what in found))
+        text.warnings.add(min(line for line, _ in found), "; ".join(what for _, what in found))
 
 
 def _read_loom(text: WifText) -> Loom:
     """Read threading, tie-up, treadling, liftplan, and the numbers of ends and picks."""
-    threading = _rows(text, "THREADING")
-    if not _says_something(text, "WARP", threading):
-        raise _missing(text, "end threaded in [THREADING]", "THREADING")
-    tieup, treadling = _rows(text, "TIEUP"), _rows(text, "TREADLING")
-    liftplan = _rows(text, "LIFTPLAN")
+    threading = _read_rows(text, "THREADING")
+    if not _has_numbers(text, "WARP", threading):
+        raise _missing_error(text, "[THREADING] threads no end", "THREADING")
+    tieup, treadling = _read_rows(text, "TIEUP"), _read_rows(text, "TREADLING")
+    liftplan = _read_rows(text, "LIFTPLAN")
     treadled = _is_treadled(text, tieup, treadling, liftplan)
     pick_section, pick_rows = ("TREADLING", treadling) if treadled else ("LIFTPLAN", liftplan)
-    ends = _threads(text, "WARP", "THREADING", threading)
-    picks = _threads(text, "WEFT", pick_section, pick_rows)
+    ends = _thread_count(text, "WARP", "THREADING", threading)
+    picks = _thread_count(text, "WEFT", pick_section, pick_rows)
     if ends * picks > MAX_CROSSINGS:
         raise SizeError(
             f"line {text.line('WEFT', pick_section, key='threads')}: the cloth is too large",
             key="[WARP] Threads x [WEFT] Threads",
             value=f"{ends} x {picks}",
             allowed=f"up to {MAX_CROSSINGS} crossings",
-            cure="Cut the draft to one repeat",
+            cure="Cut the draft to one repeat.",
         )
     lifts = tieup if treadled else liftplan
-    treadles = _treadles(text, tieup, treadling) if treadled else 0
+    treadles = _treadle_count(text, tieup, treadling) if treadled else 0
     # Treadles that are tied to nothing are kept, so that a written draft has their lines again.
     tied = [treadle for treadle in tieup if treadle <= treadles]
     loom = Loom(
-        threading=_filled(text, threading, ends),
-        tieup=_dense(tieup, max(tied, default=0)) if treadled else (),
-        treadling=_filled(text, treadling, picks) if treadled else (),
-        liftplan=None if treadled else _filled(text, liftplan, picks),
+        threading=_fill_rows(text, threading, ends),
+        tieup=_to_rows(tieup, max(tied, default=0)) if treadled else (),
+        treadling=_fill_rows(text, treadling, picks) if treadled else (),
+        liftplan=None if treadled else _fill_rows(text, liftplan, picks),
         rising=_is_rising(text),
-        shafts=_loom_count(text, "shafts", [*_uses(threading), *_uses(lifts)]),
+        shafts=_loom_count(
+            text, "shafts", [*_largest_numbers(threading), *_largest_numbers(lifts)]
+        ),
         treadles=treadles,
     )
-    _note_floats(text, loom, threading, pick_rows, pick_section)
+    _warn_about_floats(text, loom, threading, pick_rows, pick_section)
     return loom
 
 
-def _rows(text: WifText, section: str) -> _Found:
+def _read_rows(text: WifText, section: str) -> _RowEntries:
     """Read a section of lists of shafts or treadles: entry and numbers by thread or treadle."""
     rows = {
-        index: (entry, numbers(entry, text.notes))
+        index: (entry, parse_numbers(entry, text.warnings))
         for index, entry in text.numbered(section).items()
     }
     if section == "TIEUP" and MAX_NUMBER + 1 in rows:
         entry, _ = rows[MAX_NUMBER + 1]
-        raise entry.refusal("too many treadles", f"treadles from 1 to {MAX_NUMBER}", SizeError)
+        raise entry.error("too many treadles", f"treadles from 1 to {MAX_NUMBER}", SizeError)
     return rows
 
 
-def _says_something(text: WifText, family: str, rows: _Found) -> bool:
+def _has_numbers(text: WifText, family: str, rows: _RowEntries) -> bool:
     """Return whether any thread of the cloth has a shaft or treadle in these rows."""
     entry = text.entry(family, "threads")
-    last = (count(entry) if entry else 0) or MAX_NUMBER
+    last = (parse_count(entry) if entry else 0) or MAX_NUMBER
     return any(found for index, (_, found) in rows.items() if index <= last)
 
 
-def _is_treadled(text: WifText, tieup: _Found, treadling: _Found, liftplan: _Found) -> bool:
+def _is_treadled(
+    text: WifText, tieup: _RowEntries, treadling: _RowEntries, liftplan: _RowEntries
+) -> bool:
     """Return whether tie-up and treadling define the sheds, and not the liftplan."""
-    pressed = _says_something(text, "WEFT", treadling)
-    lifted = _says_something(text, "WEFT", liftplan)
+    pressed = _has_numbers(text, "WEFT", treadling)
+    lifted = _has_numbers(text, "WEFT", liftplan)
     if pressed and tieup:
         if lifted:
-            what = "there are a treadling and a liftplan; the treadling is used"
-            text.notes.add(text.line("LIFTPLAN"), what)
+            what = "the file has a treadling and a liftplan; the treadling is used"
+            text.warnings.add(text.line("LIFTPLAN"), what)
         return True
     if not lifted:
         if not pressed:
-            raise _missing(text, "treadle in [TREADLING] and no shaft in [LIFTPLAN]", "TREADLING")
-        raise _missing(text, "tie-up in [TIEUP] for the treadling, and no [LIFTPLAN]", "TIEUP")
+            raise _missing_error(
+                text, "[TREADLING] presses no treadle and [LIFTPLAN] lifts no shaft", "TREADLING"
+            )
+        raise _missing_error(
+            text, "the treadling has no [TIEUP], and there is no [LIFTPLAN]", "TIEUP"
+        )
     if treadling:
         lack = "has no tie-up" if pressed else "presses no treadle"
-        text.notes.add(text.line("TREADLING"), f"the treadling {lack}; the liftplan is used")
+        text.warnings.add(text.line("TREADLING"), f"the treadling {lack}; the liftplan is used")
     return False
 
 
-def _threads(text: WifText, family: str, section: str, rows: _Found) -> int:
+def _thread_count(text: WifText, family: str, section: str, rows: _RowEntries) -> int:
     """Return the number of ends or picks; if it is not given, the last number in `section`."""
     entry = text.entry(family, "threads")
-    stated = count(entry) if entry else 0
+    stated = parse_count(entry) if entry else 0
     if stated:
         return stated
     last = max(rows)
     if last > MAX_NUMBER:
-        raise rows[last][0].refusal("too many threads", f"up to {MAX_NUMBER}", SizeError)
+        raise rows[last][0].error("too many threads", f"up to {MAX_NUMBER}", SizeError)
     line = text.line(family, section, key="threads")
-    text.notes.add(line, f"[{family}] has no Threads; {last} assumed, the last in [{section}]")
+    text.warnings.add(
+        line, f"[{family}] has no Threads; {last} is assumed, the last in [{section}]"
+    )
     return last
 
 
-def _filled(text: WifText, rows: _Found, threads: int) -> Rows:
+def _fill_rows(text: WifText, rows: _RowEntries, threads: int) -> Rows:
     """Return the numbers of each thread; a thread that the section leaves out has none."""
     for thread, (entry, found) in rows.items():
         if thread > threads and found:
             text.note_beyond(entry, threads)
-    return _dense(rows, threads)
+    return _to_rows(rows, threads)
 
 
-def _dense(rows: _Found, length: int) -> Rows:
+def _to_rows(rows: _RowEntries, length: int) -> Rows:
     return tuple(rows[index][1] if index in rows else () for index in range(1, length + 1))
 
 
 def _loom_count(text: WifText, key: str, uses: Sequence[tuple[Entry, int]]) -> int:
     """Return the number of shafts or treadles: the stated number, or more if more are used."""
     entry = text.entry("WEAVING", key)
-    stated = count(entry) if entry else 0
+    stated = parse_count(entry) if entry else 0
     used = max((number for _, number in uses), default=0)
     if not stated:
         line = text.line("WEAVING", "THREADING", key=key)
-        text.notes.add(line, f"[WEAVING] has no {key.title()}; {used} assumed, the most used")
+        text.warnings.add(
+            line, f"[WEAVING] has no {key.title()}; {used} is assumed, the highest used"
+        )
     for user, number in uses:
         if number > stated > 0:
-            what = f"{key[:-1]} {number} is beyond {key.title()}={stated}; taken as it is"
-            text.notes.add(user.line, f"[{user.section}] {what}", f"beyond {key} {user.section}")
+            what = f"{key[:-1]} {number} is above {key.title()}={stated}; it is used as given"
+            text.warnings.add(user.line, f"[{user.section}] {what}", f"beyond {key} {user.section}")
     return max(stated, used)
 
 
-def _uses(rows: _Found) -> list[tuple[Entry, int]]:
+def _largest_numbers(rows: _RowEntries) -> list[tuple[Entry, int]]:
     return [(entry, max(found)) for entry, found in rows.values() if found]
 
 
-def _treadles(text: WifText, tieup: _Found, treadling: _Found) -> int:
+def _treadle_count(text: WifText, tieup: _RowEntries, treadling: _RowEntries) -> int:
     for entry, pressed in treadling.values():
         if any(treadle not in tieup for treadle in pressed):
             loose = next(treadle for treadle in pressed if treadle not in tieup)
             what = f"treadle {loose} is pressed but has no tie-up; it moves no shaft"
-            text.notes.add(entry.line, what, "no tie-up", doubtful=True)
+            text.warnings.add(entry.line, what, "no tie-up", doubtful=True)
     ties = [(entry, treadle) for treadle, (entry, shafts) in tieup.items() if shafts]
-    return _loom_count(text, "treadles", [*ties, *_uses(treadling)])
+    return _loom_count(text, "treadles", [*ties, *_largest_numbers(treadling)])
 
 
 def _is_rising(text: WifText) -> bool:
     entry = text.entry("WEAVING", "rising shed")
-    rising = boolean(entry.value) if entry else None
+    rising = parse_boolean(entry.value) if entry else None
     if rising is None:
         line = text.line("WEAVING", "THREADING", key="rising shed")
-        what = "there is no Rising Shed"
+        what = "[WEAVING] has no Rising Shed"
         if entry:
             what = f'Rising Shed "{entry.value[:40]}" is neither true nor false'
-        text.notes.add(line, f"{what}; a rising shed is assumed")
+        text.warnings.add(line, f"{what}; a rising shed is assumed")
     return rising is not False
 
 
-def _note_floats(text: WifText, loom: Loom, threading: _Found, picks: _Found, section: str) -> None:
+def _warn_about_floats(
+    text: WifText, loom: Loom, threading: _RowEntries, picks: _RowEntries, section: str
+) -> None:
     for name, first, what in loose_threads(loom):
         found, where = (threading, "THREADING") if name == "end" else (picks, section)
         line = found[first][0].line if first in found else text.line(where)
-        text.notes.add(line, what, doubtful=True)
+        text.warnings.add(line, what, doubtful=True)

@@ -27,30 +27,36 @@ _LIST = re.compile(r"[0-9]+(?:[\s,]+[0-9]+)*")
 _TRUE = frozenset({"true", "on", "yes", "1", "t", "y"})
 _FALSE = frozenset({"false", "off", "no", "0", "f", "n"})
 
-_ONCE = ("THREADING", "TIEUP", "TREADLING", "LIFTPLAN", "COLOR PALETTE", "COLOR TABLE")
-_EACH = ("", " COLORS", " SPACING", " THICKNESS")
-_IDLE = (" SYMBOL PALETTE", " SYMBOL TABLE", " SYMBOLS", " SPACING ZOOM", " THICKNESS ZOOM")
+_SINGLE_SECTIONS = ("THREADING", "TIEUP", "TREADLING", "LIFTPLAN", "COLOR PALETTE", "COLOR TABLE")
+_FAMILY_PARTS = ("", " COLORS", " SPACING", " THICKNESS")
+_DROPPED_PARTS = (
+    " SYMBOL PALETTE",
+    " SYMBOL TABLE",
+    " SYMBOLS",
+    " SPACING ZOOM",
+    " THICKNESS ZOOM",
+)
 _FAMILIES = ("WARP", "WEFT")
 
 #: Sections whose entries are read.
 READ = frozenset(
-    {"WIF", "CONTENTS", "TEXT", "WEAVING", *_ONCE}.union(
-        family + part for family in _FAMILIES for part in _EACH
+    {"WIF", "CONTENTS", "TEXT", "WEAVING", *_SINGLE_SECTIONS}.union(
+        family + part for family in _FAMILIES for part in _FAMILY_PARTS
     )
 )
 #: Sections of the standard that show the threads or the cloth in another way. They are dropped,
 #: because they would be wrong after the draft is edited.
-PASSED = frozenset(
+DROPPED = frozenset(
     {"DESIGN", "BITMAP IMAGE", "BITMAP FILE", "BITMAP IMAGE DATA"}.union(
-        family + part for family in _FAMILIES for part in _IDLE
+        family + part for family in _FAMILIES for part in _DROPPED_PARTS
     )
 )
 #: Sections of the standard that say nothing about the cloth; their lines are not parsed.
-SKIPPED = PASSED | {"NOTES", "TRANSLATIONS"}
+SKIPPED = DROPPED | {"NOTES", "TRANSLATIONS"}
 
 
-class Notes:
-    """Warnings with their lines: one for each kind, with the number of cases."""
+class WarningList:
+    """Warnings with line numbers: one for each kind, with the number of cases."""
 
     def __init__(self) -> None:
         self._cases: dict[str, list[tuple[int, str]]] = {}
@@ -84,14 +90,14 @@ class Entry:
     #: Line number, counted from 1.
     line: int
 
-    def refusal(self, what: str, allowed: str, kind: type[InputError] = InputError) -> InputError:
+    def error(self, what: str, allowed: str, kind: type[InputError] = InputError) -> InputError:
         """Return the error for this entry, with its line."""
         return kind(
             f"line {self.line}: {what}",
             key=f"[{self.section}] {self.key}",
             value=self.value,
             allowed=allowed,
-            cure="Correct the line, or export the draft again from the weaving program",
+            cure="Correct the line, or export the draft again from the weaving program.",
         )
 
 
@@ -109,26 +115,28 @@ class WifSection:
     lines: list[str] = field(default_factory=list)
 
 
-def decode(data: bytes, notes: Notes) -> str:
+def decode(data: bytes, warnings: WarningList) -> str:
     """Decode a file: UTF-8 with or without BOM, UTF-16 with BOM, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        notes.add(1, "the file is in UTF-16, which the standard does not know; read as such")
+        warnings.add(
+            1, "the file is UTF-16, which the standard does not allow; it is read as UTF-16"
+        )
         return data.decode("utf-16", errors="replace")
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
         line = len(_NEWLINE.findall(data[: error.start].decode("latin-1"))) + 1
-        notes.add(line, "a character is neither ASCII nor UTF-8; the file is read as Latin-1")
+        warnings.add(line, "a character is neither ASCII nor UTF-8; the file is read as Latin-1")
         return data.decode("latin-1")
 
 
 class WifText:
     """The text of a file, divided into sections."""
 
-    def __init__(self, text: str, notes: Notes) -> None:
+    def __init__(self, text: str, warnings: WarningList) -> None:
         self.sections: dict[str, WifSection] = {}
-        self.notes = notes
+        self.warnings = warnings
         self.last = 1
         current: WifSection | None = None
         for number, raw in enumerate(_NEWLINE.split(text.removeprefix("\ufeff")), start=1):
@@ -139,12 +147,12 @@ class WifText:
             if line.startswith(";"):
                 continue
             if line.startswith("["):
-                current = _open(line, number, self.sections, notes)
+                current = _open_section(line, number, self.sections, warnings)
             elif current is None:
-                notes.add(number, "text before the first section is ignored", "preamble")
+                warnings.add(number, "text before the first section is ignored", "preamble")
             elif current.name in READ:
-                _enter(line, number, current, notes)
-            elif current.name not in PASSED:
+                _add_entry(line, number, current, warnings)
+            elif current.name not in DROPPED:
                 current.lines.append(raw.rstrip())
 
     def entry(self, section: str, key: str) -> Entry | None:
@@ -157,9 +165,9 @@ class WifText:
     def besides(self) -> dict[str, tuple[str, ...]]:
         """Lines that are kept but are not part of the draft, such as author and notes."""
         texts = self.sections["TEXT"].entries if "TEXT" in self.sections else {}
-        said = {"TEXT": [f"{e.key}={e.value}" for key, e in texts.items() if key != "title"]}
-        said |= {name: section.lines for name, section in self.sections.items() if section.lines}
-        return {name: tuple(lines) for name, lines in said.items() if lines}
+        lines = {"TEXT": [f"{e.key}={e.value}" for key, e in texts.items() if key != "title"]}
+        lines |= {name: section.lines for name, section in self.sections.items() if section.lines}
+        return {name: tuple(kept) for name, kept in lines.items() if kept}
 
     def line(self, *sections: str, key: str = "") -> int:
         """Return the line of a key, else of the first section that exists, else 1."""
@@ -172,7 +180,7 @@ class WifText:
         """Warn that an entry is for a thread that the cloth does not have."""
         section = entry.section
         what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
-        self.notes.add(entry.line, what, f"beyond {section}")
+        self.warnings.add(entry.line, what, f"beyond {section}")
 
     def numbered(self, section: str) -> dict[int, Entry]:
         """Return the entries of a section by number: of a thread, treadle or colour."""
@@ -180,96 +188,99 @@ class WifText:
         rows = {}
         for key, entry in found.entries.items() if found else ():
             if re.fullmatch("[0-9]+", key) and key != "0":
-                rows[whole(key)] = entry
+                rows[parse_integer(key)] = entry
             else:
                 what = f'[{section}] "{entry.key[:40]}" is not a number from 1 and is ignored'
-                self.notes.add(entry.line, what, f"key {section}")
+                self.warnings.add(entry.line, what, f"key {section}")
         return rows
 
 
-def _open(line: str, number: int, sections: dict[str, WifSection], notes: Notes) -> WifSection:
+def _open_section(
+    line: str, number: int, sections: dict[str, WifSection], warnings: WarningList
+) -> WifSection:
     title, bracket, _ = line[1:].partition("]")
     if not bracket:
         title = title.partition(";")[0]
-        notes.add(number, f'"{line[:40]}" lacks its "]"; read as a section', "bracket")
+        warnings.add(number, f'"{line[:40]}" has no "]"; it is read as a section', "bracket")
     name = " ".join(title.split()).upper()
     if name not in sections:
         sections[name] = WifSection(name, number)
         if name not in READ and name not in SKIPPED and not name.startswith("PRIVATE"):
-            notes.add(number, f"section [{name[:40]}] is not known and is ignored", "unknown")
+            warnings.add(number, f"unknown section [{name[:40]}] is ignored", "unknown")
     elif name in READ:
         first = sections[name].line
-        notes.add(number, f"[{name}] is there already, in line {first}; both are read", "again")
+        warnings.add(
+            number, f"[{name}] is given twice, first in line {first}; both are read", "again"
+        )
     return sections[name]
 
 
-def _enter(line: str, number: int, section: WifSection, notes: Notes) -> None:
+def _add_entry(line: str, number: int, section: WifSection, warnings: WarningList) -> None:
     # By the standard, a semicolon after a string belongs to it; only [TEXT] has strings.
     text = line if section.name == "TEXT" else line.partition(";")[0]
     name, equals, value = text.partition("=")
     name = " ".join(name.split())
     if not equals:
-        notes.add(number, f'"{line[:40]}" is not of the form key=value and is ignored', "no equals")
+        warnings.add(
+            number, f'"{line[:40]}" is not of the form key=value and is ignored', "no equals"
+        )
         return
     key = (name.lstrip("0") or "0") if re.fullmatch("[0-9]+", name) else name.lower()
     if key in section.entries:
         earlier = section.entries[key].line
-        notes.add(
-            number,
-            f"[{section.name}] {name[:40]} is given already, in line {earlier}; the later counts",
-            f"twice {section.name}",
-        )
+        what = f"[{section.name}] {name[:40]} is given twice, first in line {earlier}"
+        warnings.add(number, f"{what}; the last value is used", f"twice {section.name}")
     section.entries[key] = Entry(section.name, name, value.strip(), number)
 
 
-def whole(digits: str) -> int:
+def parse_integer(digits: str) -> int:
     """Read a whole number of any length; above `MAX_NUMBER`, return `MAX_NUMBER` + 1."""
     digits = digits.lstrip("0") or "0"
     return MAX_NUMBER + 1 if len(digits) > 9 else min(int(digits), MAX_NUMBER + 1)
 
 
-def boolean(text: str) -> bool | None:
+def parse_boolean(text: str) -> bool | None:
     """Read true, on, yes, t, y or 1 and their opposites, in any case; else return None."""
     word = text.strip().lower()
     return True if word in _TRUE else False if word in _FALSE else None
 
 
-def decimal(text: str) -> Decimal | None:
+def parse_decimal(text: str) -> Decimal | None:
     """Read a real number exactly, or return None."""
     return Decimal(text) if _DECIMAL.fullmatch(text) else None
 
 
-def count(entry: Entry) -> int:
+def parse_count(entry: Entry) -> int:
     """Read a number of threads, shafts or treadles; 0 if the value is empty."""
     if not entry.value:
         return 0
-    value = decimal(entry.value)
+    value = parse_decimal(entry.value)
     allowed = f"a whole number from 1 to {MAX_NUMBER}"
     if value is None or value < 0 or value != value.to_integral_value():
-        raise entry.refusal("not a count", allowed)
+        raise entry.error("the value must be a whole number", allowed)
     if value > MAX_NUMBER:
-        raise entry.refusal("too many", allowed, SizeError)
+        raise entry.error("the value is too large", allowed, SizeError)
     return int(value)
 
 
-def numbers(entry: Entry, notes: Notes) -> tuple[int, ...]:
+def parse_numbers(entry: Entry, warnings: WarningList) -> tuple[int, ...]:
     """Read a list of shafts or treadles, in ascending order and without 0."""
     allowed = f"numbers from 1 to {MAX_NUMBER} with commas between them, or 0 for none"
     match = _LIST.match(entry.value)
     if match is None:
         if entry.value:
-            raise entry.refusal("not a list of numbers", allowed)
+            raise entry.error("the value must be a list of numbers", allowed)
         return ()
     rest = entry.value[match.end() :].strip(" \t,")
     if re.search("[0-9]", rest):
         # Ignoring a number in the middle would weave another cloth without a warning.
-        raise entry.refusal("not a list of numbers", allowed)
+        raise entry.error("the value must be a list of numbers", allowed)
     if rest:
-        notes.add(entry.line, f'"{rest[:40]}" after the numbers is ignored', "rest")
+        warnings.add(entry.line, f'"{rest[:40]}" after the numbers is ignored', "rest")
     items = match.group().replace(",", " ").split()
     if len(items) - 1 > match.group().count(","):
-        notes.add(entry.line, "blanks between the numbers are read as commas", "blanks")
-    values = {whole(item) for item in items}
+        warnings.add(entry.line, "spaces between the numbers are read as commas", "blanks")
+    values = {parse_integer(item) for item in items}
     if max(values) > MAX_NUMBER:
-        raise entry.refusal("the number is too large", allowed, SizeError)
+        raise entry.error("the number is too large", allowed, SizeError)
     return tuple(sorted(values - {0}))

@@ -22,7 +22,7 @@ def format_wif(draft: Draft) -> bytes:
     # draws it, because some programs read no draft without a palette. The family's defaults are
     # written even if each thread has a value, because some programs read no draft without them.
     loom = draft.loom
-    if loom is None or not _weaves(loom, draft):
+    if loom is None or not _can_write_loom(loom, draft):
         loom = Loom.from_drawdown(draft.drawdown)
     places, table = color_table(draft)
     numbers = [[place + 1 for place in family] for family in places]
@@ -34,21 +34,21 @@ def format_wif(draft: Draft) -> bytes:
             f"Treadles={loom.treadles or loom.shafts}",
             f"Rising Shed={'true' if loom.rising else 'false'}",
         ],
-        "WARP": _family(len(loom.threading), numbers[0], draft.warp),
-        "WEFT": _family(len(loom.sheds()), numbers[1], draft.weft),
+        "WARP": _family_lines(len(loom.threading), numbers[0], draft.warp),
+        "WEFT": _family_lines(len(loom.sheds()), numbers[1], draft.weft),
         "COLOR PALETTE": [f"Entries={len(table)}", "Form=RGB", "Range=0,255"],
-        "COLOR TABLE": _listed(table),
-        "THREADING": _listed(loom.threading),
+        "COLOR TABLE": _list_lines(table),
+        "THREADING": _list_lines(loom.threading),
         # If [TIEUP] had no line, a reader would not use the treadling.
-        "TIEUP": [] if loom.liftplan else _listed(loom.tieup or ((),)),
-        "TREADLING": [] if loom.liftplan else _listed(loom.treadling),
-        "LIFTPLAN": _listed(loom.liftplan or ()),
-        "WARP COLORS": _lines(numbers[0]),
-        "WEFT COLORS": _lines(numbers[1]),
-        "WARP SPACING": _lengths(draft.warp.spacing),
-        "WEFT SPACING": _lengths(draft.weft.spacing),
-        "WARP THICKNESS": _lengths(draft.warp.thickness),
-        "WEFT THICKNESS": _lengths(draft.weft.thickness),
+        "TIEUP": [] if loom.liftplan else _list_lines(loom.tieup or ((),)),
+        "TREADLING": [] if loom.liftplan else _list_lines(loom.treadling),
+        "LIFTPLAN": _list_lines(loom.liftplan or ()),
+        "WARP COLORS": _numbered_lines(numbers[0]),
+        "WEFT COLORS": _numbered_lines(numbers[1]),
+        "WARP SPACING": _length_lines(draft.warp.spacing),
+        "WEFT SPACING": _length_lines(draft.weft.spacing),
+        "WARP THICKNESS": _length_lines(draft.warp.thickness),
+        "WEFT THICKNESS": _length_lines(draft.weft.thickness),
     }
     sections |= {name: list(said) for name, said in draft.besides.items() if name != "TEXT"}
     sections = {name: lines for name, lines in sections.items() if lines}
@@ -68,7 +68,7 @@ def format_wif(draft: Draft) -> bytes:
     return "\r\n".join(blocks).encode("utf-8", errors="replace")
 
 
-def _weaves(loom: Loom, draft: Draft) -> bool:
+def _can_write_loom(loom: Loom, draft: Draft) -> bool:
     """Return whether the loom weaves the draft, and can be read again from a file."""
     moved = loom.treadling if loom.liftplan is None else loom.liftplan
     if not any(loom.threading) or not any(moved):
@@ -76,7 +76,7 @@ def _weaves(loom: Loom, draft: Draft) -> bool:
     return np.array_equal(loom.drawdown(), draft.drawdown)
 
 
-def _family(count: int, colors: Sequence[int], threads: DraftThreads) -> list[str]:
+def _family_lines(count: int, colors: Sequence[int], threads: DraftThreads) -> list[str]:
     common = Counter(colors).most_common(1)[0][0]
     lines = [f"Threads={count}", f"Color={common}", "Units=Centimeters"]
     for name, lengths in (("Spacing", threads.spacing), ("Thickness", threads.thickness)):
@@ -91,15 +91,15 @@ def _centimetres(length: float) -> str:
     return format(Decimal(repr(float(length))).scaleb(2), "f")
 
 
-def _lengths(lengths: Lengths | None) -> list[str]:
+def _length_lines(lengths: Lengths | None) -> list[str]:
     if not isinstance(lengths, np.ndarray):
         return []
-    return _lines(_centimetres(length) for length in lengths.tolist())
+    return _numbered_lines(_centimetres(length) for length in lengths.tolist())
 
 
-def _listed(rows: Iterable[Sequence[int]]) -> list[str]:
-    return _lines(",".join(map(str, row)) or "0" for row in rows)
+def _list_lines(rows: Iterable[Sequence[int]]) -> list[str]:
+    return _numbered_lines(",".join(map(str, row)) or "0" for row in rows)
 
 
-def _lines(values: Iterable[object]) -> list[str]:
+def _numbered_lines(values: Iterable[object]) -> list[str]:
     return [f"{index}={value}" for index, value in enumerate(values, start=1)]

@@ -32,7 +32,7 @@ from pathlib import Path
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.drafts.draft_bytes import check_size, content, loose_notes
+from spacemap_vtk.io.drafts.draft_bytes import check_size, loose_thread_warnings, read_draft_bytes
 from spacemap_vtk.io.registry import truncated_error
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
@@ -41,60 +41,62 @@ from spacemap_vtk.textile.drafts.loom import Loom, Rows
 _ID, _LIFTPLAN, _SINGLE, _SEVERAL = 123, 100, 101, 102
 #: Bytes of the head, and the newest version that is known.
 _HEAD, _NEWEST = 24, 7
-_CURE = "Export the draft as WIF from WeavePoint"
+_CURE = "Export the draft as WIF from WeavePoint."
 
 
 def read_wpo(path: Path) -> Draft:
     """Read a WeavePoint draft."""
-    data = content(path)
+    data = read_draft_bytes(path)
     if data[:1] != bytes([_ID]):
-        what = "it does not begin as one of WeavePoint"
+        what = "the file does not begin like a WeavePoint draft"
         raise InputError(what, allowed="a .wpo file", cure=_CURE)
     try:
-        return _read(_Bytes(data), path.stem)
+        return _read_draft(_ByteReader(data), path.stem)
     except IndexError:
         raise truncated_error(path) from None
 
 
-class _Bytes:
+class _ByteReader:
     def __init__(self, data: bytes) -> None:
         self.data, self.at = data, 0
 
-    def take(self, count: int) -> bytes:
+    def read(self, count: int) -> bytes:
         if self.at + count > len(self.data):
             raise IndexError
         self.at += count
         return self.data[self.at - count : self.at]
 
-    def number(self) -> int:
-        return int.from_bytes(self.take(2), "big")
+    def read_number(self) -> int:
+        return int.from_bytes(self.read(2), "big")
 
-    def numbers(self) -> list[int]:
-        return list(self.take(self.number()))
+    def read_numbers(self) -> list[int]:
+        return list(self.read(self.read_number()))
 
-    def masks(self, bits: int, count: int) -> Rows:
+    def read_masks(self, bits: int, count: int) -> Rows:
         width = -(-bits // 8)
-        masks = (int.from_bytes(self.take(width), "little") for _ in range(count))
+        masks = (int.from_bytes(self.read(width), "little") for _ in range(count))
         return tuple(tuple(k + 1 for k in range(bits) if mask >> k & 1) for mask in masks)
 
 
-def _read(data: _Bytes, title: str) -> Draft:
-    head = data.take(_HEAD)
+def _read_draft(data: _ByteReader, title: str) -> Draft:
+    head = data.read(_HEAD)
     version, kind, shafts, treadles = head[1], head[2], head[4], head[5]
     if kind not in (_LIFTPLAN, _SINGLE, _SEVERAL):
-        raise InputError("the kind of its treadling is not known", value=kind, cure=_CURE)
+        raise InputError("unknown kind of treadling", value=kind, cure=_CURE)
     warnings = []
     if version > _NEWEST:
-        warnings.append(f"version {version} of WeavePoint's files is read as {_NEWEST}")
-    threading = _ones(data.numbers())
-    colors = data.numbers(), data.numbers()
+        warnings.append(
+            f"version {version} of WeavePoint files is unknown; it is read as {_NEWEST}"
+        )
+    threading = _single_rows(data.read_numbers())
+    colors = data.read_numbers(), data.read_numbers()
     tieup: Rows = ()
     if kind != _LIFTPLAN:
-        tieup = data.masks(shafts, treadles)
+        tieup = data.read_masks(shafts, treadles)
     if kind == _SINGLE:
-        picks = _ones(data.numbers())
+        picks = _single_rows(data.read_numbers())
     else:
-        picks = data.masks(shafts if kind == _LIFTPLAN else treadles, data.number())
+        picks = data.read_masks(shafts if kind == _LIFTPLAN else treadles, data.read_number())
     room = int.from_bytes(head[13:15], "big"), int.from_bytes(head[15:17], "big")
     size = max(room[0], len(threading)), max(room[1], len(picks))
     check_size(*size)
@@ -111,8 +113,8 @@ def _read(data: _Bytes, title: str) -> Draft:
         shafts=shafts,
         treadles=0 if kind == _LIFTPLAN else treadles,
     )
-    data.take(66)
-    table = np.frombuffer(data.take(3 * data.take(1)[0]), np.uint8).reshape(-1, 3)
+    data.read(66)
+    table = np.frombuffer(data.read(3 * data.read(1)[0]), np.uint8).reshape(-1, 3)
     if version < 4:
         table = np.minimum(table.astype(np.uint16) * 255 // 63, 255).astype(np.uint8)
     length = 0.01 if head[17] == 1 else 0.0254
@@ -126,8 +128,8 @@ def _read(data: _Bytes, title: str) -> Draft:
     # The room is a canvas, 1200 x 1200 at first; edges that are not woven are no part of the cloth.
     draft = Draft(loom.drawdown(), loom, warp, weft, title).trimmed()
     assert draft.loom is not None
-    return replace(draft, warnings=(*warnings, *loose_notes(draft.loom)))
+    return replace(draft, warnings=(*warnings, *loose_thread_warnings(draft.loom)))
 
 
-def _ones(numbers: list[int]) -> Rows:
+def _single_rows(numbers: list[int]) -> Rows:
     return tuple((number,) if number else () for number in numbers)

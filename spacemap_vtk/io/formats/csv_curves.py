@@ -28,13 +28,13 @@ def write_csv(file: Path, curves: YarnCurves | None) -> None:
 
     if curves is None:
         raise InputError("there are no yarns to write", key="what", cure="Write a .vtu.")
-    write_parts(file, (f"{text}\n".encode() for text in _texts(curves)))
+    write_parts(file, (f"{text}\n".encode() for text in _table_lines(curves)))
     if record_text():
         about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: record_text()}
-        write_parts(_beside(file), [json.dumps(about, indent=1).encode()])
+        write_parts(_metadata_file(file), [json.dumps(about, indent=1).encode()])
 
 
-def _texts(curves: YarnCurves) -> Iterator[str]:
+def _table_lines(curves: YarnCurves) -> Iterator[str]:
     """Yield the lines of the table, all lines of a yarn together."""
     yield _COLUMNS
     begin = 0
@@ -48,12 +48,12 @@ def _texts(curves: YarnCurves) -> Iterator[str]:
         begin += count
 
 
-def _beside(file: Path) -> Path:
+def _metadata_file(file: Path) -> Path:
     return file.with_name(f"{file.name}-metadata.json")
 
 
 @finds_record(".csv")
-def told_beside(path: Path) -> str | None:
+def find_record_in_metadata(path: Path) -> str | None:
     """Find the record in the file that describes a table."""
-    found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
+    found = json.loads(_metadata_file(path).read_text(encoding="utf-8"))[NAME]
     return found if isinstance(found, str) else None

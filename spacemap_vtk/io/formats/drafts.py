@@ -17,9 +17,9 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".
 reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
     lazy_function("drafts.wif", "read_wif")
 )
-reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
-    lazy_function("drafts.draft_file", "read_rows")
-)
+reads(
+    ".csv", ".txt", label="Rows of 0 and 1, or lists of raised shafts", holds="draft", general=True
+)(lazy_function("drafts.draft_file", "read_rows"))
 reads(*_PICTURES, label="Black-and-white picture", holds="draft", general=True)(
     lazy_function("drafts.draft_file", "read_picture")
 )
@@ -42,7 +42,7 @@ def write_wif(file: Path, draft: Draft) -> None:
     ".txt",
     label="Rows of 0 and 1",
     holds=("draft",),
-    loses=lazy_function("drafts.draft_file", "rows_lose"),
+    loses=lazy_function("drafts.draft_file", "row_losses"),
 )
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a drawdown as text, with a row for each pick."""

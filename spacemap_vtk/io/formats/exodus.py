@@ -22,7 +22,7 @@ def _check(path: Path) -> None:
         magic = file.read(4)
     if magic[:3] != b"CDF" and magic != b"\x89HDF":
         raise InputError(f"{path}: no Exodus file: neither netCDF nor HDF5", key="file")
-    if is_cut_off(path):
+    if is_truncated(path):
         raise truncated_error(path)
 
 
@@ -56,7 +56,7 @@ def open_exodus(path: Path) -> MeshSeries:
     return ReaderSeries(path, reader, take_all)
 
 
-def is_cut_off(path: Path) -> bool:
+def is_truncated(path: Path) -> bool:
     """Return whether a classic netCDF file is truncated; its library reads zeros beyond the end."""
     size = path.stat().st_size
     with path.open("rb") as file:

@@ -77,21 +77,21 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
 finds_record(".pvd")(find_record_in_comments)
 
 
-def _names(file: Path) -> list[str]:
+def _file_names(file: Path) -> list[str]:
     with suppress(InputError):
-        return [name for _, name in _entries(file)]
+        return [name for _, name in _read_entries(file)]
     return []
 
 
-@reads(".series", label="ParaView file series", holds="motion", names=_names)
+@reads(".series", label="ParaView file series", holds="motion", names=_file_names)
 def open_file_series(file: Path) -> MeshSeries:
     """Open the files that a ParaView file series names."""
     from spacemap_vtk.io.series import FileSeries
 
-    return FileSeries(file, [(time, [file.parent / name]) for time, name in _entries(file)])
+    return FileSeries(file, [(time, [file.parent / name]) for time, name in _read_entries(file)])
 
 
-def _entries(file: Path) -> list[tuple[float, str]]:
+def _read_entries(file: Path) -> list[tuple[float, str]]:
 
     try:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]

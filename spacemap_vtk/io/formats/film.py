@@ -126,7 +126,7 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
             with suppress(BrokenPipeError):  # there may be data that ffmpeg has not read
                 process.stdin.close()
         if process.returncode:
-            _try_on(file)
+            _raise_disk_error(file)
             said.seek(0)
             why = " ".join(said.read().decode(errors="replace").split())
             raise SpacemapError(f"{file.name}: ffmpeg failed: {why[-200:]}")
@@ -144,7 +144,7 @@ def _require_end(file: Path, there: bool) -> None:
         raise SpacemapError(f"{file.name}: the film has no end: the disk has not kept all of it")
 
 
-def _try_on(file: Path) -> None:
+def _raise_disk_error(file: Path) -> None:
     """Append to a file that another program could not finish, so that the disk raises its error."""
     with file.open("ab") as torn:
         torn.write(bytes(2**20))

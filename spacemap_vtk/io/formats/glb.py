@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Roughness of yarn, which scatters light and has a faint highlight.
 _ROUGHNESS = 0.75
 #: Quaternion that turns z up into y up.
-_LYING = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
+_Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 #: Codes of glTF: for types of components, and for the use of a part of the buffer.
 _COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123, "<i2": 5122, "|i1": 5120}
 _VERTICES, _INDICES = 34962, 34963
@@ -74,7 +74,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         mesh["weights"] = [0.0] * len(moving.targets)
         mesh["extras"] = {"targetNames": list(moving.target_names)}
     node = {"name": moving.title or "surface", "mesh": 0} | (
-        {"rotation": _LYING} if moving.lying else {}
+        {"rotation": _Z_UP} if moving.lying else {}
     )
     if short is not None:
         node["scale"] = [unit] * 3
@@ -133,7 +133,7 @@ class _Buffer:
         normalized: bool = False,
     ) -> int:
         """Add an array, or some of its rows, and return the number of its accessor."""
-        part = partial(_packed, values, rows)
+        part = partial(_aligned_rows, values, rows)
         table = part()
         view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes}
         columns = table.reshape(len(table), -1)
@@ -155,7 +155,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def _packed(values: NDArray[Any], rows: NDArray[Any] | None) -> NDArray[Any]:
+def _aligned_rows(values: NDArray[Any], rows: NDArray[Any] | None) -> NDArray[Any]:
     """Return an array as it is stored: rows of a multiple of four bytes, so all are aligned."""
     import numpy as np
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.texture_atlas import MaterialSet, TexturedMesh
 
 
-def _named(path: Path) -> list[dict[str, Any]]:
+def _external_parts(path: Path) -> list[dict[str, Any]]:
     """Return the descriptions of parts that are stored in other files."""
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
@@ -35,17 +35,17 @@ def _named(path: Path) -> list[dict[str, Any]]:
         raise damaged_error(path, f"no glTF, or cut off: {error}") from None
 
 
-def _names(path: Path) -> list[str]:
-    return [unquote(str(part["uri"])) for part in _named(path)]
+def _external_names(path: Path) -> list[str]:
+    return [unquote(str(part["uri"])) for part in _external_parts(path)]
 
 
-def _number(said: Any) -> float:
+def _byte_length(said: Any) -> float:
     return said if isinstance(said, int) else math.inf
 
 
 def _check(path: Path) -> None:
     """Refuse a file if it, or another file that it names, is not whole."""
-    for part, name in zip(_named(path), _names(path), strict=True):
+    for part, name in zip(_external_parts(path), _external_names(path), strict=True):
         file = path.parent / name
         if not os.path.isfile(file):
             raise InputError(f"{path} names {part['uri']}, which is not there", key="file")
@@ -53,11 +53,11 @@ def _check(path: Path) -> None:
             from spacemap_vtk.io.texture_atlas import read_picture
 
             read_picture(file)
-        elif file.stat().st_size < _number(part["byteLength"]):
+        elif file.stat().st_size < _byte_length(part["byteLength"]):
             raise truncated_error(file)
 
 
-@reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check, names=_names)
+@reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check, names=_external_names)
 def read_gltf(path: Path) -> TexturedMesh:
     """Read a file; its materials are read when they are requested."""
     from spacemap_vtk.io.reading import leaf_blocks, vtk_reader
@@ -68,12 +68,12 @@ def read_gltf(path: Path) -> TexturedMesh:
 
     def materials() -> tuple[list[vtkPolyData], MaterialSet]:
         blocks: Any = [block for block in leaf_blocks(data) if block.GetNumberOfPoints()]
-        return blocks, _materials(blocks, reader)
+        return blocks, _read_materials(blocks, reader)
 
     return TexturedMesh(data, materials)
 
 
-def _materials(blocks: list[vtkPolyData], reader: Any) -> MaterialSet:
+def _read_materials(blocks: list[vtkPolyData], reader: Any) -> MaterialSet:
     """Return the materials of a file's blocks."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 _PAGE = Path(__file__).parent.parent / "page"
 _SCRIPTS = ("data.js", "drawing.js", "viewer.js")
 #: Share of the tolerance for rounding: the usual one, and the least one if the shapes leave less.
-_USUAL, _LEAST = 0.2, 0.02
+_ROUNDING, _LEAST_ROUNDING = 0.2, 0.02
 #: Number of steps in the length of a normal, and in the range of a scale.
-_NORMAL, _SCALE = 1024, 1024
+_NORMAL_STEPS, _SCALE_STEPS = 1024, 1024
 #: Bytes of a page's arrays per point, and per point of each target.
-_POINT, _OF_TARGET = 150, 18
+_POINT, _TARGET_POINT = 150, 18
 #: Bytes of compressed data in one element of the page, and number of values rounded at once.
-_PART, _AT_ONCE = 3 * 2**21, 2**18
+_ELEMENT_BYTES, _BLOCK_VALUES = 3 * 2**21, 2**18
 
 
 # The limit counts single precision, which takes twice the bytes of the page. Browsers limit the
@@ -47,47 +47,47 @@ def write_html(file: Path, moving: MovingSurface) -> None:
     from spacemap_vtk.memory import require
 
     require(
-        (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
+        (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
         "a page of {1} points in {0} shapes".format(*moving.targets.shape),
         cure=SMALLER_FILE_CURE,
     )
     record = json.loads(record_text() or "{}")
     generator = f"spacemap_vtk {record.get('version', '')}".rstrip()
     title = moving.title or file.stem
-    content, arrays = _content(moving)
+    content, arrays = _page_content(moving)
     described = {"title": title, "generator": generator, **moving.about}
     described |= {NAME: record} if record else {}
     words = {
         "generator": html.escape(generator),
         "title": html.escape(title),
-        "scene": _json(described),
-        "content": _json(content),
+        "scene": _script_json(described),
+        "content": _script_json(content),
         "script": "\n".join((_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
     }
     page = (_PAGE / "page.html").read_text(encoding="utf-8").split("{{data}}")
     head, tail = (re.sub(r"\{\{(\w+)\}\}", lambda found: words[found[1]], part) for part in page)
-    write_parts(file, chain([head.encode()], _elements(arrays), [tail.encode()]))
+    write_parts(file, chain([head.encode()], _data_elements(arrays), [tail.encode()]))
 
 
-def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the description of the page's arrays, and the arrays: rows of integers."""
     middle = 0.5 * (moving.points.min(axis=0) + moving.points.max(axis=0)).astype(float)
     left = 1.0 - moving.about.get("largest_error", 0.0) / moving.tolerance
     # Each point and each shape is rounded by up to half a unit along each axis, and no weight of a
     # shape exceeds 1.
-    most = max(min(left, _USUAL), _LEAST) * moving.tolerance
+    most = max(min(left, _ROUNDING), _LEAST_ROUNDING) * moving.tolerance
     unit = most / (0.5 * 3**0.5 * (1 + len(moving.targets)))
     arrays = {
-        "points": _rounded(moving.points - middle, unit),
+        "points": _round_to_unit(moving.points - middle, unit),
         "colors": moving.colors.astype("u1"),
         "triangles": moving.triangles.astype("u4"),
-        "targets": _rounded(moving.targets, unit),
+        "targets": _round_to_unit(moving.targets, unit),
     }
     if moving.normals is not None and moving.normal_targets is not None:
-        arrays["normals"] = _rounded(moving.normals, 1 / _NORMAL)
-        arrays["normal_targets"] = _rounded(moving.normal_targets, 1 / _NORMAL)
+        arrays["normals"] = _round_to_unit(moving.normals, 1 / _NORMAL_STEPS)
+        arrays["normal_targets"] = _round_to_unit(moving.normal_targets, 1 / _NORMAL_STEPS)
     content: dict[str, Any] = {
-        "figures": _figures(moving, most),
+        "figures": _page_figures(moving, most),
         "middle": middle.tolist(),
         "unit": unit,
         "sight": moving.sight._asdict(),
@@ -104,9 +104,9 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
     }
     if moving.numbers is not None:
         title, span, ramp, values, changes, weights = moving.numbers
-        step = (span[1] - span[0]) / _SCALE
-        arrays["values"] = _rounded(values[:, None], step)
-        arrays["changes"] = _rounded(changes[..., None], step)
+        step = (span[1] - span[0]) / _SCALE_STEPS
+        arrays["values"] = _round_to_unit(values[:, None], step)
+        arrays["changes"] = _round_to_unit(changes[..., None], step)
         content["numbers"] = {"title": title, "span": span, "ramp": ramp, "unit": step}
         content["numbers"]["weights"] = weights.round(7).tolist()
     content["arrays"] = [
@@ -116,7 +116,7 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
     return content, arrays
 
 
-def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:
+def _round_to_unit(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:
     """Round values to multiples of a unit, in two bytes if they are small enough."""
     import numpy as np
 
@@ -126,12 +126,12 @@ def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[An
     flat = values.reshape(-1)
     largest = max(values.max(initial=0.0), -values.min(initial=0.0)) / unit
     found = np.empty(flat.shape, np.int16 if np.rint(largest) < 2**15 else np.int32)
-    for part in blocks(len(flat), _AT_ONCE):
+    for part in blocks(len(flat), _BLOCK_VALUES):
         found[part] = np.rint(flat[part] / unit)
     return found.reshape(values.shape)
 
 
-def _figures(moving: MovingSurface, rounding: float) -> list[str]:
+def _page_figures(moving: MovingSurface, rounding: float) -> list[str]:
     """Return figures of the surface that the page shows."""
     from spacemap_vtk.units import UNITS, format_quantity
 
@@ -150,23 +150,23 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
     return found
 
 
-def _json(value: Any) -> str:
+def _script_json(value: Any) -> str:
     """Return JSON without "<", which could end an element of the page."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def _elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
+def _data_elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     """Yield elements of the page with all arrays, compressed."""
     kept = b""
-    for part in _packed(arrays):
+    for part in _compress_arrays(arrays):
         kept += part
-        while len(kept) >= _PART or (not part and kept):
-            text = base64.b64encode(kept[:_PART])
-            kept = kept[_PART:]
+        while len(kept) >= _ELEMENT_BYTES or (not part and kept):
+            text = base64.b64encode(kept[:_ELEMENT_BYTES])
+            kept = kept[_ELEMENT_BYTES:]
             yield b'<script type="text/plain" class="data">' + text + b"</script>\n"
 
 
-def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
+def _compress_arrays(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     """Yield "raw deflate" of all arrays, and finally an empty string."""
     # Each column is stored as differences from row to row: first the first bytes of all of them,
     # then the second bytes. Neighbouring values are similar, so equal bytes follow each other and

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.texture_atlas import Material, MaterialSet, TexturedMesh
 
 #: Rows whose text is made at once.
-_AT_ONCE = 2**14
+_BLOCK_ROWS = 2**14
 
 
-def _names(path: Path) -> list[str]:
+def _referenced_names(path: Path) -> list[str]:
     """Return the material libraries of a file, and the pictures that these name."""
     from spacemap_vtk.parameters import require_near
 
@@ -34,38 +34,38 @@ def _names(path: Path) -> list[str]:
         require_near(library, path)
         file = path.parent / library
         if os.path.isfile(file):
-            maps = (line for line in _said(file) if line[:1] == ["map_Kd"] and line[1:])
-            found += [str(Path(library).parent / _picture(line[1:])) for line in maps]
+            maps = (line for line in _library_lines(file) if line[:1] == ["map_Kd"] and line[1:])
+            found += [str(Path(library).parent / _picture_name(line[1:])) for line in maps]
     return found
 
 
-def _said(library: Path) -> list[list[str]]:
+def _library_lines(library: Path) -> list[list[str]]:
     text = library.read_text(encoding="utf-8", errors="replace")
     return [line.split() for line in text.splitlines()]
 
 
-@reads(".obj", label="Wavefront OBJ", holds="mesh", names=_names)
+@reads(".obj", label="Wavefront OBJ", holds="mesh", names=_referenced_names)
 def read_obj(path: Path) -> TexturedMesh:
     """Read a file; its materials are read when they are requested."""
     from spacemap_vtk.io.reading import read_with_vtk
     from spacemap_vtk.io.texture_atlas import TexturedMesh
 
     data = read_with_vtk(path, "vtkIOGeometry", "vtkOBJReader")
-    return TexturedMesh(data, lambda: _materials(data, path))
+    return TexturedMesh(data, lambda: _read_materials(data, path))
 
 
-def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], MaterialSet]:
+def _read_materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], MaterialSet]:
     """Return a file's mesh, cut into one block per material, and the materials."""
     import numpy as np
 
     from spacemap_vtk.io.polygons import extract_polygons
     from spacemap_vtk.io.texture_atlas import Material, MaterialSet
 
-    libraries, faces = _used(path)
+    libraries, faces = _used_materials(path)
     paint = MaterialSet([])
     known: dict[str, Material] = {}
     for library in libraries:
-        known |= _library(path.parent / library, paint)
+        known |= _read_library(path.parent / library, paint)
     names = list(dict.fromkeys(faces))
     whole = len(faces) != data.GetNumberOfPolys() or data.GetNumberOfLines()
     if not known or whole or not faces:
@@ -86,7 +86,7 @@ def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Materi
     return blocks, paint
 
 
-def _used(path: Path) -> tuple[list[str], list[str]]:
+def _used_materials(path: Path) -> tuple[list[str], list[str]]:
     """Return the material libraries that a file names, and the material of each face."""
     libraries, faces, current = [], [], ""
     with path.open(encoding="utf-8", errors="replace") as file:
@@ -100,13 +100,13 @@ def _used(path: Path) -> tuple[list[str], list[str]]:
     return libraries, faces
 
 
-def _picture(words: list[str]) -> str:
+def _picture_name(words: list[str]) -> str:
     # Options such as "-s 1 1 1" come before the name.
     name = " ".join(words) if not words[0].startswith("-") else words[-1]
     return name.replace("\\", "/")
 
 
-def _library(path: Path, paint: MaterialSet) -> dict[str, Material]:
+def _read_library(path: Path, paint: MaterialSet) -> dict[str, Material]:
     from spacemap_vtk.io.texture_atlas import Material, read_picture
 
     if not os.path.isfile(path):
@@ -115,7 +115,7 @@ def _library(path: Path, paint: MaterialSet) -> dict[str, Material]:
     found: dict[str, Material] = {}
     pictures: dict[Path, Any] = {}
     made = Material()
-    for words in _said(path):
+    for words in _library_lines(path):
         if words[:1] == ["newmtl"]:
             made = found[" ".join(words[1:])] = Material()
         elif words[:1] == ["Kd"] and len(words) >= 4:
@@ -127,7 +127,7 @@ def _library(path: Path, paint: MaterialSet) -> dict[str, Material]:
             else:
                 paint.notes.append(f'{path}: "{" ".join(words)}" is no colour')
         elif words[:1] == ["map_Kd"] and len(words) > 1:
-            file = path.parent / _picture(words[1:])
+            file = path.parent / _picture_name(words[1:])
             try:
                 if file not in pictures:
                     pictures[file] = read_picture(file)
@@ -148,12 +148,16 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
     for shade in surface.materials:
         color = surface.colors[shade.points][0] / 255.0
         shares = [1.0, 1.0, 1.0] if surface.painted else color.tolist()
-        looks += [f"newmtl {_look(shade)}", "Kd " + " ".join(f"{x:.6g}" for x in shares), ""]
+        looks += [
+            f"newmtl {_material_name(shade)}",
+            "Kd " + " ".join(f"{x:.6g}" for x in shares),
+            "",
+        ]
     write_parts(library, ["\n".join(looks).encode()])
-    write_parts(file, (f"{text}\n".encode() for text in _texts(surface, library.name)))
+    write_parts(file, (f"{text}\n".encode() for text in _obj_lines(surface, library.name)))
 
 
-def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
+def _obj_lines(surface: MovingSurface, library: str) -> Iterator[str]:
     """Yield lines, many at once; all at once would need ten times the memory of the surface."""
     import numpy as np
 
@@ -163,7 +167,7 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
     if "colors" in surface.about:
         yield f"# colours: {surface.about['colors']}"
     points = len(surface.points)
-    for part in blocks(points, _AT_ONCE):
+    for part in blocks(points, _BLOCK_ROWS):
         rows = surface.points[part]
         if surface.painted:  # in the form that MeshLab and Blender read
             rows = np.hstack([rows, surface.colors[part] / 255.0])
@@ -171,18 +175,18 @@ def _texts(surface: MovingSurface, library: str) -> Iterator[str]:
     corner = "{0}"
     if surface.normals is not None:
         corner = "{0}//{0}"
-        for part in blocks(points, _AT_ONCE):
+        for part in blocks(points, _BLOCK_ROWS):
             rows = surface.normals[part]
             yield "\n".join(f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in rows.tolist())
     for shade in surface.materials:
-        yield f"g {shade.name.partition(' #')[0]}\nusemtl {_look(shade)}"
+        yield f"g {shade.name.partition(' #')[0]}\nusemtl {_material_name(shade)}"
         faces = surface.triangles[shade.points[surface.triangles[:, 0]]]
-        for part in blocks(len(faces), _AT_ONCE):
+        for part in blocks(len(faces), _BLOCK_ROWS):
             rows = (faces[part] + 1).tolist()
             yield "\n".join("f " + " ".join(corner.format(at) for at in row) for row in rows)
 
 
-def _look(shade: Shade) -> str:
+def _material_name(shade: Shade) -> str:
     return shade.name.replace(" ", "_").replace("#", "")  # a "#" begins a comment
 
 

@@ -16,7 +16,7 @@ from spacemap_vtk.io.registry import reader_endings, reads, truncated_error
 
 #: Patterns of file names in text formats. The last word of an EnSight line often names no file,
 #: which does no harm.
-_NAMING = {
+_NAME_PATTERNS = {
     ".case": rb"(?m)^[^#\n]*:.*?(\S+|\"[^\"\n]*\")\s*$",
     ".inp": rb"(?im)^\*INCLUDE\s*,.*?INPUT\s*=\s*([^,\n]*)",
     ".nek5000": rb"(?m)^filetemplate:\s*(\S+)",
@@ -25,26 +25,26 @@ _NAMING = {
     **dict.fromkeys((".nrrd", ".nhdr"), rb"(?im)^data ?file:(.*)$"),
 }
 #: TetGen writes two files that belong together.
-_BESIDE = {".ele": ".node", ".node": ".ele"}
+_PARTNERS = {".ele": ".node", ".node": ".ele"}
 #: Formats in XML.
 _XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 
-def _names(path: Path) -> list[str]:
+def _referenced_names(path: Path) -> list[str]:
     ending = path.suffix.lower()
-    found = pattern_names(_NAMING[ending])(path) if ending in _NAMING else []
+    found = pattern_names(_NAME_PATTERNS[ending])(path) if ending in _NAME_PATTERNS else []
     if ending in _XML:
         found = names_in_xml(path)
     if ending == ".inp":  # a name is looked up in the working folder first
         found += [str(Path(word).absolute()) for word in found if os.path.isfile(word)]
-    if ending in _BESIDE:
-        found += [f"{path.stem}{_BESIDE[ending]}"]
+    if ending in _PARTNERS:
+        found += [f"{path.stem}{_PARTNERS[ending]}"]
     if ending == ".foam":
-        found += [str(each.relative_to(path.parent)) for each in _case(path.parent)]
+        found += [str(each.relative_to(path.parent)) for each in _foam_files(path.parent)]
     return found + names_in_hdf(path)
 
 
-def _case(folder: Path) -> list[Path]:
+def _foam_files(folder: Path) -> list[Path]:
     """Return the files that OpenFOAM's reader looks for next to a .foam file, which is empty."""
     places = "system/controlDict", "constant/polyMesh/*", "[0-9]*/*"
     return sorted(file for place in places for file in folder.glob(place))
@@ -59,7 +59,7 @@ def _case(folder: Path) -> list[Path]:
     holds="mesh",
     common=False,
     rest=True,
-    names=_names,
+    names=_referenced_names,
 )
 def read_with_pyvista(path: Path) -> Any:
     """Read a file; raise clear errors in place of what pyvista and meshio print."""
@@ -67,7 +67,7 @@ def read_with_pyvista(path: Path) -> Any:
     from spacemap_vtk.io.crash_check import check_in_child
     from spacemap_vtk.io.reading import check_point_ids, read_with_vtk
 
-    other = _other_format(path)
+    other = _format_option(path)
     if path.suffix.lower() in (".xdmf", ".xmf") and not other:
         # pyvista raises an error if such a file has no times
         return read_with_vtk(path, "vtkIOXdmf2", "vtkXdmfReader")
@@ -159,7 +159,7 @@ def _quiet_logging() -> Iterator[None]:
         logging.disable(before)
 
 
-def _other_format(path: Path) -> dict[str, str]:
+def _format_option(path: Path) -> dict[str, str]:
     """Return pyvista's option for a file that has the ending of another format."""
     with path.open("rb") as file:
         begin = file.read(256).lstrip()

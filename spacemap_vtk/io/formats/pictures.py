@@ -30,7 +30,7 @@ _COMPRESSION = 3
 #: would be run.
 _DECODED = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM", "TGA", "DDS", "JPEG2000", "PCX")
 #: Most bytes of one comment in a JPEG.
-_SEGMENT = 60_000
+_COMMENT_BYTES = 60_000
 
 
 @writes(".jpg", ".jpeg", label="picture", holds=("picture",))
@@ -43,7 +43,7 @@ def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
         write_png(file, image)
     else:
         made, kind = BytesIO(), file.suffix[1:].lower().replace("jpg", "jpeg")
-        Image.fromarray(image).save(made, kind, **{"extra": _comments(), **more})
+        Image.fromarray(image).save(made, kind, **{"extra": _jpeg_comments(), **more})
         write_parts(file, [made.getbuffer()])
 
 
@@ -60,7 +60,12 @@ def write_png(file: Path, image: NDArray[np.uint8]) -> None:
     np.subtract(rows[:, depth:], rows[:, :-depth], out=lines[:, 1 + depth :])
     head = pack(">IIBBBBB", width, height, 8, 2 if depth == 3 else 6, 0, 0, 0)
     data = zlib.compress(lines.data, _COMPRESSION)
-    parts = [*_chunk(b"IHDR", head), *_text_chunk(), *_chunk(b"IDAT", data), *_chunk(b"IEND", b"")]
+    parts = [
+        *_chunk(b"IHDR", head),
+        *_record_chunk(),
+        *_chunk(b"IDAT", data),
+        *_chunk(b"IEND", b""),
+    ]
     write_parts(file, [b"\x89PNG\r\n\x1a\n", *parts])
 
 
@@ -68,25 +73,25 @@ def _chunk(kind: bytes, data: bytes) -> list[bytes]:
     return [pack(">I", len(data)), kind, data, pack(">I", zlib.crc32(data, zlib.crc32(kind)))]
 
 
-def _text_chunk() -> list[bytes]:
+def _record_chunk() -> list[bytes]:
     """Return the record as a chunk of a PNG, or nothing without a record."""
     return _chunk(b"tEXt", f"{NAME}\0{record_text()}".encode("latin-1")) if record_text() else []
 
 
-def _comments() -> bytes:
+def _jpeg_comments() -> bytes:
     """Return the record as comments of a JPEG, in as many segments as it needs."""
     text = record_text().encode()
-    parts = [text[begin : begin + _SEGMENT] for begin in range(0, len(text), _SEGMENT)]
+    parts = [text[begin : begin + _COMMENT_BYTES] for begin in range(0, len(text), _COMMENT_BYTES)]
     heads = [b"\xff\xfe" + (2 + len(NAME) + 1 + len(part)).to_bytes(2, "big") for part in parts]
     return b"".join(h + NAME.encode() + b"\0" + p for h, p in zip(heads, parts, strict=True))
 
 
 def add_record(png: bytes) -> list[bytes]:
     """Add the record to a PNG that was made without it."""
-    return [png[:33], *_text_chunk(), png[33:]]
+    return [png[:33], *_record_chunk(), png[33:]]
 
 
-def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
+def decode_picture(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
     """Decode a picture after `check` has accepted its width and height."""
     from PIL import Image
 
@@ -146,7 +151,7 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     # The figure is made in memory, because matplotlib leaves a file open that it cannot write.
     ending, made, record = file.suffix[1:].lower(), BytesIO(), record_text()
     if ending in ("jpg", "jpeg"):
-        more["pil_kwargs"] = {"extra": _comments()}
+        more["pil_kwargs"] = {"extra": _jpeg_comments()}
     elif ending == "png":
         more["metadata"] = {NAME: record} if record else {}
     else:  # the same figure must give the same bytes: no date, and no random names of its parts

@@ -148,8 +148,8 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     # A polygon is its number of corners, in one byte if possible, and then the corners.
     size = "u1" if counts.max(initial=0) < 256 else "<i4"
     properties = [f"property float {name}" for name in columns]
-    head = _head(len(vertices), properties, len(counts), size)
-    write_parts(file, [head, vertices, _faces(counts, numbers, size)])
+    head = _header(len(vertices), properties, len(counts), size)
+    write_parts(file, [head, vertices, _face_records(counts, numbers, size)])
 
 
 # This writer is registered last, so it is used if nothing else is requested.
@@ -172,11 +172,13 @@ def write_painted_ply(file: Path, surface: MovingSurface) -> None:
         properties += [f"property {form} {name}" for name in columns]
     faces = surface.triangles.astype("<i4")
     words = surface.about.get("colors")
-    head = _head(len(vertices), properties, len(faces), "u1", f"colours: {words}" if words else "")
-    write_parts(file, [head, vertices, _alike(faces, "u1")])
+    head = _header(
+        len(vertices), properties, len(faces), "u1", f"colours: {words}" if words else ""
+    )
+    write_parts(file, [head, vertices, _uniform_faces(faces, "u1")])
 
 
-def _head(vertices: int, properties: list[str], faces: int, size: str, note: str = "") -> bytes:
+def _header(vertices: int, properties: list[str], faces: int, size: str, note: str = "") -> bytes:
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -192,25 +194,25 @@ def _head(vertices: int, properties: list[str], faces: int, size: str, note: str
     return "\n".join(lines).encode()
 
 
-def _faces(counts: NDArray[Any], corners: NDArray[Any], size: str) -> NDArray[Any]:
+def _face_records(counts: NDArray[Any], corners: NDArray[Any], size: str) -> NDArray[Any]:
     """Return polygons in the layout of .ply: for each the number of corners, then the corners."""
     import numpy as np
 
     kinds = np.unique(counts)
     if len(kinds) == 1:
-        return _alike(corners.reshape(len(counts), -1), size)
+        return _uniform_faces(corners.reshape(len(counts), -1), size)
     first = np.cumsum(counts) - counts
     lengths = np.dtype(size).itemsize + 4 * counts
     begin = np.cumsum(lengths) - lengths
     faces = np.empty(lengths.sum(), np.uint8)
     for count in kinds:
         rows = np.flatnonzero(counts == count)[:, None]
-        made = _alike(corners[first[rows] + np.arange(count)], size)
+        made = _uniform_faces(corners[first[rows] + np.arange(count)], size)
         faces[begin[rows] + np.arange(made.itemsize)] = made.view(np.uint8).reshape(len(rows), -1)
     return faces
 
 
-def _alike(corners: NDArray[Any], size: str) -> NDArray[Any]:
+def _uniform_faces(corners: NDArray[Any], size: str) -> NDArray[Any]:
     import numpy as np
 
     faces = np.empty(len(corners), [("count", size), ("corners", "<i4", corners.shape[1:])])

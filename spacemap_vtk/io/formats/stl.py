@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 #: Triangles that are processed together; more would need more memory, and no less time.
-_AT_ONCE = 2**16
+_BLOCK_TRIANGLES = 2**16
 #: Bytes per point and per triangle that making the file needs besides the surface. VTK needs
 #: more to orient the triangles alike than their records take, which have 50 bytes each.
 _POINT, _TRIANGLE = 20, 117
@@ -61,8 +61,8 @@ def write_stl(file: Path, surface: vtkPolyData) -> None:
     _, numbers = corners_of(triangles)
     kinds: Any = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")]
     records = np.zeros(len(numbers) // 3, kinds)
-    for begin in range(0, len(records), _AT_ONCE):
-        part = records[begin : begin + _AT_ONCE]
+    for begin in range(0, len(records), _BLOCK_TRIANGLES):
+        part = records[begin : begin + _BLOCK_TRIANGLES]
         corners = points_of(triangles)[numbers[3 * begin :][: 3 * len(part)]].reshape(-1, 3, 3)
         part["corners"] = corners
         first, second, third = np.moveaxis(corners.astype(np.float64), 1, 0)

@@ -8,7 +8,7 @@ from pathlib import Path
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import reads
 
-_BETWEEN = re.compile(r"\s*[,;\t]\s*|\s+")
+_SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
 #: A decimal comma, as in 1,5; spreadsheets of many countries write it, with semicolons between
 #: columns.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
@@ -17,16 +17,16 @@ _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 @reads(".csv", ".txt", label="Table", holds="table", general=True, rest=True)
 def read_table(path: Path) -> tuple[tuple[float, ...], ...]:
     """Read two columns of numbers."""
-    return _columns(path, 2, "two numbers in each line, time in s and factor")
+    return _read_columns(path, 2, "two numbers in each line, time in s and factor")
 
 
 @reads(".csv", ".txt", label="Column", holds="column", general=True, rest=True)
 def read_column(path: Path) -> tuple[float, ...]:
     """Read a single column of numbers."""
-    return _columns(path, 1, "one number in each line")[0]
+    return _read_columns(path, 1, "one number in each line")[0]
 
 
-def _columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ...], ...]:
+def _read_columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ...], ...]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -42,7 +42,7 @@ def _columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ...], .
             continue
         if ";" in line or count == 1:
             line = _DECIMAL_COMMA.sub(r"\1.\2", line)
-        words = _BETWEEN.split(line)
+        words = _SEPARATOR.split(line)
         try:
             row = tuple(float(word) for word in words[:count])
             whole = len(row) == count and (count > 1 or len(words) == 1)

@@ -15,7 +15,7 @@ from spacemap_vtk.io.registry import reader_endings, reads
 _LONGEST, _NAMES = 2**24, 16
 
 
-def parsed(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse a text in TOML; raise a ValueError that describes its fault."""
     import tomllib  # missing in Python 3.10, which some versions of ParaView bring
 
@@ -38,7 +38,7 @@ def read_scene(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _LONGEST:
             raise ValueError(f"it has more than {_LONGEST} bytes")
-        return parsed(path.read_text(encoding="utf-8"))
+        return parse_toml(path.read_text(encoding="utf-8"))
     except ValueError as error:
         if path.suffix.lower() != ".toml":
             raise InputError(

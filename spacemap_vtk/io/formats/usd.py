@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: Roughness of yarn, as in glTF.
 _ROUGHNESS = 0.75
 #: Bytes of a layer per point, and per point of each target (place and normal).
-_POINT, _OF_TARGET = 110, 24
+_POINT, _TARGET_POINT = 110, 24
 _require = require_package(
     "usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb."
 )
@@ -43,12 +43,12 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     from spacemap_vtk.vanishing import vanishing_folder
 
     require(
-        (_POINT + _OF_TARGET * len(moving.targets)) * len(moving.points),
+        (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
         "a layer of {1} points in {0} shapes".format(*moving.targets.shape),
         cure=SMALLER_FILE_CURE,
     )
     layer = Sdf.Layer.CreateAnonymous(file.suffix)
-    _fill(Usd.Stage.Open(layer), moving)
+    _fill_stage(Usd.Stage.Open(layer), moving)
     with vanishing_folder() as folder:
         made = folder / f"made{file.suffix}"
         try:
@@ -62,14 +62,14 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
             write_parts(file, iter(partial(stream.read, 2**24), b""))
 
 
-def _vectors(values: Any) -> Any:
+def _vector_array(values: Any) -> Any:
     import numpy as np
     from pxr import Vt
 
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
 
-def _fill(stage: Any, moving: MovingSurface) -> None:
+def _fill_stage(stage: Any, moving: MovingSurface) -> None:
     import numpy as np
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
@@ -84,7 +84,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         key: value for key, value in moving.about.items() if not isinstance(value, list)
     } | ({NAME: record_text()} if record_text() else {})
     mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
-    mesh.CreatePointsAttr(_vectors(moving.points))
+    mesh.CreatePointsAttr(_vector_array(moving.points))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(moving.triangles), 3))
     corners = np.ascontiguousarray(moving.triangles.reshape(-1), np.int32)
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners))
@@ -94,15 +94,15 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     # sight is not drawn.
     reach = sum(map(np.abs, moving.targets), 0.0)
     ends = (moving.points - reach).min(axis=0), (moving.points + reach).max(axis=0)
-    mesh.CreateExtentAttr(_vectors(np.array(ends)))
+    mesh.CreateExtentAttr(_vector_array(np.array(ends)))
     if moving.normals is not None:
-        mesh.CreateNormalsAttr(_vectors(moving.normals))
+        mesh.CreateNormalsAttr(_vector_array(moving.normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     if moving.painted:
         shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
         )
-        shown.Set(_vectors(linear(moving.colors)))
+        shown.Set(_vector_array(linear(moving.colors)))
     for number, material in enumerate(moving.materials):
         place = f"/Cloth/Looks/Material_{number}"
         look = UsdShade.Material.Define(stage, place)
@@ -144,9 +144,9 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     for number, name in enumerate(names):
         shape = UsdSkel.BlendShape.Define(stage, f"/Cloth/Surface/{name}")
         shape.GetPrim().SetDisplayName(moving.target_names[number])
-        shape.CreateOffsetsAttr(_vectors(moving.targets[number]))
+        shape.CreateOffsetsAttr(_vector_array(moving.targets[number]))
         if moving.normal_targets is not None:
-            shape.CreateNormalOffsetsAttr(_vectors(moving.normal_targets[number]))
+            shape.CreateNormalOffsetsAttr(_vector_array(moving.normal_targets[number]))
         paths.append(shape.GetPath())
     bound.CreateBlendShapeTargetsRel().SetTargets(paths)
     stage.SetTimeCodesPerSecond(rate)
@@ -186,14 +186,14 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
     widths = np.ascontiguousarray(curves.widths, np.float32)
     made.CreateWidthsAttr(Vt.FloatArray.FromNumpy(widths))
     made.SetWidthsInterpolation(UsdGeom.Tokens.uniform)
-    made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(_vectors(linear(curves.colors)))
+    made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(_vector_array(linear(curves.colors)))
     points, extent = made.CreatePointsAttr(), made.CreateExtentAttr()
     half = widths.max() / 2
     for number, places in enumerate(curves.points):
         code = Usd.TimeCode(float(codes[number])) if len(codes) > 1 else Usd.TimeCode.Default()
-        points.Set(_vectors(places), code)
+        points.Set(_vector_array(places), code)
         ends = places.min(axis=0) - half, places.max(axis=0) + half
-        extent.Set(_vectors(np.array(ends)), code)
+        extent.Set(_vector_array(np.array(ends)), code)
     choice = stage.GetDefaultPrim().GetVariantSets().AddVariantSet("yarns")
     for name, hidden in (("curves", "/Cloth/Surface"), ("surface", "/Cloth/Yarns")):
         choice.AddVariant(name)

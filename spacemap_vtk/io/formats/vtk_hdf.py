@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: The cells of polygonal data, in the order in which the format counts them.
 _CELLS = {"Vertices": "Verts", "Lines": "Lines", "Polygons": "Polys", "Strips": "Strips"}
 #: Data that may change with time; cells may not.
-_MOVING = ("Points", "PointData/", "CellData/")
+_MAY_CHANGE = ("Points", "PointData/", "CellData/")
 _require = require_package(
     "h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd."
 )
@@ -61,17 +61,17 @@ def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     import h5py
     import numpy as np
 
-    with _Sink(file, "w+") as sink:
+    with _ErrorKeepingFile(file, "w+") as sink:
         try:
             with h5py.File(sink, "w") as made:
                 if record_text():  # not in the field data: a text there crashes VTK's reader
                     made[NAME] = np.bytes_(record_text())
-                _fill(made, file.name, steps, sink)
+                _write_steps(made, file.name, steps, sink)
         finally:
             sink.check()  # the first error is the cause of all later ones
 
 
-class _Sink(FileIO):
+class _ErrorKeepingFile(FileIO):
     """A file that stores a write error until `check`; HDF5 would end Python if a write failed."""
 
     error: OSError | None = None
@@ -97,7 +97,9 @@ class _Sink(FileIO):
             raise self.error
 
 
-def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: _Sink) -> None:
+def _write_steps(
+    made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: _ErrorKeepingFile
+) -> None:
     import numpy as np
 
     from spacemap_vtk.memory import require
@@ -108,10 +110,12 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
     root = made.create_group("VTKHDF")
     for time, data in steps:
         if not times:
-            require(_bytes(data), f"to write {data.GetNumberOfCells()} cells as .vtkhdf")
+            require(
+                _largest_table_bytes(data), f"to write {data.GetNumberOfCells()} cells as .vtkhdf"
+            )
         times.append(time)
-        for place, rows in _tables(data):
-            begin.setdefault(place, []).append(_add(root, digests, place, rows))
+        for place, rows in _step_arrays(data):
+            begin.setdefault(place, []).append(_append_rows(root, digests, place, rows))
         made.flush()  # the size on the disk is then right for whoever measures it
         sink.check()
     surface, normals = data.IsA("vtkPolyData"), data.GetPointData().GetNormals()
@@ -119,10 +123,10 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
     root.attrs["Version"] = np.array([2, 0])
     root.attrs["Type"] = np.bytes_("PolyData" if surface else "UnstructuredGrid")
     if normals is not None:
-        root[_place("PointData", normals)].attrs["Attribute"] = np.bytes_("Normals")
+        root[_dataset_path("PointData", normals)].attrs["Attribute"] = np.bytes_("Normals")
     count = len(times)
     for place, starts in begin.items():
-        if len(starts) < count or (max(starts) and not place.startswith(_MOVING)):
+        if len(starts) < count or (max(starts) and not place.startswith(_MAY_CHANGE)):
             raise InputError(
                 f"{name}: {place} is another at another time",
                 cure="Write a .pvd: its files need not be alike.",
@@ -142,7 +146,7 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
             told[f"{table}Offsets/{array}"] = np.array(starts)
 
 
-def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
+def _append_rows(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
     """Add rows to a table unless they equal its last rows; return the index of the first."""
     import numpy as np
 
@@ -164,11 +168,11 @@ def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) ->
     return max(0, len(root[name]) - len(rows))
 
 
-def _place(table: str, array: vtkDataArray) -> str:
+def _dataset_path(table: str, array: vtkDataArray) -> str:
     return f"{table}/{array.GetName().replace('/', '_')}"
 
 
-def _bytes(data: vtkDataSet) -> int:
+def _largest_table_bytes(data: vtkDataSet) -> int:
     """Return the bytes of the largest table as HDF5 copies it; cells need numbers of 8 bytes."""
     cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
     numbers, table = cells.GetNumberOfConnectivityIds(), data.GetPointData()
@@ -177,7 +181,7 @@ def _bytes(data: vtkDataSet) -> int:
     return max(16 * numbers + 8 * cells.GetNumberOfCells(), 1024 * largest)
 
 
-def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
+def _step_arrays(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the arrays of one time, each with its place in the file."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -189,9 +193,9 @@ def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
     yield "NumberOfPoints", np.array([len(points)])
     if surface:
         for kind, name in _CELLS.items():
-            yield from _cells(f"{kind}/", getattr(data, f"Get{name}")())
+            yield from _cell_arrays(f"{kind}/", getattr(data, f"Get{name}")())
     else:
-        yield from _cells("", data.GetCells())
+        yield from _cell_arrays("", data.GetCells())
         (type_,) = cell_types(data)  # all cells of a cage have the same type
         yield "Types", np.full(data.GetNumberOfCells(), type_, np.uint8)
     for kind in ("PointData", "CellData"):
@@ -199,10 +203,10 @@ def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
         for number in range(table.GetNumberOfArrays()):
             array = table.GetArray(number)
             if array is not None:  # None: an array of texts
-                yield _place(kind, array), vtk_to_numpy(array)
+                yield _dataset_path(kind, array), vtk_to_numpy(array)
 
 
-def _cells(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]]:
+def _cell_arrays(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]]:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

@@ -1,6 +1,6 @@
 """Read VTK's legacy files if they are whole; VTK's reader reads wild memory where data are missing.
 
-`is_cut_off` finds this out by reading a file's keywords.
+`is_truncated` finds this out by reading a file's keywords.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _PLAIN = {"DATASET", "DIMENSIONS", "SPACING", "ORIGIN", "ASPECT_RATIO"}
 
 
 def _check(path: Path) -> None:
-    if is_cut_off(path):
+    if is_truncated(path):
         raise truncated_error(path)
 
 
@@ -38,7 +38,7 @@ reads(".vtk", label="VTK legacy", holds="mesh", check=_check)(
 )
 
 
-def is_cut_off(path: Path) -> bool:
+def is_truncated(path: Path) -> bool:
     """Return whether a legacy .vtk file ends before its last array is complete."""
     content = path.read_bytes()
     if not content.startswith(b"# vtk"):
@@ -50,19 +50,19 @@ def is_cut_off(path: Path) -> bool:
 
 def _ends_early(content: bytes, long: int) -> bool | None:
     try:
-        _Walk(content, long).run()
-    except (_Unknown, ValueError, IndexError, KeyError):
+        _LegacyScanner(content, long).run()
+    except (_UnknownContentError, ValueError, IndexError, KeyError):
         return None
     except EOFError:
         return True
     return False
 
 
-class _Unknown(Exception):
+class _UnknownContentError(Exception):
     pass
 
 
-class _Walk:
+class _LegacyScanner:
     """A walk through a file from keyword to keyword, which skips the numbers between them."""
 
     def __init__(self, content: bytes, long: int) -> None:
@@ -90,12 +90,12 @@ class _Walk:
 
     def numbers(self, count: int, kind: str) -> None:
         if count and not self.binary:
-            found, self.at = _numbers(self.content, self.at, count)
+            found, self.at = _skip_words(self.content, self.at, count)
             if found < count:
                 raise EOFError
             return
         if kind in ("string", "bit", "variant"):
-            raise _Unknown
+            raise _UnknownContentError
         self.at += count * self.bytes[kind]
         if self.at > len(self.content):
             raise EOFError
@@ -121,7 +121,7 @@ class _Walk:
             self.rows = int(words[1])
         elif name == "SCALARS":
             if self.words()[:1] != ["LOOKUP_TABLE"]:
-                raise _Unknown
+                raise _UnknownContentError
             self.numbers(self.rows * (int(words[3]) if len(words) > 3 else 1), words[2])
         elif name == "COLOR_SCALARS":
             self.numbers(self.rows * int(words[2]), "unsigned_char")
@@ -135,7 +135,7 @@ class _Walk:
             for _ in range(int(words[2])):
                 self.array()
         elif name not in _PLAIN:
-            raise _Unknown
+            raise _UnknownContentError
 
     def array(self) -> None:
         words = self.words()
@@ -160,7 +160,7 @@ class _Walk:
         self.numbers(second, words[1])
 
 
-def _numbers(content: bytes, begin: int, count: int) -> tuple[int, int]:
+def _skip_words(content: bytes, begin: int, count: int) -> tuple[int, int]:
     """Return the number of words that follow, at most `count`, and where the last one ends."""
     done, at = 0, begin
     # The file is split in pieces: all of its words at once would need too much memory.

@@ -43,11 +43,11 @@ _READERS = {
 
 
 #: Formats whose files name further files, which VTK reads with them.
-_NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".vtpd")
+_MULTI_FILE = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".vtpd")
 
 
 @reads(
-    *_NAMING,
+    *_MULTI_FILE,
     label="VTK XML in files",
     holds="mesh",
     common=False,
@@ -72,7 +72,7 @@ def write_vtu(file: Path, data: vtkDataSet) -> None:
         append.AddInputData(data)
         append.Update()
         data = append.GetOutput()
-    _write(file, vtkXMLUnstructuredGridWriter(), data)
+    _write_xml(file, vtkXMLUnstructuredGridWriter(), data)
 
 
 @writes(".vtp", label="VTK XML", holds=("surface",))
@@ -80,7 +80,7 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
     """Write a surface."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    _write(file, vtkXMLPolyDataWriter(), data)
+    _write_xml(file, vtkXMLPolyDataWriter(), data)
 
 
 @writes(".pvtp", label="VTK XML in pieces", holds=("surface",), pieces=True, require=check_folder)
@@ -100,7 +100,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
             one = folder / f"{folder.name}_{number:04d}{ending}"
             (write_vtp if ending == ".vtp" else write_vtu)(one, piece)
             names.append(quoteattr(f"{folder.name}/{one.name}"))
-            lines = lines or list(_described(piece))
+            lines = lines or list(_array_descriptions(piece))
     kind = "PPolyData" if ending == ".vtp" else "PUnstructuredGrid"
     record = record_comments("  ")
     text = [
@@ -116,7 +116,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
     write_parts(file, ["\n".join(text).encode()])
 
 
-def _described(data: vtkDataSet) -> Iterator[str]:
+def _array_descriptions(data: vtkDataSet) -> Iterator[str]:
     """Yield descriptions of the arrays, which a reader needs before it opens a piece."""
     from xml.sax.saxutils import quoteattr
 
@@ -146,17 +146,17 @@ def _described(data: vtkDataSet) -> Iterator[str]:
 finds_record(".pvtp", ".pvtu")(find_record_in_comments)
 
 
-def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
+def _write_xml(file: Path, writer: Any, data: vtkDataSet) -> None:
     from spacemap_vtk.memory import require
 
     require(
-        2 * _text_bytes(data),  # VTK's copy and Python's
+        2 * _estimate_text_bytes(data),  # VTK's copy and Python's
         f"to write {data.GetNumberOfCells()} cells as {file.suffix.lower()}",
         cure="Lower surface.subdivisions, or use fewer ends and picks.",
     )
     writer.SetDataModeToBinary()
     writer.SetCompressorTypeToZLib()  # of level 5; the writer's first compressor has level 6
-    writer.SetInputData(_with_record(data))
+    writer.SetInputData(_add_record(data))
     writer.WriteToOutputStringOn()
     done = writer.Write()
     text = writer.GetOutputString()
@@ -173,7 +173,7 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
     write_parts(file, [made])
 
 
-def _text_bytes(data: vtkDataSet) -> int:
+def _estimate_text_bytes(data: vtkDataSet) -> int:
     """Estimate the length of data as text, by compressing some blocks of each array."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -193,7 +193,7 @@ def _text_bytes(data: vtkDataSet) -> int:
     return int(4 / 3 * size)  # base64 writes three bytes as four letters
 
 
-def _with_record(data: vtkDataSet) -> vtkDataSet:
+def _add_record(data: vtkDataSet) -> vtkDataSet:
     """Add the record to the field data, as bytes because meshio reads no text there."""
     import numpy as np
 

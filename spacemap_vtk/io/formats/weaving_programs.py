@@ -34,7 +34,7 @@ def write_dtx(file: Path, draft: Draft) -> None:
 @reads(".twa", label="Draft of TempoWeave", holds="draft")
 def read_twa(path: Path) -> Draft:
     """Read the WIF in a TempoWeave draft."""
-    from spacemap_vtk.io.drafts.draft_bytes import unreadable
+    from spacemap_vtk.io.drafts.draft_bytes import unreadable_error
     from spacemap_vtk.io.drafts.wif import parse_wif
     from spacemap_vtk.io.drafts.wif_text import MAX_LENGTH
 
@@ -46,10 +46,10 @@ def read_twa(path: Path) -> Draft:
     except InputError:
         raise
     except OSError as error:
-        raise unreadable(error) from None
+        raise unreadable_error(error) from None
     except Exception as error:  # zipfile and its decoders do not document what they raise
         raise InputError(
-            f"there is no {_WIF_IN_TWA} in it",
-            allowed="a .twa of TempoWeave",
-            cure="Export it as WIF",
+            f"the archive has no {_WIF_IN_TWA}",
+            allowed="a .twa file of TempoWeave",
+            cure="Export it as WIF.",
         ) from error

@@ -33,14 +33,14 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.reading import leaf_blocks
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview import scene_reader
-from spacemap_vtk.paraview.property_xml import command, property_of
-from spacemap_vtk.paraview.proxies import FileType, proxy_xml
+from spacemap_vtk.paraview.property_xml import property_of, setter_name
+from spacemap_vtk.paraview.proxies import FileParameter, proxy_xml
 
 _REQUEST_DATA = vtkDemandDrivenPipeline.REQUEST_DATA()
 _NOT_GENERATED = vtkDemandDrivenPipeline.DATA_NOT_GENERATED()
 
 
-class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
+class ParaViewStage(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
     """Behaviour of every stage in ParaView; this base class precedes the stage's class."""
 
     #: XML in which ParaView reads how to show the stage.
@@ -82,7 +82,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
     def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
         error, self._error = self._error, None
         if not isinstance(error, Cancelled) and (is_first() or self._processes is None):
-            say(self, error)
+            show_error(self, error)
         if not request.Has(_REQUEST_DATA) or self._last is None:
             return 0
         info = out_info.GetInformationObject(0)
@@ -127,7 +127,7 @@ def arrays_to_points(data: Any) -> None:
         cells.RemoveArray(name)
 
 
-def say(stage: Stage, error: BaseException | None) -> None:
+def show_error(stage: Stage, error: BaseException | None) -> None:
     """Show an error in the output window; pvpython prints it."""
     text = str(error) or type(error).__name__
     if not isinstance(error, SpacemapError):
@@ -135,46 +135,47 @@ def say(stage: Stage, error: BaseException | None) -> None:
     vtkOutputWindow.GetInstance().DisplayErrorText(f"{type(stage).__name__}: {text}\n")
 
 
-def hosted(
-    stage: type[Stage], name: str | None = None, file: FileType | None = None
-) -> type[Hosted]:
+def paraview_stage(
+    stage: type[Stage], name: str | None = None, file: FileParameter | None = None
+) -> type[ParaViewStage]:
     """Return the class that runs a stage in ParaView."""
     name = name or stage.__name__
-    setters = {command(p): _setter(p) for p in stage.parameters.values()}
+    setters = {setter_name(p): _make_setter(p) for p in stage.parameters.values()}
     made = cast(
-        type[Hosted], type(name, (Hosted, stage), {**setters, "__module__": stage.__module__})
+        type[ParaViewStage],
+        type(name, (ParaViewStage, stage), {**setters, "__module__": stage.__module__}),
     )
     label = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     made._pvsm_proxy_xml = proxy_xml(stage, label, f"{__name__}.{name}", file)
     return made
 
 
-def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
+def _make_setter(parameter: Parameter[Any]) -> Callable[..., None]:
     name, read = parameter.name, property_of(parameter).read
 
-    def set_parameter(self: Hosted, *values: Any) -> None:
+    def set_parameter(self: ParaViewStage, *values: Any) -> None:
         try:
             value = read(*values)
             parameter.require_plausible(value)
             setattr(self, name, value)
         except Exception as error:  # VTK would print it with a traceback
             if is_first():  # every process gets the same value
-                say(self, error)
+                show_error(self, error)
 
     return set_parameter
 
 
-def proxies() -> dict[str, type[Hosted]]:
+def make_proxies() -> dict[str, type[ParaViewStage]]:
     """Return all proxies of the plugin by name."""
-    draft, scene = FileType("draft", "draft"), FileType("file", "scene")
+    draft, scene = FileParameter("draft", "draft"), FileParameter("file", "scene")
     return {
-        **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
-        **{stage.__name__: hosted(stage) for stage in extensions.load_all("stages")},
-        "WIFReader": hosted(spacemap_vtk.WeaveSource, "WIFReader", draft),
-        "SceneReader": hosted(scene_reader.SceneReader, file=scene),
+        **{name: paraview_stage(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
+        **{stage.__name__: paraview_stage(stage) for stage in extensions.load_all("stages")},
+        "WIFReader": paraview_stage(spacemap_vtk.WeaveSource, "WIFReader", draft),
+        "SceneReader": paraview_stage(scene_reader.SceneReader, file=scene),
     }
 
 
-PROXIES = proxies()
+PROXIES = make_proxies()
 # ParaView looks up a class by module and name.
 globals().update(PROXIES)
