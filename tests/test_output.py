@@ -244,13 +244,13 @@ def test_a_film_that_is_stopped_leaves_its_frames(
 _HEARD_IN_VTK = """
 import os, signal, sys
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.offscreen import OffscreenWindow
 
 def render(self, *rest, **more):
     self.renderer.AddObserver("StartEvent", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
     plain(self, *rest, **more)
 
-plain, Offscreen.render = Offscreen.render, render
+plain, OffscreenWindow.render = OffscreenWindow.render, render
 main(sys.argv[1:])
 """
 
