@@ -190,7 +190,7 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     bounds = scene.polygons.GetBounds()
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     scene = Scene(values)
-    sheet = ClothSheet.if_many(scene)
+    sheet = ClothSheet.make_if_needed(scene)
     assert sheet is not None
     assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
     assert (
@@ -249,9 +249,9 @@ def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
     values = {"weave": {"ends": 6, "picks": 6}, "response": {"gravity": [0, 0, -9.8]}}
     scene = Scene(values)
     sheet = ClothSheet(scene)
-    flat = sheet.place(0.0).GetBounds()
-    assert sheet.place(0.3).GetBounds() != flat
+    flat = sheet.deform_at(0.0).GetBounds()
+    assert sheet.deform_at(0.3).GetBounds() != flat
     scene.adopt({}, {"weave"})  # as the window switches the motion off
     assert not scene.moves
-    assert sheet.place(0.3).GetBounds() == flat
-    assert sheet.ride(None).GetBounds() == flat
+    assert sheet.deform_at(0.3).GetBounds() == flat
+    assert sheet.deform_with(None).GetBounds() == flat

@@ -275,5 +275,5 @@ def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
     assert crimp == pytest.approx(scene.woven.cloth.families[0].crimp.crimp, rel=1e-4)
     actor = SurfaceActor()
     actor.show(scene.polygons, "jammed")
-    assert not actor.bar.GetVisibility()
+    assert not actor.color_bar.GetVisibility()
     assert actor.GetMapper().GetArrayName() == "jammed"

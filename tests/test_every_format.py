@@ -260,7 +260,7 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
         if job.output.suffix in (".usda", ".usdc") and find_spec("pxr") is None:
             continue
         job.run(Scene(VALUES, tmp_path / "two.toml"))
-        name = job.output.name % 1 if job.numbered else job.output.name
+        name = job.output.name % 1 if job.is_numbered else job.output.name
         check_content(kind, job, tmp_path / name)
         record = read_record(tmp_path / name)
         if record is None:
@@ -275,7 +275,7 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
         if job.output.suffix not in ANEW:
             continue
         job_from_json(record.order, tmp_path / "new" / name).run(scene)
-        if job.numbered:  # seen from where its film is
+        if job.is_numbered:  # seen from where its film is
             assert record.times == (0.04,)
         made, was = ((folder / name).read_bytes() for folder in (tmp_path / "new", tmp_path))
         assert made == was, name

@@ -76,7 +76,7 @@ class PoemJob(Job):
     command = "recite"
 
     def write(self, context):
-        with self.open_output(context.whole) as file:
+        with self.open_output(context.atomic) as file:
             file.write_text(context.scene.title)
         return "a poem"
 """,

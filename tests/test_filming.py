@@ -14,7 +14,7 @@ from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.io.formats.pictures import write_png
 from spacemap_vtk.jobs import FilmJob, frames
-from spacemap_vtk.jobs.frames import FilmSettings, KeptFrames
+from spacemap_vtk.jobs.frames import FilmSettings, FrameFolder
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -72,7 +72,7 @@ def test_a_film_that_was_stopped_goes_on(name: str, tmp_path: Path, drawn: list[
         filmed(parts / name, 3)
     assert [path.name for path in parts.iterdir()] == [f"{name}.frames"]
     # One of the three is torn, as by a machine that has lost its power.
-    torn = KeptFrames(parts / name).path(1)
+    torn = FrameFolder(parts / name).path(1)
     torn.write_bytes(torn.read_bytes()[:-30])
     assert filmed(parts / name) == [2, 3, 4, 5]
     np.testing.assert_allclose(drawn, [0.0, 0.04, 0.08, 0.04, 0.12, 0.16], atol=1e-12)
@@ -146,8 +146,8 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
 
     def count(width: int, missing: int, asked: int | None, free: float) -> int:
         monkeypatch.setattr(workers, "available", lambda: int(free))
-        settings = FilmSettings.of_scene(scene, scene.animation.frame_times(), (width, width))
-        return frames._count(scene, settings, missing, asked)
+        settings = FilmSettings.from_scene(scene, scene.animation.frame_times(), (width, width))
+        return frames._worker_count(scene, settings, missing, asked)
 
     monkeypatch.setattr(workers, "core_count", lambda: 4)
     assert count(1000, 1000, None, 1e12) == 4

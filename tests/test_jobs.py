@@ -122,7 +122,7 @@ def test_a_job_reports_progress_to_its_end_and_can_be_ended(
     assert list(tmp_path.iterdir()) == []
     job.run(Scene(VALUES), lambda done, of: reported.append((done, of)))
     assert reported == [(done, steps) for done in range(steps + 1)]
-    assert len(list(tmp_path.iterdir())) == (steps if job.numbered else 1)
+    assert len(list(tmp_path.iterdir())) == (steps if job.is_numbered else 1)
 
 
 def test_a_gif_is_half_as_large_unless_a_size_is_asked_for(tmp_path: Path) -> None:
@@ -198,14 +198,14 @@ def test_a_process_of_its_own_runs_a_job_and_says_why_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job = PictureJob(tmp_path / "a.png", 0.0, (32, 24))
-    monkeypatch.setattr("sys.stdin", io.StringIO(worker.request(job, VALUES, tmp_path)))
+    monkeypatch.setattr("sys.stdin", io.StringIO(worker.make_request(job, VALUES, tmp_path)))
     worker.main()
     messages = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert messages == [{"done": 0, "of": 1}, {"done": 1, "of": 1}, {"result": ""}]
     with Image.open(job.output) as picture:
         assert picture.size == (32, 24)
     values = {"weave": {"ends": -1}}
-    monkeypatch.setattr("sys.stdin", io.StringIO(worker.request(job, values, tmp_path)))
+    monkeypatch.setattr("sys.stdin", io.StringIO(worker.make_request(job, values, tmp_path)))
     with pytest.raises(SystemExit):
         worker.main()
     last = json.loads(capsys.readouterr().out.splitlines()[-1])
@@ -232,7 +232,7 @@ def poem() -> Iterator[None]:
 
         def write(self, context: Context) -> str:
             verse = f"# {context.scene.source.ends} ends, times {context.times}\n" * self.lines
-            with self.open_output(context.whole) as file:
+            with self.open_output(context.atomic) as file:
                 write_parts(file, [(verse + "\n".join(record_comments("#")) + "\n").encode()])
             context.report_loss("a poem has no picks")
             return f"{self.lines} lines"
@@ -259,7 +259,7 @@ def test_another_kind_of_job_is_one_class(
     assert ended.value.code == 0
     before = job.output.read_bytes()
     capsys.readouterr()
-    monkeypatch.setattr("sys.stdin", io.StringIO(worker.request(job, VALUES, tmp_path)))
+    monkeypatch.setattr("sys.stdin", io.StringIO(worker.make_request(job, VALUES, tmp_path)))
     worker.main()
     assert '{"result": "2 lines"}' in capsys.readouterr().out
     assert job.output.read_bytes().splitlines()[:2] == before.splitlines()[:2]

@@ -78,9 +78,9 @@ def test_what_was_shown_leaves_nothing_behind() -> None:
         busy = frame_of(scene, 0.05)
         look = ViewOptions(wireframe=True)
         assert np.abs(shown.image(busy, look, (0.0, 1e-3), **BUSY) - before).max() > 60
-        assert shown.view.room > 0.0
+        assert shown.view.scale_width > 0.0
         np.testing.assert_array_equal(shown.image(plain, ViewOptions(cage=False), **PLAIN), before)
-        assert shown.view.room == 0.0
+        assert shown.view.scale_width == 0.0
         # Brought up to date in place: no actor has come.
         assert shown.window.renderer.GetViewProps().GetNumberOfItems() == count
 
@@ -103,7 +103,7 @@ def test_a_plane_moves_without_a_new_frame() -> None:
                 frame, ViewOptions(), clip_normal=(1.0, 0.0, 0.0), clip_origin=origin
             )
         shown.image(frame, ViewOptions(), clip_normal=(0.0, 1.0, 0.0))
-        shown.view.cut_open(((1.0, 0.0, 0.0), (4e-4, 0.0, 0.0)))
+        shown.view.apply_cut(((1.0, 0.0, 0.0), (4e-4, 0.0, 0.0)))
         np.testing.assert_array_equal(shown.window.draw(), whole)
 
 

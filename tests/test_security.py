@@ -21,7 +21,7 @@ from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.formats.pictures import decode_picture
-from spacemap_vtk.jobs.frames import KeptFrames
+from spacemap_vtk.jobs.frames import FrameFolder
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import vanishing_folder
@@ -209,7 +209,7 @@ def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
         pass
     with (
         pytest.raises(InputError, match="leads elsewhere"),
-        KeptFrames(home / "film.gif", "digest").held(),
+        FrameFolder(home / "film.gif", "digest").lock(),
     ):
         pass
     assert {path.name: path.read_bytes() for path in other.iterdir()} == before

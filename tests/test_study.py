@@ -16,7 +16,7 @@ from PIL import Image
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.jobs.sweep import Result, carry_out_run, carry_out_sweep, table
+from spacemap_vtk.jobs.sweep import RunResult, execute_run, execute_sweep, table_rows
 from spacemap_vtk.scenes.runs import Run, Sweep, sweep_of
 
 SCENE = """
@@ -50,8 +50,8 @@ def scene(tmp_path: Path) -> Path:
 def no_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let this process do what others would: each takes a second to start."""
 
-    def here(_function: str, tasks: Sequence[Run], _count: int) -> Iterator[tuple[int, Result]]:
-        yield from ((number, carry_out_run(task)) for number, task in enumerate(tasks))
+    def here(_function: str, tasks: Sequence[Run], _count: int) -> Iterator[tuple[int, RunResult]]:
+        yield from ((number, execute_run(task)) for number, task in enumerate(tasks))
 
     monkeypatch.setattr("spacemap_vtk.jobs.sweep.in_processes", here)
 
@@ -62,8 +62,8 @@ def run(*words: str) -> int:
     return int(end.value.code or 0)
 
 
-def untimed(sweep: Sweep, found: Mapping[str, Result]) -> list[list[str]]:
-    headings, rows = table(sweep, found)
+def untimed(sweep: Sweep, found: Mapping[str, RunResult]) -> list[list[str]]:
+    headings, rows = table_rows(sweep, found)
     at = headings.index("seconds [s]")
     return [headings, *([*row[:at], *row[at + 1 :]] for row in rows)]
 
@@ -115,12 +115,12 @@ def test_a_sweep_on_the_command_line(
 def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Path) -> None:
     cluster = pytest.importorskip("distributed", reason="comes with the extra [cluster]")
     sweep = sweep_of(scene, [SPACINGS.replace("0.2 mm,", "")])
-    two = carry_out_sweep(sweep, tmp_path / "two", workers=2)
-    one = {each.name: carry_out_run(each) for each in sweep.runs}
+    two = execute_sweep(sweep, tmp_path / "two", workers=2)
+    one = {each.name: execute_run(each) for each in sweep.runs}
     with cluster.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as local:
-        dask = carry_out_sweep(sweep, tmp_path / "dask", cluster=local.scheduler_address)
+        dask = execute_sweep(sweep, tmp_path / "dask", cluster=local.scheduler_address)
     assert not any(each.error for each in one.values())
     assert untimed(sweep, one) == untimed(sweep, two) == untimed(sweep, dask)
     for name, each in one.items():
@@ -128,7 +128,7 @@ def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Pat
             assert (tmp_path / folder / f"{name}.png").read_bytes() == each.pictures[0]
     # A run's own scene draws its picture, by itself; but it says of another file that it is its.
     own = tmp_path / "two" / f"{sweep.runs[0].name}.toml"
-    made = carry_out_run(sweep_of(own, []).runs[0]).pictures + one[own.stem].pictures
+    made = execute_run(sweep_of(own, []).runs[0]).pictures + one[own.stem].pictures
     first, second = (np.asarray(Image.open(io.BytesIO(picture))) for picture in made)
     np.testing.assert_array_equal(first, second)
 
@@ -143,12 +143,12 @@ def test_what_a_stopped_sweep_has_can_be_used_and_is_kept(scene: Path, tmp_path:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        carry_out_sweep(sweep, folder, stop, workers=1)
+        execute_sweep(sweep, folder, stop, workers=1)
     with (folder / "table.csv").open(encoding="utf-8", newline="") as stream:
         assert [row["message"] for row in csv.DictReader(stream)] == ["", "not run", "not run"]
     before = json.loads((folder / "warp_spacing=0.5mm.json").read_text())
     told: list[int] = []
-    found = carry_out_sweep(sweep, folder, lambda done, of: told.append(done), workers=1)
+    found = execute_sweep(sweep, folder, lambda done, of: told.append(done), workers=1)
     assert told == [1, 2, 3]
     assert found["warp_spacing=0.5mm"].seconds == before["seconds"]
     with Image.open(folder / "contact_sheet.png") as sheet:
@@ -184,5 +184,5 @@ def test_more_processes_than_memory_are_refused(
     monkeypatch.setattr("spacemap_vtk.workers.available", lambda: 2**30)
     sweep = sweep_of(scene, ["weave.warp_spacing=linspace(0.5 mm, 0.6 mm, 9)"])
     with pytest.raises(InputError, match=r"9 processes would need .* Take 2 or fewer"):
-        carry_out_sweep(sweep, tmp_path / "cloth", workers=9)
+        execute_sweep(sweep, tmp_path / "cloth", workers=9)
     assert not (tmp_path / "cloth").exists()

@@ -69,7 +69,7 @@ def test_ground_has_a_soft_shadow_where_there_is_light() -> None:
         scene = Scene({"weave": WEAVE, "surface": {"subdivisions": 2}, "view": view})
         picture = Picture(scene, [0.0], (160, 120))
         image = picture.draw(0.0).astype(int)
-        assert bool(picture.panels[0].shown.ground.GetVisibility()) == (style != "schematic")
+        assert bool(picture.panels[0].scene_view.ground.GetVisibility()) == (style != "schematic")
         picture.close()
         # The yarns are blue and yellow, the shadow is grey, and fades before the picture ends.
         grey = (np.ptp(image, axis=2) <= 1) & (image[..., 0] > 150) & (image[..., 0] < 250)

@@ -21,7 +21,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.textile import Measure, Textile, Woven
 from spacemap_vtk.io.drafts.draft_file import read_draft
-from spacemap_vtk.jobs.sweep import carry_out_run
+from spacemap_vtk.jobs.sweep import execute_run
 from spacemap_vtk.mechanics.elements.plates import data_sheet
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
@@ -312,7 +312,7 @@ def test_a_figure_has_its_pictures_and_no_weave(
 def test_a_sweep_has_its_figures_and_its_pictures(scene: Path) -> None:
     # Run here: another process would not know the sources of this file.
     runs = sweep_of(scene, [f"{scene.stem}.diameter=0.2mm,0.3mm"]).runs
-    found = [carry_out_run(run) for run in runs]
+    found = [execute_run(run) for run in runs]
     assert [one.error for one in found] == ["", ""]
     assert [float(one.figures["diameter [mm]"]) for one in found] == [0.2, 0.3]
     assert {one.figures["yarns"] for one in found} == {"5"}

@@ -104,7 +104,7 @@ def test_yarns_are_made_where_they_are_seen_near(
     part = window.engine.pipeline._near.part
     view.canvas.camera.Azimuth(2.0)
     view.steer(False)
-    wait_until(lambda: at_rest(window) and view.frame.seen == view.seen)
+    wait_until(lambda: at_rest(window) and view.frame.camera_view == view.seen)
     assert view.frame.yarns is not None
     view.zoom(0.125)
     wait_until(lambda: at_rest(window) and view.frame.yarns is None)
@@ -176,9 +176,9 @@ def test_many_facets_are_fewer_while_the_camera_moves(
     monkeypatch.setattr(pipeline, "_HEAVY_QUADS", 1000)
     window = open_window("twill_2_2")
     view = window.view
-    assert view.frame.light is not None
+    assert view.frame.preview is not None
     wait_until(lambda: not view.steering)
-    actors = view.scene_view.surface, view.scene_view.light
+    actors = view.scene_view.surface, view.scene_view.preview
     assert [actor.GetVisibility() for actor in actors] == [1, 0]
     view.steer(True)
     assert [actor.GetVisibility() for actor in actors] == [0, 1]

@@ -73,7 +73,7 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
     sizes: list[float] = []
 
     def measure(frame: Any) -> None:
-        if frame.swing == 2:
+        if frame.mode == 2:
             moved = array_of(frame.cage.GetPointData(), "displacement", "a swing")
             sizes.append(float(np.linalg.norm(moved, axis=1).max()))
 
@@ -86,7 +86,7 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
     assert window.view.frame.surface.GetPointData().GetArray("displacement") is not None
     assert {stage.section: stage.executions for stage in scene.stages} == before
     QTest.mouseClick(window.modes.back_button, Qt.MouseButton.LeftButton)
-    wait_until(lambda: settled(window) and window.view.frame.swing is None)
+    wait_until(lambda: settled(window) and window.view.frame.mode is None)
     assert window.modes.mode is None
 
 
@@ -210,7 +210,7 @@ def test_a_mode_that_is_rebuilt_turns_by_a_right_angle(open_scene: Any, tmp_path
     longest: list[float] = []
 
     def measure(frame: Any) -> None:
-        if frame.swing == 0:
+        if frame.mode == 0:
             rest = points_of(frame.cage)
             moved = rest + array_of(frame.cage.GetPointData(), "displacement", "a swing")
             side = np.flatnonzero(rest[:, 0] == rest[0, 0])

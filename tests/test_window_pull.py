@@ -45,7 +45,7 @@ def drag(window: Any, *stretches: tuple[float, float], wait: int = 10) -> None:
 
 def pulled(window: Any) -> bool:
     frame = window.view.frame
-    return settled(window) and frame.swing == -1 and not frame.coarse
+    return settled(window) and frame.mode == -1 and not frame.coarse
 
 
 def size_of(data: Any) -> np.ndarray:
@@ -75,7 +75,7 @@ def test_the_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any
     assert "Yarn strain 0.00 and 0.00 %" in window.pull.state_text.text()
     assert {s.section: s.executions for s in scene_of(window).stages} == before
     QTest.mouseClick(window.pull.back_button, Qt.MouseButton.LeftButton)
-    wait_until(lambda: settled(window) and window.view.frame.swing is None)
+    wait_until(lambda: settled(window) and window.view.frame.mode is None)
     assert pad.stretch == (1.0, 1.0)
 
 
@@ -99,7 +99,7 @@ def test_keys_move_the_point_and_a_jam_is_told(open_scene: Any) -> None:
     assert window.times.time == shown  # the key is not the menu's
     wait_until(lambda: pulled(window))
     QTest.keyClick(pad, Qt.Key.Key_Escape)
-    wait_until(lambda: settled(window) and window.view.frame.swing is None)
+    wait_until(lambda: settled(window) and window.view.frame.mode is None)
 
 
 def test_a_drag_pulls_the_cloth(open_scene: Any) -> None:
@@ -139,7 +139,7 @@ def test_a_scene_without_yarns_gets_them_by_a_click(open_scene: Any) -> None:
     assert "[yarns]" in window.pull.hint.text()
     assert window.pull.map.map is None
     QTest.mouseClick(window.pull.map, Qt.MouseButton.LeftButton, pos=QPoint(90, 90))
-    assert window.view.frame.swing is None
+    assert window.view.frame.mode is None
     window.pull.hint.linkActivated.emit("yarns")  # as a click on its words does
     wait_until(lambda: settled(window) and window.pull.map.map is not None)
     assert window.stages.states["yarns"] == "fresh"

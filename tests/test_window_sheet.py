@@ -196,7 +196,7 @@ def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> N
 
 def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
-    bar = window.view.scene_view.surface.bar
+    bar = window.view.scene_view.surface.color_bar
     sag = np.linalg.norm(equilibrium(window), axis=1).max()
     for name, title in (("equilibrium", "Hung state"), ("displacement", "Displacement")):
         assert window.tools.colorings[name].isVisible()

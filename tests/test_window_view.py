@@ -156,7 +156,7 @@ def test_every_colouring_is_another_picture(open_scene: Any) -> None:
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         pictures.append(image(window))
         # What stands for a number has a scale, with its unit.
-        bar = window.view.scene_view.surface.bar
+        bar = window.view.scene_view.surface.color_bar
         assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn", "jammed"))
         assert not bar.GetVisibility() or "[" in bar.GetTitle()
     for k, one in enumerate(pictures):
@@ -201,11 +201,11 @@ def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
         look.BackfaceCullingOff()
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
         # ... but not without the face of the cut
-        view.scene_view.face.VisibilityOff()
+        view.scene_view.cut_face.VisibilityOff()
         # (of a number the inside has the same colour but where it turns away from us).
         least = 2e-2 if color == "own" else 1e-2
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > least
-        view.scene_view.face.VisibilityOn()
+        view.scene_view.cut_face.VisibilityOn()
         look.BackfaceCullingOn()
 
 
@@ -218,11 +218,11 @@ def test_the_face_of_a_cut_follows_the_mouse(open_scene: Any) -> None:
     x = view.scene_view.cut[1][0] + 7e-4
     handle.shape.SetOrigin(x, 0.0, 0.0)
     handle.widget.InvokeEvent("InteractionEvent")
-    bounds = view.scene_view.face.GetMapper().GetInput().GetBounds()
+    bounds = view.scene_view.cut_face.GetMapper().GetInput().GetBounds()
     np.testing.assert_allclose(bounds[:2], x, atol=1e-7)
     window.tools.clip.trigger()
     wait_until(lambda: settled(window) and not view.scene_view.cut)
-    assert not view.scene_view.face.GetVisibility()
+    assert not view.scene_view.cut_face.GetVisibility()
 
 
 def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
@@ -301,10 +301,10 @@ def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene:
     window = open_scene()
     view = window.view
     view.steer(True)
-    assert not view.canvas.shade.on
+    assert not view.canvas.shade.is_on
     moving = view.canvas.image().astype(int)
     view.steer(False)
-    wait_until(lambda: view.canvas.shade.on)
+    wait_until(lambda: view.canvas.shade.is_on)
     rest = view.canvas.image().astype(int)
     # What is deep is darker, what light falls on as it was, and nothing is lighter.
     assert (moving - rest).max() > 40
@@ -312,7 +312,7 @@ def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene:
     assert (np.abs(moving - rest).max(axis=2) <= 1).mean() > 0.7
     window.document.set("view", "color", "displacement")
     wait_until(lambda: settled(window) and not view._shadow_timer.isActive())
-    assert not view.canvas.shade.on
+    assert not view.canvas.shade.is_on
 
 
 def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) -> None:
@@ -325,7 +325,7 @@ def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) 
         wait_until(lambda: settled(window) and not view.steering)
         pictures.append(view.image().astype(int))
         if len(pictures) == 1:
-            _, low, right, high = (round(end) for end in view.canvas.shade.clear[0])
+            _, low, right, high = (round(end) for end in view.canvas.shade.unshaded_areas[0])
             window.tools.part_actions["triad"].trigger()
     beside = slice(-high, -low or None), slice(right + 3, right + 20)
     with_, without = (picture[beside] for picture in pictures)
@@ -440,14 +440,24 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view, stage = window.view, scene_of(window).surface
     view.zoom(0.3)
-    wait_until(lambda: settled(window) and view.frame.seen == view.seen and not view.frame.finer)
+    wait_until(
+        lambda: (
+            settled(window)
+            and view.frame.camera_view == view.seen
+            and not view.frame.has_finer_yarns
+        )
+    )
     facets, runs = view.frame.surface.GetNumberOfCells(), stage.executions
     view.canvas.camera.Azimuth(2.0)
     view.render()
     wait_until(lambda: settled(window) and not view.steering)
     assert stage.executions == runs  # nobody would see more
     view.zoom(60.0)
-    wait_until(lambda: settled(window) and view.frame.finer and view.frame.seen == view.seen)
+    wait_until(
+        lambda: (
+            settled(window) and view.frame.has_finer_yarns and view.frame.camera_view == view.seen
+        )
+    )
     near, runs = view.frame, stage.executions
     sides = np.unique(np.asarray(stage._kept.subdivisions))
     assert sides.max() >= 16
@@ -456,10 +466,10 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     # What is made with a margin serves a small turn, too.
     view.canvas.camera.Azimuth(0.01)
     view.render()
-    wait_until(lambda: settled(window) and view.frame.seen == view.seen)
+    wait_until(lambda: settled(window) and view.frame.camera_view == view.seen)
     assert stage.executions == runs
     view.zoom(0.016)
-    wait_until(lambda: settled(window) and not view.frame.finer)
+    wait_until(lambda: settled(window) and not view.frame.has_finer_yarns)
     assert view.frame.surface.GetNumberOfCells() == facets
 
 
@@ -471,7 +481,7 @@ def test_words_on_a_picked_point_outlast_another_view(open_scene: Any) -> None:
     (picked,) = view.picks
     assert window.status_text.full_text == picked.text
     view.zoom(20.0)
-    wait_until(lambda: settled(window) and view.frame.finer)
+    wait_until(lambda: settled(window) and view.frame.has_finer_yarns)
     assert window.status_text.full_text == picked.text
     window.document.set("weave", "warp_color", "#00ff00")
     wait_until(lambda: settled(window) and "facets" in window.status_text.full_text)

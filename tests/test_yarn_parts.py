@@ -117,14 +117,14 @@ def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> 
     stages = PartStages(scene)
     stages.surface.choose(2)
     if moves:
-        stages.move_by(scene.deformed_cage)
+        stages.set_cage(scene.deformed_cage)
     whole = rows_of(scene.polygons, color_values(scene.polygons, "clearance"))
     found = []
     for ends in (slice(0, 5), slice(5, 11), slice(11, 15)):
         for picks in (slice(0, 7), slice(7, 13)):
             tile = measure_tile(stages, ends, picks, 0.02, None)
             assert tile is not None
-            found.append(rows_of(tile.cut, tile.found))
+            found.append(rows_of(tile.trimmed_surface, tile.clearance))
     parts = np.concatenate(found)
     assert parts.shape == whole.shape  # each facet once
     parts, whole = (rows[np.lexsort(np.rint(rows[:, :4] / 1e-7).T)] for rows in (parts, whole))

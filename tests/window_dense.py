@@ -35,7 +35,7 @@ def pixels_of(window: MainWindow) -> dict[str, int]:
         "supports": shown.supports,
         "cage": shown.cage,
         "pick": view.marks,
-        "letters": shown.surface.bar,
+        "letters": shown.surface.color_bar,
     }
     counts = {}
     for name in props:

@@ -84,7 +84,7 @@ class MainWindow(QMainWindow):
         self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
-        self.look = ViewOptions(handled=True)
+        self.look = ViewOptions(axes_clickable=True)
         #: The last value of ``view.show`` that showed both fabric and cage.
         self._shown_together = "both"
         self.view = View3D(self.look)
@@ -436,7 +436,7 @@ class MainWindow(QMainWindow):
     def _show_frame_state(self, frame: Frame) -> None:
         self.errors.clear("cancel")
         # A frame of a mode or pull does not prove that the motion works: its stages did not run.
-        if frame.swing is None:
+        if frame.mode is None:
             self.errors.clear("run")
             self.properties.clear_errors("run")
         if not (frame.coarse and self.director.is_dragging):
@@ -466,7 +466,7 @@ class MainWindow(QMainWindow):
             # A click on the cure applies it.
             link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
         warnings = self.document.drafts.replace_paths("\n".join(doubts))
-        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
+        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surroundings]
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
         # Warnings about an unchanged scene of the program's own are not the user's fault: they are
         # shown only after a click.
@@ -517,4 +517,4 @@ def _shorten_warning(warning: str) -> str:
 
 def _frame_key(frame: Frame) -> object:
     """Return a key that identifies what a frame shows, regardless of the camera."""
-    return frame.generation, frame.values, frame.time, frame.swing
+    return frame.generation, frame.values, frame.time, frame.mode

@@ -141,9 +141,9 @@ def animate(
     try:
         run_job(job, chosen, "Drawing frames", quiet)
     except BaseException as error:
-        from spacemap_vtk.jobs.frames import BusyError, KeptFrames
+        from spacemap_vtk.jobs.frames import BusyError, FrameFolder
 
-        kept = KeptFrames(output)
+        kept = FrameFolder(output)
         if kept.count and not isinstance(error, BusyError):
             print(
                 f"spacemap: {kept.count} frames are kept in {kept.folder}: the same command goes "

@@ -29,7 +29,7 @@ from spacemap_vtk.cli.options import (
 from spacemap_vtk.errors import InputError, SpacemapError
 
 if TYPE_CHECKING:
-    from spacemap_vtk.jobs.sweep import Result
+    from spacemap_vtk.jobs.sweep import RunResult
     from spacemap_vtk.scenes.runs import Sweep
 
 #: Beginnings of the headings of figures that are printed first if they differ between runs. The
@@ -116,12 +116,12 @@ def sweep(
         fixed.append(("view", "size", list(chosen.view.size)))
     if color is not None:
         fixed.append(("view", "color", color))
-    from spacemap_vtk.jobs.sweep import SHEET, TABLE, carry_out_sweep
+    from spacemap_vtk.jobs.sweep import SHEET, TABLE, execute_sweep
     from spacemap_vtk.scenes.runs import sweep_of
 
     asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
     with progress(None, "Running", quiet) as tell:
-        found = carry_out_sweep(
+        found = execute_sweep(
             asked, output, tell, workers=workers, cluster=cluster or "", again=again
         )
     if not quiet:
@@ -138,13 +138,13 @@ def sweep(
         )
 
 
-def _print_table(sweep: Sweep, found: Mapping[str, Result]) -> None:
+def _print_table(sweep: Sweep, found: Mapping[str, RunResult]) -> None:
     """Print the values and the figures that differ, as many as fit the width."""
     from rich.console import Console
 
-    from spacemap_vtk.jobs.sweep import table
+    from spacemap_vtk.jobs.sweep import table_rows
 
-    headings, rows = table(sweep, found)
+    headings, rows = table_rows(sweep, found)
     rows = [[_round_number(cell) for cell in row] for row in rows]
     last = len(headings) - 2  # the column of seconds; the message follows
     columns = list(range(1, 1 + len(sweep.axes)))
@@ -186,7 +186,7 @@ def _wrap_heading(heading: str) -> list[str]:
     return [*words, *([bracket.strip() + unit] if unit else [])]
 
 
-def _print_run_warnings(found: Mapping[str, Result]) -> None:
+def _print_run_warnings(found: Mapping[str, RunResult]) -> None:
     """Print the stages' warnings; of those that differ only in numbers, the first."""
     alike: dict[str, list[str]] = {}
     for result in found.values():

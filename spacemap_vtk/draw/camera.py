@@ -34,7 +34,7 @@ def keep_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) ->
     """Align a camera with the up axis, like a turntable; a turn over a pole is undone."""
     axis = np.eye(3)[up]
     if before is not None and np.dot(camera.GetViewUp(), axis) < _POLE:
-        before.take(camera)
+        before.apply_to(camera)
     height = -float(np.dot(camera.GetDirectionOfProjection(), axis))
     if abs(height) > 1.0 - 0.4 * _POLE**2:  # at the pole, the up axis has no direction in the view
         camera.OrthogonalizeViewUp()
@@ -54,7 +54,7 @@ class Viewpoint(NamedTuple):
     """Vertical view angle of the camera, in degrees."""
 
     @classmethod
-    def of(cls, camera: vtkCamera) -> Viewpoint:
+    def from_camera(cls, camera: vtkCamera) -> Viewpoint:
         """Return the placement of a camera."""
         scale = camera.GetParallelScale() if camera.GetParallelProjection() else 0.0
         stands = camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()
@@ -66,7 +66,7 @@ class Viewpoint(NamedTuple):
         position, focus, up = [(float(x), float(y), float(z)) for x, y, z in numbers[:3]]
         return cls(position, focus, up, *map(float, numbers[3:]))
 
-    def take(self, camera: vtkCamera) -> None:
+    def apply_to(self, camera: vtkCamera) -> None:
         """Place a camera at this viewpoint."""
         camera.SetPosition(*self.position)
         camera.SetFocalPoint(*self.focus)
@@ -76,7 +76,7 @@ class Viewpoint(NamedTuple):
         if self.parallel_scale:
             camera.SetParallelScale(self.parallel_scale)
 
-    def widened(self, factor: float) -> Viewpoint:
+    def widen(self, factor: float) -> Viewpoint:
         """Return this viewpoint with a field of view that is `factor` times as high."""
         slope = factor * np.tan(np.radians(self.angle / 2))
         angle = float(np.degrees(2 * np.arctan(slope)))
@@ -86,23 +86,23 @@ class Viewpoint(NamedTuple):
 class CameraView(NamedTuple):
     """The viewpoint and size of a view."""
 
-    place: Viewpoint
+    viewpoint: Viewpoint
     #: Horizontal offset of the picture's centre, as in vtkCamera.SetWindowCenter.
-    aside: float
+    window_center_x: float
     #: Width and height in pixels.
     size: tuple[int, int]
 
     @classmethod
-    def through(cls, camera: vtkCamera, size: tuple[int, int]) -> CameraView:
+    def from_camera(cls, camera: vtkCamera, size: tuple[int, int]) -> CameraView:
         """Return the view of a picture with a size, through a camera."""
-        return cls(Viewpoint.of(camera), camera.GetWindowCenter()[0], size)
+        return cls(Viewpoint.from_camera(camera), camera.GetWindowCenter()[0], size)
 
     @property
     def camera(self) -> vtkCamera:
         """A new camera with this view."""
         camera = vtkCamera()
-        self.place.take(camera)
-        camera.SetWindowCenter(self.aside, 0.0)
+        self.viewpoint.apply_to(camera)
+        camera.SetWindowCenter(self.window_center_x, 0.0)
         return camera
 
 
@@ -261,7 +261,7 @@ def refit_viewpoint(
     # part becomes as large as the new picture allows, and the centre stays. If nothing is visible,
     # the height stays.
     camera = vtkCamera()
-    place.take(camera)
+    place.apply_to(camera)
     reach = np.zeros(2)
     for points, first in things:
         if not len(points):
@@ -277,4 +277,4 @@ def refit_viewpoint(
     largest = float(reach.max())
     if largest == 0.0:
         return place
-    return place.widened(max(float(reach[0]) * aspect / other, float(reach[1])) / largest)
+    return place.widen(max(float(reach[0]) * aspect / other, float(reach[1])) / largest)

@@ -54,7 +54,7 @@ class Frame:
     #: Whether the surface is coarser than the scene requests.
     coarse: bool = False
     #: Index of the mode that is shown in place of the motion; -1 for a pull.
-    swing: int | None = None
+    mode: int | None = None
     #: Number that differs between scenes.
     generation: int = 0
     #: Sections and values of the frame's scene, as in a scene file.
@@ -68,16 +68,16 @@ class Frame:
     #: The yarns that are drawn in place of a part of the sheet.
     yarns: vtkPolyData | None = None
     #: The rest of the sheet around these yarns.
-    around: vtkPolyData | None = None
+    surroundings: vtkPolyData | None = None
     #: The view for which `yarns`, or the facets of all yarns, were chosen.
-    seen: CameraView | None = None
+    camera_view: CameraView | None = None
     #: Pixels per metre up to which a view needs no more facets than yarns out of sight have; 0 if
     #: facets do not depend on the view.
-    enough: float = 0.0
+    coarse_scale: float = 0.0
     #: Whether yarns near the camera have more facets than in this frame.
-    finer: bool = False
+    has_finer_yarns: bool = False
     #: Frame that is drawn in place of this one while the camera moves; None: this frame.
-    light: Frame | None = None
+    preview: Frame | None = None
     #: Figures of the motion, see `spacemap_vtk.scenes.report.motion`.
     motion: dict[str, Any] | None = None
 

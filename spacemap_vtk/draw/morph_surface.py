@@ -108,7 +108,7 @@ def make_moving_surface(
     still, rows = _make_still_surface(scene, scene.polygons, most, span, numbers)
     seen = SurfaceRecorder(scene, rows, len(times) if lasts else 1, numbers, strands)
     if not lasts:
-        seen.see(0)
+        seen.record(0)
         return replace(still, curves=seen.curves, numbers=seen.numbers)
     usual, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
@@ -319,7 +319,7 @@ def _compare_frames(
     waiting = np.empty((min(_TOGETHER, len(times)), *still.points.shape), np.float32)
     for number, time in enumerate(times):
         scene.update(time)
-        seen.see(number)
+        seen.record(number)
         points, normals = _points_and_normals(scene.polygons, rows, turned is not None)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))

@@ -51,19 +51,19 @@ class OffscreenWindow:
         #: Renderer that draws in front of everything else; None until it is needed.
         self.front: vtkRenderer | None = None
 
-    def add_in_front(self, prop: vtkProp) -> None:
+    def add_front_prop(self, prop: vtkProp) -> None:
         """Add a prop that is drawn in front of everything else."""
         if self.front is None:
             self.front = add_front_renderer(self.render_window, self.renderer)
         self.front.AddViewProp(prop)
 
-    def leave_background(self) -> None:
+    def hide_background(self) -> None:
         """Draw no background, so that empty pixels have a coverage of 0."""
         self.renderer.GradientBackgroundOff()
         self.renderer.SetBackground(0.0, 0.0, 0.0)
         self.renderer.SetBackgroundAlpha(0.0)
 
-    def take_samples(self, samples: int) -> None:
+    def set_samples(self, samples: int) -> None:
         """Set the number of samples of each pixel."""
         self.render_window.SetMultiSamples(samples)
 
@@ -86,7 +86,7 @@ class OffscreenWindow:
         self.renderer.SetPreserveDepthBuffer(over)
         # With one sample per pixel, the picture is read from the buffer in which it is drawn, so no
         # swap is needed.
-        self.render_window.SetSwapBuffers(self._sampled)
+        self.render_window.SetSwapBuffers(self._is_multisampled)
         self.render_window.Render()
 
     def pixels(self) -> Bytes:
@@ -94,7 +94,7 @@ class OffscreenWindow:
         width, height = self.size
         # With several samples the front buffer is read. The back buffer contains all samples, and
         # reading it would return their plain mean.
-        front = self._sampled
+        front = self._is_multisampled
         self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
@@ -105,7 +105,7 @@ class OffscreenWindow:
         return vtk_to_numpy(self._depths[over]).reshape(height, width)[::-1]
 
     @property
-    def _sampled(self) -> bool:
+    def _is_multisampled(self) -> bool:
         return self.render_window.GetMultiSamples() > 1
 
     def close(self) -> None:

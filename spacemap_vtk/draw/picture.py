@@ -76,12 +76,12 @@ class _Panel(NamedTuple):
     """A part of the picture with its window and contents."""
 
     window: OffscreenWindow | SoftwareWindow
-    shown: SceneView
-    look: ViewOptions
+    scene_view: SceneView
+    options: ViewOptions
     #: Whether contact shadows are drawn.
-    shaded: bool
+    has_shadows: bool
     #: Background of the picture.
-    behind: Background
+    background: Background
     #: Width and height of the panel's picture in pixels.
     size: tuple[int, int]
 
@@ -151,34 +151,34 @@ class Picture:
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
-            self.panels.append(self._panel(scene, panel, (w, height), room))
+            self.panels.append(self._make_panel(scene, panel, (w, height), room))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces: YarnPieces | None = None
-        self._choose_form(room)
+        self._choose_detail(room)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
-    def _choose_form(self, room: Floats) -> None:
+    def _choose_detail(self, room: Floats) -> None:
         """Choose the facets of yarns, or the sheet, by the size of yarns in the picture."""
         scene, panel = self.scene, self.panels[-1]
         cloth = DrawnCloth.of(scene)
         if cloth is None:
             return
-        seen = CameraView.through(panel.window.camera, panel.size)
+        seen = CameraView.from_camera(panel.window.camera, panel.size)
         self.level = _set_facets(scene, cloth, self.level, room, seen)
         if self.level.is_sampled:
-            panel.window.take_samples(SAMPLES)
+            panel.window.set_samples(SAMPLES)
         if cloth.clearance:
-            self._tell_of_facets()
+            self._warn_of_few_facets()
         if self.level.form is Form.SHADER:
             for each in self.panels:
-                each.shown.sheet.resolve(True)
+                each.scene_view.sheet.show_single_yarns(True)
         if self.level.form in (Form.PIECES, Form.TILES):
             patches = cloth.patches // self.level.pieces
             sides = cloth.subdivisions or self.level.sides
             require_piece(scene, (cloth.ends, cloth.picks), patches, sides)
             self.pieces = YarnPieces(scene, self.level)
 
-    def _tell_of_facets(self) -> None:
+    def _warn_of_few_facets(self) -> None:
         """Warn that clearances on few facets are rough, because each facet is flat."""
         if (sides := self.scene.surface.sides) < _ROUND:
             self.scene.warn(
@@ -205,19 +205,19 @@ class Picture:
         else:
             surface, cloth, crossings = sheet.update(time), sheet.cloth, sheet.crossings
         frame = frame_of(self.scene, time, surface, None, view.loads, cloth, crossings)
-        return np.concatenate([self._drawn(panel, frame) for panel in self.panels], axis=1)
+        return np.concatenate([self._draw_panel(panel, frame) for panel in self.panels], axis=1)
 
-    def _drawn(self, panel: _Panel, frame: Frame) -> Image:
+    def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:
         window, shown, look, shaded, behind, _ = panel
         view, pieces = self.scene.view, self.pieces if look.fabric else None
         shown.show(frame, view, look, self._span, self._cut)
-        self._choose_range(window, pieces)
+        self._set_clipping_range(window, pieces)
         # The colours of a sheet include the contact shadows of its yarns.
         shaded = shaded and (self.sheet is None or pieces is not None)
-        signs = shown.overlaid
+        signs = shown.has_overlays
         # Signs and annotations are drawn after the solids have their shadows or all pieces.
         over = pieces is not None or (shaded and signs)
-        others = (*shown.signs, shown.ghost, shown.ground, *shown.over)
+        others = (*shown.markers, shown.ghost, shown.ground, *shown.overlays)
         later = [prop for prop in others if over and prop.GetVisibility()]
         for prop in later:
             prop.VisibilityOff()
@@ -227,8 +227,10 @@ class Picture:
         if pieces is not None:
             assert self.sheet is not None
             width, height = window.size
-            for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
-                shown.show_more(replace(frame, surface=piece, cloth=None, closed=True))
+            for piece in pieces.visible_pieces(
+                frame.time, self.sheet, window.camera, width / height
+            ):
+                shown.replace_fabric(replace(frame, surface=piece, cloth=None, closed=True))
                 window.render(front=False, over=True)
         depths = [window.depths()] if shaded else []
         if over:
@@ -238,10 +240,10 @@ class Picture:
                 prop.VisibilityOn()
             window.render(over=True)
             depths += [window.depths(over)] if shaded and signs else []
-        shade = self._shade(panel, *depths) if depths else None
+        shade = self._compute_shadows(panel, *depths) if depths else None
         return compose(window.pixels(), behind, shade)
 
-    def _choose_range(
+    def _set_clipping_range(
         self, window: OffscreenWindow | SoftwareWindow, pieces: YarnPieces | None
     ) -> None:
         window.renderer.ResetCameraClippingRange()
@@ -252,7 +254,7 @@ class Picture:
             bounds = np.stack([low - self._relief, high + self._relief], axis=1)
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
 
-    def _shade(
+    def _compute_shadows(
         self, panel: _Panel, depths: Singles, signs: Singles | None = None
     ) -> Shadows | None:
         """Return the factors for the light of pixels, and their part of the picture; or None."""
@@ -267,13 +269,15 @@ class Picture:
             # Signs are not objects of the scene: they neither cast nor receive shadows.
             shade[signs[box] < depths[box]] = 1.0
         top, first = (side.start for side in box)
-        for edges in panel.shown.annotations.boxes:
+        for edges in panel.scene_view.annotations.boxes:
             left, low, right, high = map(round, edges)
             above, beside = max(height - high - top, 0), max(left - first, 0)
             shade[above : max(height - low - top, 0), beside : max(right - first, 0)] = 1.0
         return box, shade
 
-    def _panel(self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats) -> _Panel:
+    def _make_panel(
+        self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats
+    ) -> _Panel:
         view = scene.view
         fabric, cage = panel != "cage", panel != "fabric"
         look = ViewOptions(fabric, cage, self._wireframe, scale=not self._bare)
@@ -286,11 +290,11 @@ class Picture:
         # Dots and lines scale with the picture, like text, but stay large enough to be seen.
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
-        shown.sheet.fit_pixels(block)
+        shown.sheet.set_grain(block)
         shown.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
-        window.leave_background()
+        window.hide_background()
         if view.loads:
-            window.add_in_front(shown.loads.through)
+            window.add_front_prop(shown.loads.pale_copy)
         # Panels side by side have the same scale, so each one leaves room for a colour scale.
         room = 0.0 if self._span is None or self._bare else color_bar_share(size)
         _place_camera(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
@@ -312,7 +316,7 @@ def _place_camera(
     """Place a camera as the scene requests, or at the given viewpoint."""
     aim_camera(camera, room, aspect, camera_of(scene), scene.view.zoom)
     if place is not None:
-        place.take(camera)
+        place.apply_to(camera)
 
 
 def _set_facets(
@@ -342,7 +346,7 @@ def choose_picture_facets(
     share = color_bar_share((width, size[1])) if scaled else 0.0
     _place_camera(scene, camera, room, (1 - share) * width / size[1], place)
     camera.SetWindowCenter(share, 0.0)
-    seen = CameraView.through(camera, (width, size[1]))
+    seen = CameraView.from_camera(camera, (width, size[1]))
     return _set_facets(scene, cloth, LevelOfDetail(), room, seen).shows_yarns
 
 
@@ -355,13 +359,13 @@ def motion_extent(
     """Return points that span the scene's motion, (n, 3), and the ends of its scale."""
     # `choose` sets the facets for these points, and returns whether yarns are wide enough to be
     # seen. The ends of the scale are those of numbers on these facets.
-    sheet = sheet or ClothSheet.if_many(scene)
+    sheet = sheet or ClothSheet.make_if_needed(scene)
     # Nine times are enough for the extremes of a vibration, and take nine runs of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[AnyFloats] = []
     for time in chosen:
         if sheet is not None:
-            clouds.append(points_of(sheet.place(time)))
+            clouds.append(points_of(sheet.deform_at(time)))
         else:
             scene.update_stage(scene.last_object, time)
             clouds.append(_thin_out(points_of(scene.patches)))

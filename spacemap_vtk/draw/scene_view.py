@@ -60,7 +60,7 @@ class ViewOptions:
     #: Whether the scale bar is shown even if the scene does not request it.
     scale_bar: bool = False
     #: Whether the axes can be clicked.
-    handled: bool = False
+    axes_clickable: bool = False
 
     def occlusion(self, view: View, span: Span | None) -> float:
         """Return the strength of contact shadows; 0 without shadows."""
@@ -72,7 +72,7 @@ class ViewOptions:
 class SceneView:
     """Shows frames in a renderer, with actors that are made once and updated for each frame."""
 
-    # `loads.through` is for a renderer in front, if the caller has one.
+    # `loads.pale_copy` is for a renderer in front, if the caller has one.
 
     def __init__(self, renderer: vtkRenderer, shades: bool, samples: int = 0) -> None:
         self.renderer = renderer
@@ -81,22 +81,22 @@ class SceneView:
         #: The fabric's surface. For `samples` see `SurfaceActor`: pictures need none, because their
         #: pixels are means of smaller ones.
         self.surface = SurfaceActor(samples)
-        self.face, self.ghost = CutFaceActor(), GhostActor()
-        self.sheet, self.light, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
+        self.cut_face, self.ghost = CutFaceActor(), GhostActor()
+        self.sheet, self.preview, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
         self.ground = GroundActor()
         #: Height of the ground [m]: the lowest point that has been shown of the scene.
         self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
-        for actor in (*self.solids, *self.signs, self.ghost, self.ground):
+        for actor in (*self.solids, *self.markers, self.ghost, self.ground):
             renderer.AddActor(actor)
         # Annotations come first, because their plates are behind the colour scales.
         self.annotations = Annotations(renderer)
         for drawn in (self.surface, self.sheet):
-            renderer.AddViewProp(drawn.bar)
+            renderer.AddViewProp(drawn.color_bar)
         #: Current clipping plane; None if nothing is cut.
         self.cut: Cut | None = None
         #: Width of the colour scale, as a share of the picture's width.
-        self.room = 0.0
+        self.scale_width = 0.0
         #: State for which the last scale was made, and its ends; see `span_of`.
         self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
@@ -110,25 +110,25 @@ class SceneView:
     @property
     def solids(self) -> list[vtkActor]:
         """Actors of objects in the scene, which cast contact shadows."""
-        return [self.surface, self.sheet, self.light, self.outline, self.face]
+        return [self.surface, self.sheet, self.preview, self.outline, self.cut_face]
 
     @property
-    def signs(self) -> list[vtkActor]:
+    def markers(self) -> list[vtkActor]:
         """Actors of lines, dots and arrows, which cast no contact shadows."""
         return [self.cage, self.supports, self.loads]
 
     @property
-    def over(self) -> list[vtkProp]:
+    def overlays(self) -> list[vtkProp]:
         """Annotations and colour scales, which are drawn over everything else."""
-        return [*self.annotations.props, self.surface.bar, self.sheet.bar]
+        return [*self.annotations.props, self.surface.color_bar, self.sheet.color_bar]
 
     @property
-    def overlaid(self) -> bool:
+    def has_overlays(self) -> bool:
         """Whether anything is shown that casts no contact shadow."""
-        others = [*self.signs, self.surface.bar, self.sheet.bar]
+        others = [*self.markers, self.surface.color_bar, self.sheet.color_bar]
         if self.annotations.props[0].GetVisibility():
             others += [self.ghost, self.ground]
-            if self.annotations.written:
+            if self.annotations.has_content:
                 return True
         return any(prop.GetVisibility() for prop in others)
 
@@ -139,10 +139,10 @@ class SceneView:
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
-        self.sheet.behind(below, above)
+        self.sheet.set_background(below, above)
         self.annotations.fit(below, size, pixels)
         for drawn in (self.surface, self.sheet):
-            fit_color_bar(drawn.bar, size, below, pixels)
+            fit_color_bar(drawn.color_bar, size, below, pixels)
 
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only the time changes, it never shrinks."""
@@ -153,9 +153,9 @@ class SceneView:
         if values is None:
             return None
         low, high = natural_span(values)
-        if self.span is not None and self.span[0] == (frame.values, frame.swing):
+        if self.span is not None and self.span[0] == (frame.values, frame.mode):
             low, high = min(low, self.span[1][0]), max(high, self.span[1][1])
-        self.span = (frame.values, frame.swing), (low, high)
+        self.span = (frame.values, frame.mode), (low, high)
         return low, high
 
     def show(
@@ -170,18 +170,21 @@ class SceneView:
         self._frame, self._view, self._look, self._span = frame, view, look, span
         self._moving = False
         scaled = look.fabric and look.scale and span is not None
-        self.room = color_bar_share(self._size) if scaled else 0.0
-        self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
-        for actor in (self.surface, self.sheet, self.light):
+        self.scale_width = color_bar_share(self._size) if scaled else 0.0
+        self.renderer.GetActiveCamera().SetWindowCenter(self.scale_width, 0.0)
+        for actor in (self.surface, self.sheet, self.preview):
             actor.VisibilityOff()
-            actor.bar.VisibilityOff()
+            actor.color_bar.VisibilityOff()
         self.outline.VisibilityOff()
         if look.fabric:
             self._show_fabric(frame)
-        time, signs = frame.time if frame.cage else None, (look.triad, look.scale_bar, look.handled)
+        time, signs = (
+            frame.time if frame.cage else None,
+            (look.triad, look.scale_bar, look.axes_clickable),
+        )
         self.annotations.show(view, time, scaled, *signs)
         if not look.scale:
-            for prop in self.over:
+            for prop in self.overlays:
                 prop.VisibilityOff()
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
         self.ghost.SetVisibility(ghost)
@@ -201,15 +204,15 @@ class SceneView:
             self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._point)
         self.loads.SetVisibility(view.loads)
         self._show_ground(frame)
-        self.cut_open(cut)
+        self.apply_cut(cut)
 
-    def show_more(self, frame: Frame) -> None:
+    def replace_fabric(self, frame: Frame) -> None:
         """Replace the shown part of the fabric by another one, and keep everything else."""
         self._show_surface(self.surface, frame)
-        self.surface.bar.VisibilityOff()
+        self.surface.color_bar.VisibilityOff()
         self._fill_cut(frame, frame.surface)
 
-    def cut_open(self, cut: Cut | None) -> None:
+    def apply_cut(self, cut: Cut | None) -> None:
         """Cut the shown objects with a plane; None shows them whole."""
         if cut is not None:
             self._plane.SetNormal(*cut[0])
@@ -233,7 +236,7 @@ class SceneView:
         solid = look.fabric and not look.wireframe and not self._moving
         cut = self.cut if solid and yarns is not None else None
         surface = frame.surface if yarns is None else yarns
-        self.face.fill(surface, cut, frame.color, view.object_color, self._span, view.look)
+        self.cut_face.fill(surface, cut, frame.color, view.object_color, self._span, view.look)
 
     @property
     def occlusion(self) -> float:
@@ -241,26 +244,26 @@ class SceneView:
         shown = self._frame is not None
         return self._look.occlusion(self._view, self._span) if shown else 0.0
 
-    def shade(self, on: bool) -> None:
+    def include_shadows(self, on: bool) -> None:
         """Set whether the colours of a sheet include the contact shadows of its yarns."""
         self.shades = on
-        self.sheet.shade(self.occlusion if on else 0.0)
+        self.sheet.set_shadow_strength(self.occlusion if on else 0.0)
 
     def hide(self) -> None:
         """Show nothing until the next frame."""
         self._frame = None
-        for actor in (*self.solids, *self.signs, self.ghost, self.ground):
+        for actor in (*self.solids, *self.markers, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # clears the arrows in the renderer in front, too
-        for prop in self.over:
+        for prop in self.overlays:
             prop.VisibilityOff()
 
-    def move(self, moving: bool) -> None:
+    def set_moving(self, moving: bool) -> None:
         """Show the light version of the frame while the camera moves, or the frame again."""
         frame = self._frame
         if frame is None or moving == self._moving:
             return
-        light = frame.light
+        light = frame.preview
         if not self._look.fabric or light is None:
             return
         self._moving = moving
@@ -270,16 +273,16 @@ class SceneView:
         few = light.surface if light.cloth is None else light.yarns
         if moving and few is not None:
             closed = light.closed or light.cloth is not None
-            self._show_surface(self.light, replace(light, surface=few, closed=closed))
-            self.light.bar.VisibilityOff()
-        self.light.SetVisibility(moving and few is not None)
+            self._show_surface(self.preview, replace(light, surface=few, closed=closed))
+            self.preview.color_bar.VisibilityOff()
+        self.preview.SetVisibility(moving and few is not None)
         fine = frame.cloth is None or frame.yarns is not None
         self.surface.SetVisibility(fine and not moving)
         self.ghost.SetVisibility(self._view.ghost and not moving)
         if moving:
-            self.face.VisibilityOff()
+            self.cut_face.VisibilityOff()
         elif self.cut is not None:
-            self.cut_open(self.cut)
+            self.apply_cut(self.cut)
 
     def _show_ground(self, frame: Frame) -> None:
         wanted = self._view.ground and self._look.fabric
@@ -299,15 +302,15 @@ class SceneView:
         self._show_sheet(frame, frame.cloth)
         if frame.yarns is not None:
             self._show_surface(self.surface, replace(frame, surface=frame.yarns, closed=True))
-            self.surface.bar.VisibilityOff()
+            self.surface.color_bar.VisibilityOff()
 
     def _show_sheet(self, frame: Frame, cloth: Cloth) -> None:
-        around = frame.surface if frame.around is None else frame.around
+        around = frame.surface if frame.surroundings is None else frame.surroundings
         style = self._view.look
         # The sheet gets contact shadows only if yarns would get them too.
         self.sheet.show_sheet(around, cloth, frame.color, self._span, style, frame.crossings)
-        self.sheet.shade(self.occlusion if self.shades else 0.0)
-        self._dress(self.sheet)
+        self.sheet.set_shadow_strength(self.occlusion if self.shades else 0.0)
+        self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
         style, colors = self._view.look, (frame.color, self._view.object_color, self._span)
@@ -315,7 +318,7 @@ class SceneView:
         actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
         # Back faces of closed yarns are hidden, but take as much time as front faces.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
-        self._dress(actor)
+        self._set_representation(actor)
         lined = style.outline > 0.0 and not self._look.wireframe
         lined &= frame.surface.GetPointData().GetNormals() is not None
         self.outline.SetVisibility(lined)
@@ -325,7 +328,7 @@ class SceneView:
             size = self.renderer.GetRenderWindow().GetSize()
             self.outline.show(frame.surface, style, pixels, size, most)
 
-    def _dress(self, actor: SurfaceActor) -> None:
+    def _set_representation(self, actor: SurfaceActor) -> None:
         actor.VisibilityOn()
         drawn, wireframe = actor.GetProperty(), self._look.wireframe
         drawn.SetRepresentation(VTK_WIREFRAME if wireframe else VTK_SURFACE)

@@ -17,12 +17,12 @@ from spacemap_vtk.jobs.job import (
     Context,
     Job,
     Times,
-    asked_times,
     film_times,
-    floats,
     make_job,
     register,
-    require_number,
+    require_placeholder,
+    selected_times,
+    to_floats,
 )
 
 if TYPE_CHECKING:
@@ -54,35 +54,35 @@ class DataJob(Job):
 
     def __post_init__(self) -> None:
         check_data_output(self.output, self.kind, self.pieces)
-        self.times = floats(self.times)
+        self.times = to_floats(self.times)
         if writer(self.output, self.kind).pieces:
             self.pieces = self.pieces or _PIECES
 
     @classmethod
-    def of_kind(cls, kind: str, output: Path, **fields: Any) -> Job:
+    def create(cls, kind: str, output: Path, **fields: Any) -> Job:
         """Return a job of one of the kinds that this class is registered for."""
         return cls(output, kind, **fields)
 
     @property
-    def numbered(self) -> bool:
+    def writes_numbered_files(self) -> bool:
         """Whether each time is written into a separate file."""
-        return is_numbered(self.output, self.kind)
+        return writes_numbered_files(self.output, self.kind)
 
     @property
-    def in_folder(self) -> bool:
+    def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
         return True
 
     @property
     def is_series(self) -> bool:
         """Whether data of several times are written."""
-        return self.numbered or writer(self.output, self.kind).times
+        return self.is_numbered or writer(self.output, self.kind).times
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the requested times; by default the scene's, or for a series its film's."""
         if self.is_series:
             return series_times(scene, self.times)
-        return asked_times(self.times or [scene.view.time])
+        return selected_times(self.times or [scene.view.time])
 
     def write(self, context: Context) -> str:
         """Compute and write the data; return the number of times or pieces, and the size."""
@@ -93,11 +93,11 @@ class DataJob(Job):
             painted = self.kind == "painted"
             span = common_scale(context.scene, context.times) if painted else None
             return write_series(
-                self, context, lambda time: data_at(context.scene, self.kind, time, span)
+                self, context, lambda time: compute_data(context.scene, self.kind, time, span)
             )
         context.progress(0, 2)
         # Computed before the file is opened: if the program is ended, there is nothing to remove.
-        content = data_at(context.scene, self.kind, context.times[0])
+        content = compute_data(context.scene, self.kind, context.times[0])
         context.progress(1, 2)
         report_losses(self, context, content)
         self.write_output(context, self.kind, content)
@@ -105,10 +105,10 @@ class DataJob(Job):
         return ""
 
     def _write_pieces(self, context: Context) -> str:
-        with self.open_output(context.whole) as file:
-            pieces = _pieces_at(context, self.kind, self.pieces)
+        with self.open_output(context.atomic) as file:
+            pieces = _make_pieces(context, self.kind, self.pieces)
             writer(file, self.kind).write(file, pieces)
-            return f"{counted(self.pieces, 'piece')}, {megabytes(size_of(file.parent))}"
+            return f"{format_count(self.pieces, 'piece')}, {format_size(folder_size(file.parent))}"
 
 
 def make_data_job(output: Path, kind: str = "", *, pieces: int = 0, **fields: Any) -> Job:
@@ -125,7 +125,7 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
     """Refuse an output that cannot hold data of this kind, or not in pieces."""
     ending = output.suffix.lower()
     wanted = None if ending in writer_endings() or kind not in DATA else kind
-    numbered = is_numbered(output, kind)
+    numbered = writes_numbered_files(output, kind)
     check_output(output, writer_endings(wanted), numbered)
     if ending not in writer_endings(kind):
         raise InputError(
@@ -135,7 +135,7 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
             allowed=", ".join(each for each in DATA if ending in writer_endings(each)),
         )
     if numbered:
-        require_number(output, "a series needs one number in its name")
+        require_placeholder(output, "a series needs one number in its name")
     format_ = writer(output, kind)
     format_.check(output)
     if not 0 <= pieces <= (_MOST_PIECES if format_.pieces else 0):
@@ -148,7 +148,7 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
         )
 
 
-def is_numbered(output: Path, kind: str) -> bool:
+def writes_numbered_files(output: Path, kind: str) -> bool:
     """Return whether each time is written into a separate file."""
     if kind not in _MOVING_DATA or output.suffix.lower() not in writer_endings(kind):
         return False
@@ -159,7 +159,7 @@ def is_numbered(output: Path, kind: str) -> bool:
 def series_times(scene: Scene, times: Sequence[float]) -> Times:
     """Return the requested times of a series; by default those of the scene's film."""
     if not times:
-        return film_times(scene) if scene.moves else asked_times([scene.view.time])
+        return film_times(scene) if scene.moves else selected_times([scene.view.time])
     if len(times) > 1 and not scene.moves:
         raise InputError(
             "this scene does not move: it is the same at all of them",
@@ -171,7 +171,7 @@ def series_times(scene: Scene, times: Sequence[float]) -> Times:
             raise InputError(
                 f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
             )
-    return asked_times(times)
+    return selected_times(times)
 
 
 def write_series(job: Job, context: Context, content_at: Callable[[float], Any]) -> str:
@@ -185,15 +185,15 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
         for done, time in enumerate(times, 1):
             yield time, content_at(time)
             if done <= 2:
-                more, used = size_of(folder) - used, size_of(folder)
+                more, used = folder_size(folder) - used, folder_size(folder)
                 if done == 2:  # constant data may be in the first time only
                     left = (len(times) - 2) * more
                     require_disk_space(folder / job.output.name, left, f"{len(times)} times")
             context.progress(done, steps)
 
-    with job.open_output(context.whole) as file:
+    with job.open_output(context.atomic) as file:
         format_ = writer(file, job.kind)
-        if job.numbered:
+        if job.is_numbered:
             for number, (time, content) in enumerate(series(file.parent)):
                 if not number:
                     report_losses(job, context, content)
@@ -201,12 +201,12 @@ def write_series(job: Job, context: Context, content_at: Callable[[float], Any])
                     format_.write(file.with_name(file.name % number), content)
         else:
             format_.write(file, series(file.parent))
-        size = size_of(file.parent)
+        size = folder_size(file.parent)
     context.progress(steps, steps)
-    return f"{counted(len(times), 'time')}, {megabytes(size)}"
+    return f"{format_count(len(times), 'time')}, {format_size(size)}"
 
 
-def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> Any:
+def compute_data(scene: Scene, kind: str, time: float, span: Span | None = None) -> Any:
     """Return data of a kind at a time; `span` gives the ends of their colour scale."""
     moved = scene.last_object  # the surface, which costs most, is left out
     if kind == "yarns":
@@ -214,7 +214,7 @@ def data_at(scene: Scene, kind: str, time: float, span: Span | None = None) -> A
 
         scene.update_stage(moved, time)
         seen = YarnRecorder(scene, 1)
-        seen.see(0)
+        seen.record(0)
         return seen.curves
     if kind == "painted":
         from spacemap_vtk.draw.morph_surface import make_moving_surface
@@ -240,17 +240,17 @@ def report_losses(job: Job, context: Context, content: Any) -> None:
         context.report_loss(text)
 
 
-def size_of(folder: Path) -> int:
+def folder_size(folder: Path) -> int:
     """Return the size of all files in a folder, in bytes."""
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
-def megabytes(size: int) -> str:
+def format_size(size: int) -> str:
     """Return a number of bytes as text in MB."""
     return f"{size / 1e6:.3g} MB"
 
 
-def counted(count: int, what: str) -> str:
+def format_count(count: int, what: str) -> str:
     """Return a number and its noun, in the plural if needed."""
     return f"{count} {what}{'s' * (count > 1)}"
 
@@ -266,7 +266,7 @@ def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
     return motion_extent(scene, times)[1]
 
 
-def _pieces_at(context: Context, kind: str, count: int) -> Iterator[Any]:
+def _make_pieces(context: Context, kind: str, count: int) -> Iterator[Any]:
     """Yield the pieces of a surface or of patches; each is made when it is requested."""
     from spacemap_vtk.datasets.processes import WHOLE, Piece
     from spacemap_vtk.filters.algorithm import PIECE

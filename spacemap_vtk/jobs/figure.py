@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output
 from spacemap_vtk.io.registry import writer_endings
-from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register, words
+from spacemap_vtk.jobs.job import Context, Job, Times, register, selected_times, to_floats, to_texts
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.figure.figure_page import FigurePage
@@ -62,8 +62,8 @@ class FigureJob(Job):
 
         try:
             page = FigurePage(
-                panels=words(given.get("panels", ())),
-                times=floats(given.get("times", ())),
+                panels=to_texts(given.get("panels", ())),
+                times=to_floats(given.get("times", ())),
                 **given.get("page", {}),
             )
         except TypeError as error:
@@ -72,7 +72,7 @@ class FigureJob(Job):
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the requested times; by default the page chooses its times."""
-        return asked_times(self.page.times)
+        return selected_times(self.page.times)
 
     def write(self, context: Context) -> str:
         """Lay out the page and write it."""

@@ -15,11 +15,11 @@ from spacemap_vtk.jobs.job import (
     Job,
     Times,
     film_times,
-    picture_size,
     register,
-    require_number,
-    viewpoint,
-    words,
+    require_placeholder,
+    to_size,
+    to_texts,
+    to_viewpoint,
 )
 from spacemap_vtk.jobs.picture import fill_background
 
@@ -55,31 +55,33 @@ class FilmJob(Job):
     unrecorded = ("workers", "again")
 
     def __post_init__(self) -> None:
-        check_output(self.output, writer_endings("film") | writer_endings("frames"), self.numbered)
-        writer(self.output, self._holds).check(self.output)
-        if self.numbered:
-            require_number(self.output, "frames need one number in their name")
-        self.size = picture_size(self.size)
-        self.panels = words(self.panels)
-        self.place = viewpoint(self.place)
+        check_output(
+            self.output, writer_endings("film") | writer_endings("frames"), self.is_numbered
+        )
+        writer(self.output, self._content).check(self.output)
+        if self.is_numbered:
+            require_placeholder(self.output, "frames need one number in their name")
+        self.size = to_size(self.size)
+        self.panels = to_texts(self.panels)
+        self.place = to_viewpoint(self.place)
         if self.workers is not None and self.workers < 1:
             raise InputError(
                 "no number of processes", key="workers", value=self.workers, allowed="at least 1"
             )
 
     @property
-    def numbered(self) -> bool:
+    def is_numbered(self) -> bool:
         """Whether each frame is written into a separate file."""
         return self.output.suffix.lower() in writer_endings("frames")
 
     @property
-    def _holds(self) -> str:
-        return "frames" if self.numbered else "film"
+    def _content(self) -> str:
+        return "frames" if self.is_numbered else "film"
 
     @property
-    def in_folder(self) -> bool:
+    def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
-        return self.numbered
+        return self.is_numbered
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the times of the frames."""
@@ -94,23 +96,23 @@ class FilmJob(Job):
 
     def write(self, context: Context) -> str:
         """Draw and encode the frames; return a sentence on those that existed before."""
-        from spacemap_vtk.jobs.frames import FilmSettings, KeptFrames, write_film
+        from spacemap_vtk.jobs.frames import FilmSettings, FrameFolder, write_film
         from spacemap_vtk.scenes import face
 
-        scene, whole = context.scene, context.whole
+        scene, atomic = context.scene, context.atomic
         width, height = self.size or face.picture_size(scene)
         if self.size is None and self.output.suffix.lower() == ".gif":
             width, height = max(_SMALLEST, width // 2), max(_SMALLEST, height // 2)
-        fill_background(self.output, self._holds, scene)
-        settings = FilmSettings.of_scene(
+        fill_background(self.output, self._content, scene)
+        settings = FilmSettings.from_scene(
             scene, context.times, (width, height), self.panels, self.place, self.wireframe
         )
-        kept = KeptFrames(self.output, settings.digest, self.again)
+        kept = FrameFolder(self.output, settings.digest, self.again)
         # A frame that is kept is a .png already, so it is copied.
-        copied = self.numbered and self.output.suffix.lower() == ".png"
-        format_ = None if copied else writer(self.output, self._holds)
-        with explain_disk_errors(self.output, "" if whole else self.output.name), kept.held():
-            with self.open_output(whole) as file:
+        copied = self.is_numbered and self.output.suffix.lower() == ".png"
+        format_ = None if copied else writer(self.output, self._content)
+        with explain_disk_errors(self.output, "" if atomic else self.output.name), kept.lock():
+            with self.open_output(atomic) as file:
                 found = write_film(
                     file, format_, scene, settings, kept, context.progress, self.workers
                 )

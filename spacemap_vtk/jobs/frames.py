@@ -64,15 +64,15 @@ class FilmSettings:
     file: Path | None
     settings: dict[str, dict[str, Any]]
     #: Names of the sections that the scene has.
-    given: tuple[str, ...]
+    sections: tuple[str, ...]
     times: tuple[float, ...]
     size: tuple[int, int]
     panels: tuple[str, ...]
-    place: Viewpoint | None
+    viewpoint: Viewpoint | None
     wireframe: bool = False
 
     @classmethod
-    def of_scene(
+    def from_scene(
         cls,
         scene: Scene,
         times: Iterable[float],
@@ -90,15 +90,15 @@ class FilmSettings:
         """Number, size and content of the film's pictures."""
         return PictureRequest(self.size, len(self.times), self.panels, self.wireframe)
 
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         """Return the scene before its pipeline has run."""
         scene = Scene({}, self.file)
-        scene.adopt(self.settings, self.given)
+        scene.adopt(self.settings, self.sections)
         return scene
 
-    def picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
+    def make_picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
         """Return an object that draws the frames of a scene."""
-        seen = self.size, self.panels, self.place, extent
+        seen = self.size, self.panels, self.viewpoint, extent
         clear = scene.view.transparent
         return Picture(scene, self.times, *seen, clear=clear, wireframe=self.wireframe)
 
@@ -107,7 +107,7 @@ class FilmSettings:
         """Digest of the film's settings, of its input files, and of the program's version."""
         paths = set(paths_in(self.settings))
         motion = self.settings["motion"]["file"]
-        if "motion" in self.given and motion is not None:
+        if "motion" in self.sections and motion is not None:
             meshes = {*reader_endings("mesh"), *reader_endings("motion")}
             paths |= {path for path in motion.parent.glob("*.*") if path.suffix in meshes}
         files = [(str(path), path.stat()) for path in sorted(paths) if path.is_file()]
@@ -116,14 +116,14 @@ class FilmSettings:
 
 
 @dataclass(frozen=True)
-class KeptFrames:
+class FrameFolder:
     """Frames of a film that exist already, in a folder next to it."""
 
     output: Path
     #: Digest of the film's settings.
     digest: str = ""
     #: Whether frames that exist already are drawn again.
-    again: bool = False
+    redraw: bool = False
 
     @property
     def folder(self) -> Path:
@@ -140,7 +140,7 @@ class KeptFrames:
         return self.folder / f"{number:06d}.png"
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def lock(self) -> Iterator[None]:
         """Lock the folder against other processes; the system frees the locks of ended ones."""
         mark = self.folder / _MARK
         while True:
@@ -172,10 +172,10 @@ class KeptFrames:
                     yield
                     return
 
-    def open(self, count: int) -> list[int]:
+    def prepare(self, count: int) -> list[int]:
         """Return the numbers of frames that exist; delete those of another film."""
         mark = self.folder / _MARK
-        if self.again or mark.read_text() != self.digest:
+        if self.redraw or mark.read_text() != self.digest:
             for path in self.folder.iterdir():
                 if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path)
@@ -186,7 +186,7 @@ class KeptFrames:
             except OSError:
                 self.remove()
                 raise
-        return [number for number in range(count) if self._whole(number)]
+        return [number for number in range(count) if self._is_complete(number)]
 
     def write(self, number: int, image: Image) -> Image:
         """Keep a frame, and return it."""
@@ -209,7 +209,7 @@ class KeptFrames:
             with suppress(OSError), vanishing(hidden(self.folder.parent)) as gone:
                 os.replace(self.folder, gone)
 
-    def _whole(self, number: int) -> bool:
+    def _is_complete(self, number: int) -> bool:
         try:
             with PIL.Image.open(self.path(number)) as image:
                 image.verify()  # reads its checksums: the machine may have lost its power
@@ -223,14 +223,14 @@ def write_film(
     format_: Writer | None,
     scene: Scene,
     settings: FilmSettings,
-    kept: KeptFrames,
+    kept: FrameFolder,
     tell: Tell,
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames without a format; return how many existed before."""
-    there = set(kept.open(len(settings.times)))
+    there = set(kept.prepare(len(settings.times)))
     try:
-        _write(file, format_, scene, settings, kept, there, tell, workers)
+        _write_film(file, format_, scene, settings, kept, there, tell, workers)
     except BaseException as error:
         # After a full disk or a cancellation frames are deleted, unless some existed before.
         given_up = isinstance(error, (OSError, Cancelled)) and not there
@@ -240,19 +240,19 @@ def write_film(
     return f"{len(there)} of {len(settings.times)} frames were there from before" if there else ""
 
 
-def _write(
+def _write_film(
     file: Path,
     format_: Writer | None,
     scene: Scene,
     settings: FilmSettings,
-    kept: KeptFrames,
+    kept: FrameFolder,
     there: set[int],
     tell: Tell,
     workers: int | None,
 ) -> None:
     steps = range(len(settings.times))
     missing = [number for number in steps if number not in there]
-    count = _count(scene, settings, len(missing), workers)
+    count = _worker_count(scene, settings, len(missing), workers)
     done = len(there)
     tell(done, len(steps))
     frames: Queue[Future[Image] | None] = Queue(_AHEAD)
@@ -260,27 +260,27 @@ def _write(
     # One thread converts frames to files or back, one makes the film, and this one draws.
     with (
         ThreadPoolExecutor(1) as pool,
-        _one_cache(kept.folder, count),
-        _under_way(encode) as encoding,
+        _shared_cache(kept.folder, count),
+        _run_in_thread(encode) as encoding,
     ):
-        drawn = (_drawn if count == 1 else partial(_drawn_by, count))(
+        drawn = (_draw_here if count == 1 else partial(_draw_in_processes, count))(
             scene, settings, kept, missing
         )
         try:
             with closing(drawn):
                 for number in steps:
                     if number in there:
-                        _hand_over(pool.submit(kept.read, number), frames, encoding)
+                        _put_frame(pool.submit(kept.read, number), frames, encoding)
                     else:
-                        _hand_over(pool.submit(next(drawn)), frames, encoding)
+                        _put_frame(pool.submit(next(drawn)), frames, encoding)
                         done += 1
                         tell(done, len(steps))
-            _hand_over(None, frames, encoding)
+            _put_frame(None, frames, encoding)
         except BaseException:
             with suppress(Empty):
                 while True:
                     frames.get_nowait()
-            frames.put(pool.submit(_stop))
+            frames.put(pool.submit(_raise_cancelled))
             raise
         encoding.result()
     if format_ is None:
@@ -303,7 +303,7 @@ def _encode(
 
 
 @contextmanager
-def _under_way(work: Callable[[], None]) -> Iterator[Future[None]]:
+def _run_in_thread(work: Callable[[], None]) -> Iterator[Future[None]]:
     """Run work in a thread that ends before the block is left, and cannot hold up the program."""
     # A signal that arrives in Python code called by VTK ends the program at once. At the end Python
     # waits for the threads of a pool, and these would wait for frames for ever.
@@ -324,7 +324,7 @@ def _under_way(work: Callable[[], None]) -> Iterator[Future[None]]:
         thread.join()
 
 
-def _hand_over(
+def _put_frame(
     frame: Future[Image] | None, frames: Queue[Future[Image] | None], encoding: Future[None]
 ) -> None:
     """Wait until the queue has room; if the encoder has ended, raise its error."""
@@ -335,15 +335,15 @@ def _hand_over(
     encoding.result()
 
 
-def _stop() -> Image:
+def _raise_cancelled() -> Image:
     raise Cancelled("the film was stopped")  # writers then clean up their files
 
 
-def _drawn(
-    scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
+def _draw_here(
+    scene: Scene, settings: FilmSettings, kept: FrameFolder, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Draw frames, and yield a function for each that keeps it."""
-    picture = settings.picture(scene)
+    picture = settings.make_picture(scene)
     try:
         for number in missing:
             yield partial(kept.write, number, picture.draw(settings.times[number]))
@@ -351,15 +351,15 @@ def _drawn(
         picture.close()
 
 
-def _drawn_by(
-    count: int, scene: Scene, settings: FilmSettings, kept: KeptFrames, missing: list[int]
+def _draw_in_processes(
+    count: int, scene: Scene, settings: FilmSettings, kept: FrameFolder, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield a function for each that reads it."""
     if uses_software_renderer():
         scene.warn(WITHOUT_OPENGL)
     # The processes find in the cache what is solved here.
     choose = partial(
-        choose_picture_facets, scene, settings.size, settings.panels, settings.place, False
+        choose_picture_facets, scene, settings.size, settings.panels, settings.viewpoint, False
     )
     sheet = ClothSheet(scene) if choose_level(scene, settings.request).has_sheet else None
     extent = motion_extent(scene, settings.times, sheet, choose)
@@ -380,21 +380,21 @@ def _drawn_by(
 
 
 #: Object with which this process draws, by the frames that it draws.
-_begun: dict[KeptFrames, Picture] = {}
+_pictures: dict[FrameFolder, Picture] = {}
 
 
-def draw_frame(task: tuple[FilmSettings, KeptFrames, Extent, int]) -> list[str]:
+def draw_frame(task: tuple[FilmSettings, FrameFolder, Extent, int]) -> list[str]:
     """Draw one frame of a film, and return the warnings of its stages."""
     settings, kept, extent, number = task
-    if kept not in _begun:
+    if kept not in _pictures:
         warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
-        _begun.clear()
-        _begun[kept] = settings.picture(settings.scene(), extent)
-    kept.write(number, _begun[kept].draw(settings.times[number]))
-    return _begun[kept].scene.warnings
+        _pictures.clear()
+        _pictures[kept] = settings.make_picture(settings.make_scene(), extent)
+    kept.write(number, _pictures[kept].draw(settings.times[number]))
+    return _pictures[kept].scene.warnings
 
 
-def _count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None) -> int:
+def _worker_count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None) -> int:
     """Return the number of processes that draw frames."""
     if asked == 1 or not frames:
         return 1
@@ -406,7 +406,7 @@ def _count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None)
 
 
 @contextmanager
-def _one_cache(folder: Path, count: int) -> Iterator[None]:
+def _shared_cache(folder: Path, count: int) -> Iterator[None]:
     """Let processes share solved results even if there is no lasting cache."""
     if count == 1 or cache.folder() is not None:
         yield

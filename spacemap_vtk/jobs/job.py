@@ -48,7 +48,7 @@ class Times(NamedTuple):
     span: tuple[float, ...] = ()
 
 
-def asked_times(times: Sequence[float]) -> Times:
+def selected_times(times: Sequence[float]) -> Times:
     """Return the times that a user has chosen, with their ends."""
     ends = times[:1] if len(times) == 1 else [*times[:1], *times[-1:]]
     return Times(times, tuple(ends))
@@ -70,7 +70,7 @@ class Context:
     progress: Progress
     report_loss: ReportLoss
     #: Whether the output appears only when it is complete. Otherwise the caller ensures that.
-    whole: bool
+    atomic: bool
 
 
 class Job(ABC):
@@ -89,12 +89,12 @@ class Job(ABC):
     unrecorded: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def numbered(self) -> bool:
+    def is_numbered(self) -> bool:
         """Whether each time is written into a separate file."""
         return False
 
     @property
-    def in_folder(self) -> bool:
+    def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
         return False
 
@@ -116,10 +116,10 @@ class Job(ABC):
         scene: Scene,
         progress: Progress = lambda done, of: None,
         report_loss: ReportLoss | None = None,
-        whole: bool = True,
+        atomic: bool = True,
     ) -> str:
         """Make the file from a scene, and return a sentence about it, or an empty text."""
-        # By default the scene warns of what the format cannot store. Without `whole` the caller
+        # By default the scene warns of what the format cannot store. Without `atomic` the caller
         # ensures that the output appears complete or not at all.
         from spacemap_vtk.scenes.origin import record_of
 
@@ -127,15 +127,15 @@ class Job(ABC):
         asked = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
         with attach_record(record_of(scene, asked, times.span)):
             return self.write(
-                Context(scene, times.values, progress, report_loss or scene.warn, whole)
+                Context(scene, times.values, progress, report_loss or scene.warn, atomic)
             )
 
     @contextmanager
-    def open_output(self, whole: bool) -> Iterator[Path]:
+    def open_output(self, atomic: bool) -> Iterator[Path]:
         """Yield the path to which the output is written."""
-        if not whole:
+        if not atomic:
             yield self.output
-        elif self.in_folder:
+        elif self.needs_folder:
             with atomic_files(self.output) as folder:
                 yield folder / self.output.name
         else:
@@ -144,7 +144,7 @@ class Job(ABC):
 
     def write_output(self, context: Context, holds: str, content: Any) -> None:
         """Write content with the writer for a key of `registry.DRAWN` or `registry.DATA`."""
-        with self.open_output(context.whole) as file:
+        with self.open_output(context.atomic) as file:
             writer(file, holds).write(file, content)
 
     def as_json(self) -> dict[str, Any]:
@@ -162,10 +162,10 @@ class Job(ABC):
         """Return the job that `as_json` has described, here or in an earlier version."""
         own = {each.name for each in fields(cls)}  # type: ignore[arg-type]
         asked = {k: v for k, v in given.items() if k in own or k not in _EARLIER_KEYS}
-        return cls.of_kind(given["what"], output, **asked)
+        return cls.create(given["what"], output, **asked)
 
     @classmethod
-    def of_kind(cls, kind: str, output: Path, **fields: Any) -> Job:
+    def create(cls, kind: str, output: Path, **fields: Any) -> Job:
         """Return a job of one of the kinds that this class is registered for."""
         return cls(output, **fields)  # type: ignore[call-arg]
 
@@ -185,7 +185,7 @@ def register(*kinds: str) -> Callable[[JobClass], JobClass]:
     return add
 
 
-def class_of(kind: str) -> type[Job]:
+def job_class(kind: str) -> type[Job]:
     """Return the class of a kind of job."""
     if kind not in JOBS:
         extensions.load_all("jobs")
@@ -198,30 +198,30 @@ def class_of(kind: str) -> type[Job]:
 
 def make_job(kind: str, output: Path, **fields: Any) -> Job:
     """Return a job of a kind, with the fields of its class."""
-    return class_of(kind).of_kind(kind, output, **fields)
+    return job_class(kind).create(kind, output, **fields)
 
 
 def job_from_json(given: Mapping[str, Any], output: Path) -> Job:
     """Return the job that a record or another process describes; do not trust a record."""
     try:
-        return class_of(str(given["what"])).from_json(given, output)
+        return job_class(str(given["what"])).from_json(given, output)
     except InputError:
         raise
     except (TypeError, ValueError, LookupError) as error:
         raise InputError(f"no order that this program knows: {error}") from None
 
 
-def floats(numbers: Sequence[Any]) -> list[float]:
+def to_floats(numbers: Sequence[Any]) -> list[float]:
     """Convert the numbers of a field to floats."""
     return [float(number) for number in numbers]
 
 
-def words(texts: Sequence[Any]) -> list[str]:
+def to_texts(texts: Sequence[Any]) -> list[str]:
     """Convert the items of a field to texts."""
     return [str(text) for text in texts]
 
 
-def picture_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
+def to_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
     """Convert a field to width and height in pixels."""
     if not size:
         return None
@@ -229,7 +229,7 @@ def picture_size(size: Sequence[Any] | None) -> tuple[int, int] | None:
     return width, height
 
 
-def viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
+def to_viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
     """Convert a field, which may be a list of numbers, to a viewpoint."""
     if not place:
         return None
@@ -238,7 +238,7 @@ def viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
     return Viewpoint.from_json(place)
 
 
-def require_number(path: Path, what: str) -> None:
+def require_placeholder(path: Path, what: str) -> None:
     """Refuse a file name that does not contain exactly one placeholder for a number."""
     if not re.fullmatch(r"[^%]*%0?\d*d[^%]*", path.name):
         stem = re.sub("%[0-9]*[a-z]?", "", path.stem).rstrip("-_")

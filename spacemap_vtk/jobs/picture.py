@@ -15,11 +15,11 @@ from spacemap_vtk.jobs.job import (
     Context,
     Job,
     Times,
-    asked_times,
-    picture_size,
     register,
-    viewpoint,
-    words,
+    selected_times,
+    to_size,
+    to_texts,
+    to_viewpoint,
 )
 
 if TYPE_CHECKING:
@@ -60,9 +60,9 @@ class PictureJob(Job):
     def __post_init__(self) -> None:
         check_output(self.output, writer_endings("picture"))
         self.time = None if self.time is None else float(self.time)
-        self.size = picture_size(self.size)
-        self.panels = words(self.panels)
-        self.place = viewpoint(self.place)
+        self.size = to_size(self.size)
+        self.panels = to_texts(self.panels)
+        self.place = to_viewpoint(self.place)
         self.samples = int(self.samples)
         if not 0 <= self.samples <= MOST_SAMPLES:
             raise InputError(
@@ -88,7 +88,7 @@ class PictureJob(Job):
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the requested time; by default the scene's."""
-        return asked_times([scene.view.time if self.time is None else self.time])
+        return selected_times([scene.view.time if self.time is None else self.time])
 
     def write(self, context: Context) -> str:
         """Draw the picture and write it."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from spacemap_vtk.io.output import check_output, write_parts
 from spacemap_vtk.io.registry import writer_endings
-from spacemap_vtk.jobs.job import Context, Job, floats, register
+from spacemap_vtk.jobs.job import Context, Job, register, to_floats
 
 
 @register()
@@ -27,7 +27,7 @@ class PlotJob(Job):
 
     def __post_init__(self) -> None:
         check_output(self.output, writer_endings("plot"))
-        self.point = floats(self.point)
+        self.point = to_floats(self.point)
 
     def write(self, context: Context) -> str:
         """Draw the curves and write them."""
@@ -60,7 +60,7 @@ class BiaxialJob(Job):
         context.progress(0, 1)
         tests = tensile_tests_of(context.scene)
         if self.output.suffix.lower() == ".csv":
-            with self.open_output(context.whole) as file:
+            with self.open_output(context.atomic) as file:
                 write_parts(file, [tensile_table(tests).encode()])
         else:
             self.write_output(context, "plot", tensile_plot(context.scene.title, tests))

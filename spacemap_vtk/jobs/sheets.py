@@ -14,11 +14,11 @@ from spacemap_vtk.jobs.job import (
     Context,
     Job,
     Times,
-    asked_times,
-    floats,
-    picture_size,
     register,
-    words,
+    selected_times,
+    to_floats,
+    to_size,
+    to_texts,
 )
 
 if TYPE_CHECKING:
@@ -44,9 +44,9 @@ class StoryboardJob(Job):
 
     def __post_init__(self) -> None:
         check_output(self.output, writer_endings("picture"))
-        self.times = floats(self.times)
-        self.size = picture_size(self.size)
-        self.motions = words(self.motions)
+        self.times = to_floats(self.times)
+        self.size = to_size(self.size)
+        self.motions = to_texts(self.motions)
         if self.motions:
             self._check_motions()
 
@@ -66,7 +66,7 @@ class StoryboardJob(Job):
                 cure="Add a section [response].",
             )
         if self.times:
-            return asked_times(self.times)
+            return selected_times(self.times)
         from spacemap_vtk.draw.figure.sheets import period_times
 
         return Times(period_times(scene))

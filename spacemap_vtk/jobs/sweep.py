@@ -61,11 +61,11 @@ _MARK = "files of a spacemap sweep"
 #: Seconds between two updates of the table while a sweep runs.
 _OFTEN = 2.0
 #: Lets one thread of a process draw and solve at a time: VTK collects the garbage of all threads.
-_alone = threading.Lock()
+_lock = threading.Lock()
 
 
 @dataclass
-class Result:
+class RunResult:
     """Result of a run."""
 
     #: Headings and entries of the table.
@@ -78,17 +78,17 @@ class Result:
     pictures: list[bytes] = field(default_factory=list)
 
 
-def carry_out_run(run: Run) -> Result:
+def execute_run(run: Run) -> RunResult:
     """Run a scene, and return its figures and pictures."""
-    result, begin = Result(), perf_counter()
-    with _alone, blas_threads.use_one_thread(), warnings.catch_warnings():
+    result, begin = RunResult(), perf_counter()
+    with _lock, blas_threads.use_one_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore", SpacemapWarning)
         try:
             scene = run.scene()
-            for figure in _figures(scene, run.times):
+            for figure in _compute_figures(scene, run.times):
                 if figure.value is not None:
                     result.figures[figure.heading] = figure.entry
-            result.pictures = [_picture(scene, t) for t in run.times or [scene.view.time]]
+            result.pictures = [_draw_picture(scene, t) for t in run.times or [scene.view.time]]
             result.warnings = scene.warnings
         except Exception as error:  # reported in the row of this run
             result.error = one_line(error)
@@ -96,7 +96,7 @@ def carry_out_run(run: Run) -> Result:
     return result
 
 
-def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
+def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
     """Yield the figures that `info` and `modes` show, and the largest displacement at each time."""
     if scene.woven is not None:
         found = report.fabric(scene, asked[0] if asked and scene.moves else None)
@@ -125,14 +125,14 @@ def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
             yield Figure(key, key, "", far, "m")
 
 
-def _picture(scene: Scene, time: float) -> bytes:
+def _draw_picture(scene: Scene, time: float) -> bytes:
     with vanishing_folder() as folder:
         job = PictureJob(folder / "picture.png", time)
-        job.run(scene, whole=False)
+        job.run(scene, atomic=False)
         return job.output.read_bytes()
 
 
-def carry_out_sweep(
+def execute_sweep(
     sweep: Sweep,
     folder: Path,
     tell: Tell = lambda done, of: None,
@@ -140,11 +140,15 @@ def carry_out_sweep(
     workers: int | None = None,
     cluster: str = "",
     again: bool = False,
-) -> dict[str, Result]:
+) -> dict[str, RunResult]:
     """Carry out all runs that have no result yet, and return all results by the run's name."""
     sweep.check()
-    own = _claim(folder, sweep)
-    found = {} if again else {run.name: kept for run in sweep.runs if (kept := _kept(folder, run))}
+    own = _check_folder(folder, sweep)
+    found = (
+        {}
+        if again
+        else {run.name: kept for run in sweep.runs if (kept := _load_result(folder, run))}
+    )
     waiting = [run for run in sweep.runs if run.name not in found]
     runs = len(waiting)
     count = 1 if cluster else process_count(runs, runs, sweep.memory, workers)
@@ -152,9 +156,9 @@ def carry_out_sweep(
         folder.mkdir(parents=True, exist_ok=True)
     _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
     tell(len(found), len(sweep.runs))
-    function = f"{__name__}:{carry_out_run.__name__}"
+    function = f"{__name__}:{execute_run.__name__}"
     answers = (
-        on_cluster(cluster, carry_out_run, waiting)
+        on_cluster(cluster, execute_run, waiting)
         if cluster
         else in_processes(function, waiting, count)
     )
@@ -163,18 +167,22 @@ def carry_out_sweep(
         with closing(answers):
             for number, answer in answers:
                 run = waiting[number]
-                found[run.name] = answer if isinstance(answer, Result) else Result({}, str(answer))
+                found[run.name] = (
+                    answer if isinstance(answer, RunResult) else RunResult({}, str(answer))
+                )
                 _write_run(folder, run, found[run.name])
                 if perf_counter() - written > _OFTEN:
-                    _write(folder / TABLE, table_text(sweep, found))
+                    _write(folder / TABLE, table_csv(sweep, found))
                     written = perf_counter()
                 tell(len(found), len(sweep.runs))
     finally:
         # The results so far are written even if the sweep is interrupted.
         if found:
-            _write(folder / TABLE, table_text(sweep, found))
+            _write(folder / TABLE, table_csv(sweep, found))
             errors = {name: result.error for name, result in found.items() if result.error}
-            files = {run.name: pictures_of(folder, run) for run in sweep.runs if run.name in found}
+            files = {
+                run.name: picture_paths(folder, run) for run in sweep.runs if run.name in found
+            }
             files = {name: paths for name, paths in files.items() if name not in errors}
             sheet = contact_sheet(sweep, sweep.title, files, errors)
             with atomic_file(folder / SHEET) as file:
@@ -182,7 +190,7 @@ def carry_out_sweep(
     return found
 
 
-def pictures_of(folder: Path, run: Run) -> list[Path]:
+def picture_paths(folder: Path, run: Run) -> list[Path]:
     """Return the paths of a run's pictures."""
     names = [run.name]
     if len(run.times) > 1:
@@ -191,32 +199,32 @@ def pictures_of(folder: Path, run: Run) -> list[Path]:
     return [folder / f"{name}.png" for name in names]
 
 
-def table(sweep: Sweep, found: Mapping[str, Result]) -> tuple[list[str], list[list[str]]]:
+def table_rows(sweep: Sweep, found: Mapping[str, RunResult]) -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the table: values, figures, duration and error of each run."""
     figures = dict.fromkeys(name for run in found.values() for name in run.figures)
     keys = [with_unit(each.name, each.parameter.unit) for each in sweep.axes]
     rows = []
     for run in sweep.runs:
-        result = found.get(run.name, Result(error="not run"))
-        values = [_entry(*each) for each in zip(sweep.axes, run.chosen, strict=True)]
+        result = found.get(run.name, RunResult(error="not run"))
+        values = [_format_value(*each) for each in zip(sweep.axes, run.chosen, strict=True)]
         numbers = [result.figures.get(name, "") for name in figures]
         rows.append([run.name, *values, *numbers, f"{result.seconds:.3g}", result.error])
     return ["run", *keys, *figures, "seconds [s]", "message"], rows
 
 
-def table_text(sweep: Sweep, found: Mapping[str, Result]) -> str:
+def table_csv(sweep: Sweep, found: Mapping[str, RunResult]) -> str:
     """Return the table as CSV."""
-    headings, rows = table(sweep, found)
+    headings, rows = table_rows(sweep, found)
     return format_csv([headings, *rows])
 
 
-def _entry(each: ValueList, value: Any) -> str:
+def _format_value(each: ValueList, value: Any) -> str:
     checked = each.parameter.check(value)
     number = isinstance(checked, (int, float)) and not isinstance(checked, bool)
     return in_table(checked, each.parameter.unit) if number else each.label(value)
 
 
-def _claim(folder: Path, sweep: Sweep) -> set[str]:
+def _check_folder(folder: Path, sweep: Sweep) -> set[str]:
     """Return the names of all files of a sweep; refuse to overwrite files of another origin."""
     if folder.exists() and not folder.is_dir():
         raise InputError(
@@ -232,7 +240,7 @@ def _claim(folder: Path, sweep: Sweep) -> set[str]:
             own = set()
     files = {TABLE, SHEET, RECORD}
     for run in sweep.runs:
-        files |= {path.name for path in pictures_of(folder, run)}
+        files |= {path.name for path in picture_paths(folder, run)}
         files |= {f"{run.name}.toml", f"{run.name}.json"}
     if foreign := sorted(name for name in files - own if (folder / name).exists()):
         raise InputError(
@@ -241,22 +249,22 @@ def _claim(folder: Path, sweep: Sweep) -> set[str]:
     return own | files
 
 
-def _kept(folder: Path, run: Run) -> Result | None:
+def _load_result(folder: Path, run: Run) -> RunResult | None:
     """Return the result of the same run in an earlier sweep; None if there is none or it failed."""
     try:
         told = json.loads((folder / f"{run.name}.json").read_text(encoding="utf-8"))
         same = told["digest"] == run.digest and not told["error"]
-        there = all(path.is_file() for path in pictures_of(folder, run))
+        there = all(path.is_file() for path in picture_paths(folder, run))
         if not same or not there:
             return None
-        return Result(told["figures"], "", told["warnings"], told["seconds"])
+        return RunResult(told["figures"], "", told["warnings"], told["seconds"])
     except (OSError, ValueError, KeyError):
         return None
 
 
-def _write_run(folder: Path, run: Run, result: Result) -> None:
+def _write_run(folder: Path, run: Run, result: RunResult) -> None:
     with atomic_files(folder / f"{run.name}.json") as place:
-        for path, content in zip(pictures_of(place, run), result.pictures, strict=False):
+        for path, content in zip(picture_paths(place, run), result.pictures, strict=False):
             write_parts(path, [content])
         comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
         scene = format_scene(run.whole, comment)

@@ -1,8 +1,9 @@
 """Run one job in a separate process, which can be ended at any moment.
 
 ``python -m spacemap_vtk.jobs.worker`` reads a request as JSON from its standard input, see
-`request`. It prints a line of JSON for each message: ``{"done": 3, "of": 50}``, ``{"lost": ...}``
-for what the file cannot store, and finally ``{"result": ...}``, or ``{"error": ...}`` if it fails.
+`make_request`. It prints a line of JSON for each message: ``{"done": 3, "of": 50}`` for progress,
+``{"lost": ...}`` for what the file cannot store, and finally ``{"result": ...}``, or
+``{"error": ...}`` if it fails.
 The process that has started it makes the output appear, or removes it.
 """
 
@@ -27,7 +28,7 @@ _NICENESS = 5
 _ERROR_PARTS = ("message", "section", "key", "value", "allowed", "cure")
 
 
-def request(job: Job, values: Mapping[str, Any], base: Path) -> str:
+def make_request(job: Job, values: Mapping[str, Any], base: Path) -> str:
     """Return a job, the values of its scene and the scene's folder as the request for a worker."""
     asked = {"job": job.as_json(), "output": str(job.output), "values": values, "base": str(base)}
     return json.dumps(asked, default=str)
@@ -59,7 +60,7 @@ def main() -> None:
                 scene,
                 lambda done, of: _send({"done": done, "of": of}),
                 lambda text: _send({"lost": text}),
-                whole=False,
+                atomic=False,
             )
             _send({"result": result})
     except Exception as error:

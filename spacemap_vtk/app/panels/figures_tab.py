@@ -135,7 +135,7 @@ class _SectionDrawings(QScrollArea):
             dark=is_dark(self),
             transparent=True,
         )
-        tiles = [replace(section_tile(c, self._colors), lettered=False) for c in self._cuts]
+        tiles = [replace(section_tile(c, self._colors), has_letter=False) for c in self._cuts]
         canvas: Any = lay_out_page([[tile] for tile in tiles], paper).canvas
         canvas.draw()
         width, height = canvas.get_width_height()
@@ -189,7 +189,7 @@ class FiguresTab(QWidget):
 
     def follow(self, frame: Frame) -> None:
         """Request the figures if another cloth is drawn."""
-        if frame.swing is None:
+        if frame.mode is None:
             # Frames are coarse while playing and during a drag, but only a drag changes the cloth.
             still = not frame.coarse or frame.values is self._drawn
             self._drawn = frame.values

@@ -59,7 +59,7 @@ class ResponsePlot(QWidget):
 
     def follow(self, frame: Frame) -> None:
         """Request the response if the motion of the scene has changed."""
-        if frame.swing is None:
+        if frame.mode is None:
             before = self._drawn
             self._drawn = (
                 motion_key(self._document) if frame.values == self._document.values else ""

@@ -115,7 +115,7 @@ class PlotsTab(QWidget):
 
     def follow(self, frame: Frame) -> None:
         """Move the cursor to a frame's time; request new curves if the motion has changed."""
-        if frame.swing is not None:
+        if frame.mode is not None:
             return
         self._time = frame.time
         self._moved = frame.cage is not None

@@ -122,7 +122,7 @@ class Canvas(RenderWidget):
             if not self._fxaa_patched and self.renderer.GetUseFXAA():
                 self.interactor.Render()
                 self._patch_fxaa()
-            if self.shade.on:
+            if self.shade.is_on:
                 self._draw_shaded()
             else:
                 self.interactor.Render()
@@ -152,7 +152,7 @@ class Canvas(RenderWidget):
         self.front.DrawOff()
         self.interactor.Render()
         self._gl_finish()
-        self.shade.make(self.renderer)
+        self.shade.update(self.renderer)
         self.front.SetDraw(front)
         self.renderer.DrawOff()
         self.shade.renderer.DrawOn()

@@ -79,9 +79,9 @@ class View3D(QWidget):
         self.preview = Preview(self)
         #: All that is drawn except the clip plane's handle and the marks of picked points.
         self.scene_view = SceneView(self.canvas.renderer, shades=False, samples=FINE_SAMPLES)
-        self.canvas.front.AddActor(self.scene_view.loads.through)
-        self._place_signs = self.scene_view.annotations.led()
-        self.canvas.shade.clear = self.scene_view.annotations.boxes
+        self.canvas.front.AddActor(self.scene_view.loads.pale_copy)
+        self._place_signs = self.scene_view.annotations.detach_from_camera()
+        self.canvas.shade.unshaded_areas = self.scene_view.annotations.boxes
         #: Marks of the picked points.
         self.marks = DotsActor()
         self.marks.GetProperty().SetColor(*rgb("#d9642c"))
@@ -166,7 +166,7 @@ class View3D(QWidget):
         ratio = self.canvas.devicePixelRatioF()
         width, height = self.canvas.width(), self.canvas.height()
         pixels = max(1, round(ratio * width)), max(1, round(ratio * height))
-        return CameraView(self.viewpoint, self.scene_view.room, pixels)
+        return CameraView(self.viewpoint, self.scene_view.scale_width, pixels)
 
     def _observe_camera(self) -> None:
         me, style = weakref.ref(self), self.canvas.interactor.GetInteractorStyle()
@@ -196,12 +196,12 @@ class View3D(QWidget):
         self._held = held
         self._suspend_shadows()
         if self.frame is None or (
-            self.frame.light is None and not self.needs_new_frame(self.frame)
+            self.frame.preview is None and not self.needs_new_frame(self.frame)
         ):
             return
         if not self.steering:
             self.steering = True
-            self.scene_view.move(True)
+            self.scene_view.set_moving(True)
             self.camera_moving.emit(True)
         if held:
             self._rest_timer.stop()
@@ -213,25 +213,25 @@ class View3D(QWidget):
         if frame.cloth is not None:
             return True
         seen = self.seen
-        if frame.enough == 0.0 or seen is None:
+        if frame.coarse_scale == 0.0 or seen is None:
             return False
         # The number of facets was chosen for another view and may be too small or too large.
         scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
-        return scale > frame.enough or frame.finer
+        return scale > frame.coarse_scale or frame.has_finer_yarns
 
     def _end_camera_move(self) -> None:
         self.steering, frame = False, self.frame
-        if frame is not None and (frame.cloth is None or frame.seen == self.seen):
-            self.scene_view.move(False)
+        if frame is not None and (frame.cloth is None or frame.camera_view == self.seen):
+            self.scene_view.set_moving(False)
             self._draw_shadows()
         # Otherwise a new frame for this camera will be requested.
         self.camera_moving.emit(False)
 
     def _suspend_shadows(self) -> None:
         """Leave out contact shadows, which take time, until nothing has moved for a moment."""
-        if self.canvas.shade.on:
-            self.canvas.shade.want(0.0, 0.0)
-            self.scene_view.shade(False)
+        if self.canvas.shade.is_on:
+            self.canvas.shade.set_shadows(0.0, 0.0)
+            self.scene_view.include_shadows(False)
         self._shadow_timer.start()
 
     def _draw_shadows(self) -> None:
@@ -241,10 +241,10 @@ class View3D(QWidget):
         frame, strength = self.frame, self.scene_view.occlusion
         if frame is None or self._held or self.steering or strength == 0.0:
             return
-        self.scene_view.shade(True)
+        self.scene_view.include_shadows(True)
         # A sheet has the shadows in its colours.
         folds = frame.cloth is None or frame.yarns is not None
-        self.canvas.shade.want(frame.relief, strength if folds else 0.0)
+        self.canvas.shade.set_shadows(frame.relief, strength if folds else 0.0)
 
     def _prepare_drawing(self) -> None:
         self._place_signs()
@@ -256,7 +256,7 @@ class View3D(QWidget):
         if moving and self._moved:
             self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
         self._moved = moving
-        self.scene_view.surface.sample(1 if moving else FINE_SAMPLES)
+        self.scene_view.surface.set_samples(1 if moving else FINE_SAMPLES)
         renderer.SetUseFXAA(self._quick or not moving)
         renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
 
@@ -292,8 +292,8 @@ class View3D(QWidget):
         self.look.fabric = view.show != "cage" or frame.cage is None
         self.look.cage = view.show != "fabric"
         self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
-        self.scene_view.move(self.steering)
-        aimed_for = self.scene_view.room, view.loads, frame.cage is not None
+        self.scene_view.set_moving(self.steering)
+        aimed_for = self.scene_view.scale_width, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
             self.canvas.front.SetDraw(view.loads)
@@ -340,7 +340,7 @@ class View3D(QWidget):
     def _move_cut(self, cut: Cut, done: bool) -> None:
         self._cut = self._cut[0], cut
         self.steer(not done)
-        self.scene_view.cut_open(cut)
+        self.scene_view.apply_cut(cut)
         # Rounded to six digits, and only if the plane has moved.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
         was, far = self.last_cut or np.inf, self.canvas.camera.distance
@@ -366,7 +366,12 @@ class View3D(QWidget):
         camera = self.canvas.camera
         flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
         aim_camera(
-            camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up_axis
+            camera,
+            points,
+            (1.0 - self.scene_view.scale_width) * width / height,
+            name,
+            1.0,
+            self._up_axis,
         )
         if flat or (was_flat and name is not None):
             camera.SetParallelProjection(flat)
@@ -417,7 +422,7 @@ class View3D(QWidget):
     @property
     def viewpoint(self) -> Viewpoint:
         """The viewpoint of the camera."""
-        return Viewpoint.of(self.canvas.camera)
+        return Viewpoint.from_camera(self.canvas.camera)
 
     def viewpoint_for(self, size: tuple[int, int]) -> Viewpoint:
         """Compute the viewpoint from which a picture of another size shows the same, enlarged."""
@@ -425,10 +430,10 @@ class View3D(QWidget):
         if frame is None or seen is None:
             return self.viewpoint
         # The colour scale is drawn beside the scene, not over it.
-        room = color_bar_share(size) if seen.aside else 0.0
+        room = color_bar_share(size) if seen.window_center_x else 0.0
         aspect, other = (
             (1.0 - share) * width / height
-            for share, (width, height) in ((seen.aside, seen.size), (room, size))
+            for share, (width, height) in ((seen.window_center_x, seen.size), (room, size))
         )
         shown = visible_cells(frame, self._view or View(), self.look)
         return refit_viewpoint(self.viewpoint, shown, aspect, other)
@@ -466,7 +471,7 @@ class View3D(QWidget):
         labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
         self.scene_view.annotations.labels = labels
         self.marks.SetVisibility(bool(labels))
-        self.marks.place(np.array([at for at, _ in labels]).reshape(-1, 3))
+        self.marks.set_points(np.array([at for at, _ in labels]).reshape(-1, 3))
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Pick the point of the fabric at a position in the widget."""

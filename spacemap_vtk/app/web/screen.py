@@ -29,7 +29,7 @@ class Screen:
     def __init__(self) -> None:
         self.window = OffscreenWindow((960, 720))
         self.scene_view = SceneView(self.window.renderer, shades=False)
-        self.window.add_in_front(self.scene_view.loads.through)
+        self.window.add_front_prop(self.scene_view.loads.pale_copy)
         self.frame: Frame | None = None
         #: Counter of changes of the picture.
         self.version = 0
@@ -72,7 +72,7 @@ class Screen:
             return
         camera, (width, height) = self.window.camera, self.window.size
         points = extent_of(self.frame, self._view.loads)
-        aspect = (1.0 - self.scene_view.room) * width / height
+        aspect = (1.0 - self.scene_view.scale_width) * width / height
         flat = camera.GetParallelProjection() if name is None else name == FLAT
         aim_camera(camera, points, aspect, name, self._view.zoom if name else 1.0)
         camera.SetParallelProjection(flat)
@@ -106,7 +106,7 @@ class Screen:
         """Set whether the camera is being moved, so that drawing must be quick."""
         if steering != self.steering:
             self.steering = steering
-            self.scene_view.move(steering)
+            self.scene_view.set_moving(steering)
             self.version += 1
 
     @property
@@ -115,7 +115,7 @@ class Screen:
         return (
             None
             if self._aimed is None
-            else CameraView(self._place, self.scene_view.room, self.window.size)
+            else CameraView(self._place, self.scene_view.scale_width, self.window.size)
         )
 
     @property
@@ -150,9 +150,9 @@ class Screen:
         look.cage = look.cage and view.show != "fabric"
         cut = cut_of(view, frame.surface)
         self.scene_view.show(frame, view, look, self.scene_view.span_of(frame), cut)
-        self.scene_view.move(self.steering)
+        self.scene_view.set_moving(self.steering)
         self.version += 1
 
     @property
     def _place(self) -> Viewpoint:
-        return Viewpoint.of(self.window.camera)
+        return Viewpoint.from_camera(self.window.camera)

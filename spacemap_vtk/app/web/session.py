@@ -285,7 +285,7 @@ class Session:
             self._send_picture()
         if frame is None or self.state.playing or self._request is not None or self._begun:
             return
-        if frame.cloth is not None and frame.seen != self.screen.seen:
+        if frame.cloth is not None and frame.camera_view != self.screen.seen:
             self.request_frame()
             self._follows_camera = True
 

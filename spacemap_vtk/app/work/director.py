@@ -182,9 +182,9 @@ class Director(QObject):
             asked = (
                 self._last_request.seen
                 if self._follows_camera and self._last_request
-                else frame.seen
+                else frame.camera_view
             )
-            if not waits and self._view.seen not in (asked, frame.seen):
+            if not waits and self._view.seen not in (asked, frame.camera_view):
                 self.request_frame()
                 self._follows_camera = True
 
@@ -197,11 +197,11 @@ class Director(QObject):
             return
         scene = self._document.scene
         # Stages of motion have not run for a frame of a mode or pull.
-        skipped = scene.moving if frame.swing is not None else []
+        skipped = scene.moving if frame.mode is not None else []
         for stage in scene.stages:
             if stage in skipped:
                 continue
-            waits = stage.section == "surface" and (frame.coarse or frame.swing is not None)
+            waits = stage.section == "surface" and (frame.coarse or frame.mode is not None)
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
         self._end_notice()
         if not frame.coarse:

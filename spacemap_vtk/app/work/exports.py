@@ -203,7 +203,7 @@ class Exports(QObject):
         notes = []
         if kind == "film" and not scene.moves:
             notes.append("This scene does not move: all frames are the same.")
-        if view.frame is not None and view.frame.swing is not None:
+        if view.frame is not None and view.frame.mode is not None:
             notes.append(
                 "The file shows the scene's motion, not the mode or stretch in the window."
             )

@@ -17,7 +17,7 @@ from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import atomic_files
 from spacemap_vtk.jobs.job import Job
-from spacemap_vtk.jobs.worker import error_from_json, request
+from spacemap_vtk.jobs.worker import error_from_json, make_request
 
 #: Time that a terminated process has to end its child processes, in ms.
 _PATIENCE = 500
@@ -65,7 +65,7 @@ class JobProcess(QObject):
         process = self._process
         process.start(sys.executable, ["-m", "spacemap_vtk.jobs.worker"])
         if process.state() != QProcess.ProcessState.NotRunning:
-            process.write(request(self._job, values, base).encode())
+            process.write(make_request(self._job, values, base).encode())
             process.closeWriteChannel()
 
     def cancel(self) -> None:

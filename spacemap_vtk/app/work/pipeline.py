@@ -108,7 +108,7 @@ class Pipeline:
         coarse = request.coarse or isinstance(swing, Swing)
         sheet, piece = self._choose_sheet(scene), WHOLE
         if sheet is not None:  # the sheet replaces the stages that build yarns
-            piece = sheet.one
+            piece = sheet.one_yarn
             skipped = [*skipped, *(stage for stage in stages[1:] if stage.makes == "object")]
         # Stages before `first` are up to date. Updating them would take time, as each update checks
         # all stages upstream of it.
@@ -128,7 +128,7 @@ class Pipeline:
             source = source if sheet else self._connect_swing(scene, cage)
         if sheet is not None:
             moved = scene.deformed_cage if scene.moves and cage is None else cage
-            drawn = sheet.ride(moved, coarse)
+            drawn = sheet.deform_with(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
             self._coarse.choose(AUTOMATIC_SIDES, fibres)
@@ -149,7 +149,7 @@ class Pipeline:
             frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings),
             values=request.values,
             coarse=coarse and (surface is self._coarse or sheet is not None),
-            swing=None if swing is None else getattr(swing, "mode", -1),
+            mode=None if swing is None else getattr(swing, "mode", -1),
             generation=request.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion_figures(scene, request.coarse),
@@ -158,7 +158,10 @@ class Pipeline:
             return self._add_near_yarns(scene, request, frame, sheet)
         if follows:
             frame = replace(
-                frame, seen=request.seen, enough=self._enough_scale, finer=detail is not None
+                frame,
+                camera_view=request.seen,
+                coarse_scale=self._enough_scale,
+                has_finer_yarns=detail is not None,
             )
         if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
             return self._add_light_frame(scene, source, frame)
@@ -194,24 +197,24 @@ class Pipeline:
         if frame.coarse:
             frame = replace(frame, surface=thin)
         else:
-            frame = replace(frame, light=replace(frame, surface=thin), seen=request.seen)
-        if request.seen is None or (frame.coarse and sheet.solves_long):
+            frame = replace(frame, preview=replace(frame, surface=thin), camera_view=request.seen)
+        if request.seen is None or (frame.coarse and sheet.is_slow):
             return frame
         near = self._near
-        if near is None or not near.serves(scene, sheet):
+        if near is None or not near.is_current(scene, sheet):
             self._near = near = NearYarns(scene, sheet)
         cage = None
         if scene.moves:
             cage = scene.deformed_cage if request.swing is None else frame.cage
-        why = near.follow(request.seen, cage, request.swing is not None)
+        why = near.follow_view(request.seen, cage, request.swing is not None)
         if frame.coarse:
-            few = None if why else near.light(request.time)
+            few = None if why else near.preview(request.time)
             if few is None or near.part is None:
                 return frame
             few = copied(few)
             add_color_values(few, frame.color)
             around = coarsen_sheet(whole, sheet.cells, _MOVING_CELLS, near.part)
-            return replace(frame, yarns=few, around=around)
+            return replace(frame, yarns=few, surroundings=around)
         if not why:
             try:
                 for stage in near.stages:
@@ -222,7 +225,7 @@ class Pipeline:
             return replace(frame, warnings=(*frame.warnings, why))
 
         # Reuse unchanged objects, as new ones would be sent to OpenGL again.
-        few = near.light(request.time)
+        few = near.preview(request.time)
         key = [near, frame.color, *(stage.executions for stage in near.stages)]
         if self._near_drawn is None or self._near_drawn[0] != key:
             made = [None if yarns is None else copied(yarns) for yarns in (near.yarns, few)]
@@ -231,11 +234,11 @@ class Pipeline:
                     add_color_values(yarns, frame.color)
             self._near_drawn = key, made
         fine, few = self._near_drawn[1]
-        if few is not None and frame.light is not None:
+        if few is not None and frame.preview is not None:
             thin = coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
-            frame = replace(frame, light=replace(frame.light, yarns=few, around=thin))
+            frame = replace(frame, preview=replace(frame.preview, yarns=few, surroundings=thin))
         around = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
-        return replace(frame, yarns=fine, around=around)
+        return replace(frame, yarns=fine, surroundings=around)
 
     def _add_light_frame(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
         """Add a frame with fewer facets, to be drawn while the camera moves."""
@@ -244,7 +247,7 @@ class Pipeline:
             return frame
         surface = copied(few.update(frame.time).output)
         add_color_values(surface, frame.color)
-        return replace(frame, light=replace(frame, surface=surface))
+        return replace(frame, preview=replace(frame, surface=surface))
 
     def apply_request(self, request: FrameRequest) -> Scene:
         """Set the values of a request in the scene; values that are equal are not set again."""
@@ -267,7 +270,7 @@ class Pipeline:
     def _choose_sheet(self, scene: Scene) -> ClothSheet | None:
         """Return the sheet that is drawn for a cloth with very many yarns, or None."""
         found = self._sheet
-        if found is None or not found.serves(scene):
+        if found is None or not found.is_current(scene):
             many = choose_level(scene, window=True).has_sheet
             self._sheet = found = ClothSheet(scene) if many else None
             self._near = self._near_drawn = None  # these belong to the former scene

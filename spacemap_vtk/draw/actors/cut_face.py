@@ -39,10 +39,10 @@ class CutFaceActor(SurfaceActor):
         super().__init__()
         self.SetPickable(False)
 
-    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
+    def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
         bright = (BRIGHT**2,) * 3 if style.lamps else WHITE
         flat = replace(style.of_numbers, sky=bright, earth=bright, facing=0.0)
-        super()._wear(surface, flat, point)
+        super()._apply_style(surface, flat, point)
 
     def fill(
         self,

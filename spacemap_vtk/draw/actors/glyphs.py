@@ -80,7 +80,7 @@ class OutlineActor(PlainActor):
         self.GetMapper().SetVBOShiftScaleMethod(0)
         #: `wider`: width of the lines, as shares of half the picture's width and height.
         #: `most`: largest width of the lines [m].
-        self.wider, self.most = (0.0, 0.0), 0.0
+        self.width, self.max_width = (0.0, 0.0), 0.0
         self.GetProperty().FrontfaceCullingOn()
         shader = self.GetShaderProperty()
         shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
@@ -94,8 +94,8 @@ class OutlineActor(PlainActor):
         self.GetMapper().SetInputData(surface)
         self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
         uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
-        self.wider, self.most = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
-        uniforms.SetUniform2f("wider", self.wider)
+        self.width, self.max_width = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
+        uniforms.SetUniform2f("wider", self.width)
         uniforms.SetUniformf("most", most)
 
 
@@ -129,7 +129,7 @@ class CageActor(PlainActor):
         # actors would make a frame 25 % slower.
         self.ForceOpaqueOn()
         self.GetProperty().SetLighting(False)
-        self._kept: tuple[Ints, vtkCellArray] | None = None
+        self._edges: tuple[Ints, vtkCellArray] | None = None
 
     def show(
         self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
@@ -141,10 +141,10 @@ class CageActor(PlainActor):
         if cage is not None:
             elements = elements_of(cage)
             # Elements are compared by content: a box of another size often has the same edges.
-            if self._kept is None or not np.array_equal(self._kept[0], elements):
-                self._kept = elements, to_cells(_cage_edges(elements, points_of(cage)))
+            if self._edges is None or not np.array_equal(self._edges[0], elements):
+                self._edges = elements, to_cells(_cage_edges(elements, points_of(cage)))
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
-            lines.SetLines(self._kept[1])
+            lines.SetLines(self._edges[1])
         self.GetMapper().SetInputData(lines)
 
 
@@ -199,7 +199,7 @@ class DotsActor(PlainActor):
         super().__init__()
         self.GetProperty().SetRenderPointsAsSpheres(True)
 
-    def place(self, points: AnyFloats) -> None:
+    def set_points(self, points: AnyFloats) -> None:
         """Draw dots at points (n, 3)."""
         dots = vtkPolyData()
         if len(points):
@@ -223,7 +223,7 @@ class SupportActor(DotsActor):
             return
         self._shown = rest, fixed
         held = cage is not None and fixed is not None
-        self.place(points_of(cage)[vtk_to_numpy(fixed) != 0] if held else np.zeros((0, 3)))
+        self.set_points(points_of(cage)[vtk_to_numpy(fixed) != 0] if held else np.zeros((0, 3)))
 
 
 class LoadActor(vtkActor):
@@ -233,12 +233,12 @@ class LoadActor(vtkActor):
 
     def __init__(self) -> None:
         super().__init__()
-        self.through = vtkActor()
-        for actor in (self, self.through):
+        self.pale_copy = vtkActor()
+        for actor in (self, self.pale_copy):
             actor.SetMapper(_make_arrow_mapper())
             actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
-        look = self.through.GetProperty()
+        look = self.pale_copy.GetProperty()
         look.SetLighting(False)
         look.SetOpacity(0.7)
         look.BackfaceCullingOn()
@@ -254,7 +254,7 @@ class LoadActor(vtkActor):
             places.SetPoints(to_points(arrows.starts[seen]))
             places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
             places.GetPointData().AddArray(to_array(colors[seen], "color"))
-        for actor in (self, self.through):
+        for actor in (self, self.pale_copy):
             actor.GetMapper().SetInputData(places)
 
 

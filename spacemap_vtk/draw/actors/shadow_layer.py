@@ -45,22 +45,23 @@ class ShadowLayer:
         shade.SetTexture(self._texture)
         self.renderer.AddViewProp(shade)
         #: Whether the layer is to be drawn.
-        self.on = False
+        self.is_on = False
         #: Left, bottom, right and top of areas without shadows, in pixels.
-        self.clear: list[tuple[float, float, float, float]] = []
+        self.unshaded_areas: list[tuple[float, float, float, float]] = []
 
-    def want(self, relief: float, strength: float) -> None:
+    def set_shadows(self, relief: float, strength: float) -> None:
         """Set the depth of folds [m] and the strength of shadows; 0 switches the layer off."""
-        self._relief, self._strength, self.on = relief, strength, strength > 0.0
+        self._relief, self._strength, self.is_on = relief, strength, strength > 0.0
 
-    def make(self, below: vtkRenderer) -> None:
+    def update(self, below: vtkRenderer) -> None:
         """Compute the shadows for the view that a renderer has drawn."""
         window, camera = below.GetRenderWindow(), below.GetActiveCamera()
         width, height = window.GetSize()
         window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
         drawn = vtk_to_numpy(self._depth).reshape(height, width)
         plates = [
-            (slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear
+            (slice(round(b), round(t)), slice(round(a), round(r)))
+            for a, b, r, t in self.unshaded_areas
         ]
         for plate in plates:  # plates are in front of everything and would cast shadows on it
             drawn[plate] = 1.0

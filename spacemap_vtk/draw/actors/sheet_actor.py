@@ -340,21 +340,21 @@ class SheetActor(SurfaceActor):
             mapper.MapDataArrayToVertexAttribute(f"{name}MC", name, where, -1)
         self._shown: tuple[Any, ...] | None = None
         self._crossings: NDArray[Any] | None = None
-        self.behind((255, 255, 255), (255, 255, 255))
-        self.fit_pixels(1)
-        self.resolve(False)
+        self.set_background((255, 255, 255), (255, 255, 255))
+        self.set_grain(1)
+        self.show_single_yarns(False)
 
-    def behind(self, below: Sequence[int], above: Sequence[int]) -> None:
+    def set_background(self, below: Sequence[int], above: Sequence[int]) -> None:
         """Set the colours of the background, which is visible between yarns."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform3f("below", [part / 255 for part in below])
         uniforms.SetUniform3f("above", [part / 255 for part in above])
 
-    def fit_pixels(self, grain: int) -> None:
+    def set_grain(self, grain: int) -> None:
         """Set how many drawn pixels, along each side, make one pixel of the finished picture."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("grain", float(grain))
 
-    def resolve(self, resolved: bool) -> None:
+    def show_single_yarns(self, resolved: bool) -> None:
         """Draw single yarns, over and under each other; for yarns that are a few pixels wide."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniformf("resolved", float(resolved))
@@ -375,9 +375,9 @@ class SheetActor(SurfaceActor):
         self.show(sheet, color if scaled else "own", (255, 255, 255), span, style=worn)
         if numbers is not None:
             span = span or natural_span(numbers)
-            self.scale(color, span)
+            self.update_scale(color, span)
             self.GetMapper().SetScalarVisibility(False)  # the texture contains the colours
-            self.bar.SetVisibility(True)
+            self.color_bar.SetVisibility(True)
         wanted = cloth, color, None if numbers is None else span
         if self._shown == wanted and self._crossings is crossings:
             return
@@ -418,15 +418,15 @@ class SheetActor(SurfaceActor):
                 pixels = _halve(pixels)
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
 
-    def shade(self, depth: float) -> None:
+    def set_shadow_strength(self, depth: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
 
-    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
+    def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
         light, shader = lighting_code(style, point), self.GetShaderProperty()
-        if self._worn == (light,):
+        if self._shader_key == (light,):
             return
-        self._worn = (light,)
+        self._shader_key = (light,)
         shader.ClearAllShaderReplacements()
         for tag, text in (
             ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + light + _VERTEX_FUNCTIONS),

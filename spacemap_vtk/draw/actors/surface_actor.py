@@ -72,13 +72,13 @@ class SurfaceActor(vtkActor):
         self._mapper.SetVBOShiftScaleMethod(0)
         self.SetMapper(self._mapper)
         #: Arguments from which the current shader was made; empty before the first surface.
-        self._worn: tuple[object, ...] = ()
+        self._shader_key: tuple[object, ...] = ()
         #: Lighting of the surface; None before the first surface.
-        self.dress: Lighting | None = None
+        self.lighting: Lighting | None = None
         self._texture: vtkTexture | None = None
         self._table = vtkLookupTable()
-        self.bar = make_color_bar()
-        self.bar.SetLookupTable(self._table)
+        self.color_bar = make_color_bar()
+        self.color_bar.SetLookupTable(self._table)
 
     def show(
         self,
@@ -99,7 +99,7 @@ class SurfaceActor(vtkActor):
             values = vtk_to_numpy(numbers)
             shown = span or natural_span(values)
             # Labels of the scale are the numbers themselves, so these are in the scale's unit.
-            size = self.scale(color, shown)
+            size = self.update_scale(color, shown)
             points.AddArray(to_array(values / np.float32(size), "in unit"))
             mapper.SetScalarModeToUsePointFieldData()
         elif color in CLASSES and cells.GetArray(color) is not None:
@@ -109,21 +109,21 @@ class SurfaceActor(vtkActor):
             mapper.SetScalarModeToUseCellFieldData()
         else:
             self._show_own(surface, plain, picture)
-        self._paint(picture if shown is None and color == "own" else None)
-        self.bar.SetVisibility(shown is not None)
+        self._set_texture(picture if shown is None and color == "own" else None)
+        self.color_bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
-        self._wear(surface, style if shown is None else style.of_numbers, point)
+        self._apply_style(surface, style if shown is None else style.of_numbers, point)
 
-    def scale(self, color: str, span: Span) -> float:
+    def update_scale(self, color: str, span: Span) -> float:
         """Set unit, labels and title of the scale; return the size of its unit in SI units."""
         name, size = scale_unit(color, max(map(abs, span)))
         ends = span[0] / size, span[1] / size
         self._color_by("in unit", ramp_table(), ends)
-        self.bar.SetCustomLabels(to_array(np.array(round_ticks(*ends))))
-        self.bar.SetTitle(color_bar_title(color, name))
+        self.color_bar.SetCustomLabels(to_array(np.array(round_ticks(*ends))))
+        self.color_bar.SetTitle(color_bar_title(color, name))
         return size
 
-    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
+    def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
         """Light a surface in a style; lines and dots without normals stay unlit."""
         faced = surface.GetPointData().GetNormals() is not None
         faced |= (
@@ -132,10 +132,10 @@ class SurfaceActor(vtkActor):
         # Fibres need a style with sheen: styles with outlines draw smooth yarns, and the style for
         # numbers shows no fibres that could change the colours.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
-        self.dress = Lighting(faced, fibres, style, point)
+        self.lighting = Lighting(faced, fibres, style, point)
         worn = faced, fibres, lighting_code(style, point)
-        if worn != self._worn:
-            self._worn = worn
+        if worn != self._shader_key:
+            self._shader_key = worn
             self.GetShaderProperty().ClearAllShaderReplacements()
             if faced:
                 set_lighting(self, worn[2])
@@ -143,13 +143,13 @@ class SurfaceActor(vtkActor):
             if fibres and self._samples:
                 set_fibre_samples(self, self._samples)
 
-    def sample(self, side: int) -> None:
+    def set_samples(self, side: int) -> None:
         """Set the number of samples of fibres along each side of a pixel."""
         if side != self._samples:
             self._samples = side
             set_fibre_samples(self, side)
 
-    def _paint(self, picture: vtkImageData | None) -> None:
+    def _set_texture(self, picture: vtkImageData | None) -> None:
         if picture is None:
             self.SetTexture(None)
             return

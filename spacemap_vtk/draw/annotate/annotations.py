@@ -77,14 +77,14 @@ class Annotations:
         #: State for which the annotations were last placed.
         self._placed: tuple[object, ...] | None = None
         # The reference is weak, because VTK would keep the object of a callback alive.
-        place = weakref.WeakMethod(self._place)
+        place = weakref.WeakMethod(self._update)
         self._following = renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
 
-    def led(self) -> Callable[[], None]:
+    def detach_from_camera(self) -> Callable[[], None]:
         """Stop following the camera; call the returned function before each drawing instead."""
         # numpy releases Python's global lock, which a window must keep while VTK draws.
         self._renderer.RemoveObserver(self._following)
-        return self._place
+        return self._update
 
     def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
         """Set background and size of the picture, and the drawn pixels per pixel of the picture."""
@@ -111,7 +111,7 @@ class Annotations:
             prop.VisibilityOn()
 
     @property
-    def written(self) -> bool:
+    def has_content(self) -> bool:
         """Whether any annotation is shown."""
         stamped = self._view.time_stamp and self._time is not None
         return stamped or self._scaled or self._triad or self._bar or bool(self.labels)
@@ -131,14 +131,14 @@ class Annotations:
     def _letter(self) -> float:
         return self._pixels * font_size(self._size)
 
-    def _place(self) -> None:
+    def _update(self) -> None:
         if not self._plates.GetVisibility():
             return
         view, camera = self._view, self._renderer.GetActiveCamera()
         # VTK renders a text again whenever it is set. So nothing is set while the view stays.
         signs = self._scaled, self._triad, self._bar, self._handled, self._background
         stamp = self._time if view.time_stamp else None
-        seen_by = Viewpoint.of(camera), camera.GetViewAngle(), self._renderer.GetSize()
+        seen_by = Viewpoint.from_camera(camera), camera.GetViewAngle(), self._renderer.GetSize()
         placed = *signs, stamp, *seen_by, self._size, self._pixels, len(self.labels)
         if placed == self._placed and not self.labels:
             return
@@ -154,11 +154,11 @@ class Annotations:
         edge = 0.7 * letter
         whole = np.array([width * (1.0 - color_bar_share(self._size) * self._scaled), height])
         if self._scaled:
-            self._plate(whole[0], 0.25 * height - edge, width, 0.75 * height + edge)
+            self._add_plate(whole[0], 0.25 * height - edge, width, 0.75 * height + edge)
         seen = view_scale(camera, height)
         if self._triad:
             middle = np.full(2, edge + 2.9 * letter)
-            self._plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
+            self._add_plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
             if self._handled:
                 away = np.stack([1.75 * seen.axes[:, :2], -1.75 * seen.axes[:, :2]])
                 toward = np.stack([seen.axes[:, 2], -seen.axes[:, 2]])[..., None]
@@ -176,21 +176,24 @@ class Annotations:
                 far = way / long if long > 0.15 * letter else np.array([-0.7, 0.7])
                 self._write(2 + k, "xyz"[k], tip + 0.62 * letter * far)
         if self._bar:
-            length = round_length(_LONGEST * width * seen.length)
+            length = round_length(_LONGEST * width * seen.unit_length)
             words = format_quantity(length, "m")
-            left, wide = edge * (1 + self._triad) + 5.8 * letter * self._triad, length / seen.length
-            more = words + ("" if seen.flat else " in the plane of the focus")
-            if self._sized(0, more)[1][0] < whole[0] - left - 2 * edge:
+            left, wide = (
+                edge * (1 + self._triad) + 5.8 * letter * self._triad,
+                length / seen.unit_length,
+            )
+            more = words + ("" if seen.is_parallel else " in the plane of the focus")
+            if self._measure_text(0, more)[1][0] < whole[0] - left - 2 * edge:
                 words = more
-            right = left + 2 * edge + max(wide, self._sized(0, words)[1][0])
-            self._plate(left, edge, right, edge + 2.7 * letter)
+            right = left + 2 * edge + max(wide, self._measure_text(0, words)[1][0])
+            self._add_plate(left, edge, right, edge + 2.7 * letter)
             low = np.array([left + edge, edge + 0.5 * letter])
             shapes.append((_box(low, low + np.array([wide, 0.28 * letter])), self._ink))
             self._write(0, words, low + np.array([0.0, 0.7 * letter]))
         if view.time_stamp and self._time is not None:
             words = f"t = {format_quantity(self._time, 's', 4)}"
-            begin, size = self._sized(1, words)
-            self._plate(edge, height - 3 * edge - size[1], 3 * edge + size[0], height - edge)
+            begin, size = self._measure_text(1, words)
+            self._add_plate(edge, height - 3 * edge - size[1], 3 * edge + size[0], height - edge)
             self._write(1, words, np.array([2 * edge, height - 2 * edge - size[1]]) - begin)
         points = np.array([point for point, _ in self.labels]).reshape(-1, 3)
         x, y, _, depth = project_points(camera, points, width / height).T
@@ -199,14 +202,14 @@ class Annotations:
         )
         for number in np.flatnonzero(depth[:MOST_LABELS] > 0.0).tolist():
             words = self.labels[number][1]
-            begin, size = self._sized(5 + number, words)
-            low = self._free(places[number], places, size + edge, whole, 0.8 * letter)
-            self._plate(*low, *(low + size + edge))
+            begin, size = self._measure_text(5 + number, words)
+            low = self._find_free_place(places[number], places, size + edge, whole, 0.8 * letter)
+            self._add_plate(*low, *(low + size + edge))
             self._write(5 + number, words, low + 0.5 * edge - begin)
         self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
         self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
 
-    def _free(
+    def _find_free_place(
         self, at: Polygon, others: Polygon, size: Polygon, whole: Polygon, away: float
     ) -> Polygon:
         """Return a place near a point where a plate overlaps no other; else the first candidate."""
@@ -220,10 +223,10 @@ class Annotations:
         over = (lows[:, None] < boxes[:, 1]) & (lows[:, None] + size > boxes[:, 0])
         return lows[over.all(axis=2).any(axis=1).argmin()]
 
-    def _plate(self, left: float, low: float, right: float, high: float) -> None:
+    def _add_plate(self, left: float, low: float, right: float, high: float) -> None:
         self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
 
-    def _sized(self, number: int, words: str) -> tuple[Polygon, Polygon]:
+    def _measure_text(self, number: int, words: str) -> tuple[Polygon, Polygon]:
         """Return the lower left corner of a text placed at the origin, and its size."""
         ends = np.zeros(4)
         self._write(number, words, np.zeros(2))

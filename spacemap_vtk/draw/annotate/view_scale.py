@@ -27,11 +27,11 @@ AXES = (("#c8372d", "#3f8f3f", "#2c5f9e"), ("#ff7b6b", "#79c879", "#6fb0f0"))
 class ViewScale(NamedTuple):
     """Scale and orientation of a view."""
 
-    length: float
+    unit_length: float
     """Length of a unit of the picture, in the plane of the focus, in m."""
     axes: Floats
     """(3, 3) The axes x, y and z in the camera's frame: right, up, towards the eye."""
-    flat: bool
+    is_parallel: bool
     """Whether the projection is parallel."""
 
 
@@ -83,12 +83,12 @@ def _draw_triad(axes: Axes, paper: PageStyle, turn: Floats) -> None:
 def _draw_scale(axes: Axes, paper: PageStyle, seen: ViewScale) -> None:
     from matplotlib.patches import Rectangle
 
-    length = round_length(30.0 * seen.length)
-    left, wide = 20.0, length / seen.length
+    length = round_length(30.0 * seen.unit_length)
+    left, wide = 20.0, length / seen.unit_length
     axes.add_patch(Rectangle((left, 4.4), wide, 0.8, facecolor=paper.ink, linewidth=0, gid="scale"))
     words = format_quantity(length, "m")
     axes.text(left, 5.8, words, fontsize=TEXT, color=paper.ink, va="bottom")
-    about = "without perspective" if seen.flat else "in the plane of the focus"
+    about = "without perspective" if seen.is_parallel else "in the plane of the focus"
     axes.text(left, 3.8, about, fontsize=SMALL, color=paper.faint, va="top")
 
 

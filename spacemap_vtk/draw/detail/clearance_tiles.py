@@ -44,7 +44,7 @@ class ClothTile(NamedTuple):
 
     surface: vtkPolyData
     """Surface of the tile and of the yarns around it."""
-    found: Singles
+    clearance: Singles
     """Distance of each point to the next yarn, in m; infinite outside the tile."""
     quads: NDArray[Any]
     """(patches, facets, 4) Point indices of each patch's facets."""
@@ -56,10 +56,10 @@ class ClothTile(NamedTuple):
     """(patches,) Yarn of each patch."""
 
     @property
-    def cut(self) -> vtkPolyData:
+    def trimmed_surface(self) -> vtkPolyData:
         """The surface of the tile without the yarns around it."""
         made = copied(self.surface)
-        made.SetPolys(to_cells(self.inner))
+        made.SetPolys(to_cells(self.inner_quads))
         kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
         made.GetCellData().Initialize()
         take_arrays(self.surface.GetCellData(), made.GetCellData(), kept)
@@ -68,7 +68,7 @@ class ClothTile(NamedTuple):
     @property
     def facets(self) -> tuple[NDArray[Any], Floats, Floats]:
         """Yarns, centres and areas of the facets inside the tile, for `crossing_means`."""
-        corners, quads, (_, each, _) = self.corners[self.inside], self.inner, self.quads.shape
+        corners, quads, (_, each, _) = self.corners[self.inside], self.inner_quads, self.quads.shape
         # At rest, facets are evenly spaced in their patch, like their parameters.
         step = (np.arange(isqrt(each)) + 0.5) / isqrt(each)
         u, v = (way.ravel() for way in np.meshgrid(step, step))
@@ -83,7 +83,7 @@ class ClothTile(NamedTuple):
         return np.repeat(self.yarn[self.inside], each), middle, covered.astype(np.float64)
 
     @property
-    def inner(self) -> NDArray[Any]:
+    def inner_quads(self) -> NDArray[Any]:
         """Point indices of the facets inside the tile, (n, 4)."""
         return self.quads[self.inside].reshape(-1, 4)
 
@@ -146,35 +146,35 @@ class SampledClearances:
         #: Vertices of the last cage (strains without a cage), and the clearances found for them.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None
 
-    def at(
+    def clearances_in(
         self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
     ) -> Clearances | None:
         """Return the clearances of a cloth in a deformed cage; `strains` are those of its sheet."""
         asked = strains if cage is None else moved_points(cage)
         if self._last is None or not np.array_equal(self._last[0], asked):
-            self._last = asked, self._find(cage, strains, crimp)
+            self._last = asked, self._measure(cage, strains, crimp)
         return self._last[1]
 
-    def _find(
+    def _measure(
         self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
     ) -> Clearances | None:
         cloth, (rows, columns, _) = self._stages.cloth, strains.shape
         ends, picks = cloth.size
         parts = self._parts
         if cage is not None:
-            self._stages.move_by(cage)
+            self._stages.set_cage(cage)
             parts = parts + _sample_tiles(strains, (ends, picks))
         known, values, spans = [], [], []
         for of_ends, of_picks in parts:
             tile = measure_tile(self._stages, of_ends, of_picks, 0.0, crimp)
             if tile is None:
                 return None
-            mean = tile.found[tile.inner].mean(axis=1)
+            mean = tile.clearance[tile.inner_quads].mean(axis=1)
             means = crossing_means(cloth, (of_ends, of_picks), tile.facets, mean)
             number = np.arange(picks)[of_picks, None] * ends + np.arange(ends)[of_ends]
             known.append(number.ravel())
             values.append(means.reshape(2, -1))
-            there = tile.found[np.isfinite(tile.found)]
+            there = tile.clearance[np.isfinite(tile.clearance)]
             spans += [there.min(), there.max()]
         cells = _cells_of_yarns(picks, rows)[:, None] * columns + _cells_of_yarns(ends, columns)
         found = spread_over(

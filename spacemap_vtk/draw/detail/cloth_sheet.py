@@ -62,49 +62,51 @@ class ClothSheet:
         self._warp = _SheetWarp()
 
     @classmethod
-    def if_many(cls, scene: Scene) -> ClothSheet | None:
+    def make_if_needed(cls, scene: Scene) -> ClothSheet | None:
         """Return a scene's sheet if its yarns are too many to draw together; else None."""
         return cls(scene) if choose_level(scene).has_sheet else None
 
-    def serves(self, scene: Scene) -> bool:
+    def is_current(self, scene: Scene) -> bool:
         """Test whether this is still the sheet of a scene that may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
         return same and scene.woven is not None and scene.woven.cloth is self.cloth
 
     @property
-    def one(self) -> Piece:
+    def one_yarn(self) -> Piece:
         """A piece with a single yarn, which is enough for the stages above the yarns."""
         # A cage that fills the surface of the yarns needs all yarns.
         cage = self._scene.cage
-        filled = self._follows and cage.method == "tetwild" and cage.inflate == 0.0
+        filled = self._cage_follows_yarns and cage.method == "tetwild" and cage.inflate == 0.0
         return WHOLE if filled else Piece(0, sum(self.cloth.size))
 
     @property
-    def _follows(self) -> bool:
+    def _cage_follows_yarns(self) -> bool:
         """Whether the cage follows the yarns, so that the sheet between them may be outside."""
         cage = self._scene.cage
         return cage.method in ("carved", "tetwild") and any(cage is s for s in self._scene.stages)
 
-    def place(self, time: float) -> vtkPolyData:
+    def deform_at(self, time: float) -> vtkPolyData:
         """Return the deformed sheet at a time [s]."""
         scene = self._scene
-        scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
-        self._move(scene.deformed_cage if scene.moves else None)
+        scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one_yarn)
+        self._deform(scene.deformed_cage if scene.moves else None)
         return self.moved
 
     def update(self, time: float) -> vtkPolyData:
         """Return the deformed sheet at a time [s], and update the values at crossings."""
-        self.place(time)
-        self._cross(self._scene.deformed_cage if self._scene.moves else None, coarse=False)
+        self.deform_at(time)
+        self._update_crossings(
+            self._scene.deformed_cage if self._scene.moves else None, coarse=False
+        )
         return self.moved
 
-    def ride(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
+    def deform_with(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
         """Return the sheet deformed by a cage; without a cage it is flat."""
-        self._move(cage)
-        self._cross(cage, coarse)
+        self._deform(cage)
+        self._update_crossings(cage, coarse)
         return self.moved
 
-    def _move(self, cage: vtkUnstructuredGrid | None) -> None:
+    def _deform(self, cage: vtkUnstructuredGrid | None) -> None:
         if cage is None:
             # The last deformed sheet would be wrong: the scene may have moved until now.
             self.moved = self._flat
@@ -114,31 +116,31 @@ class ClothSheet:
         there = (cage.GetPointData(), cage.GetCellData())
         names = settings["carried"].replace(",", " ").split()
         settings["carried"] = " ".join(n for n in names if any(d.HasArray(n) for d in there))
-        self._warp.follows = self._follows
-        if self._follows and settings["outside"] == "error":
+        self._warp.follows = self._cage_follows_yarns
+        if self._cage_follows_yarns and settings["outside"] == "error":
             settings["outside"] = "extrapolate"
         self._warp.configure(**settings)
         self._warp.color_array = self._scene.warp.color_array
         self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
 
-    def _cross(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:
+    def _update_crossings(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:
         """Update the values at crossings, if shown; a coarse update keeps values that take long."""
-        scene, crimp = self._scene, self.crimp
+        scene, crimp = self._scene, self.crimp_stage
         name = COLORINGS[scene.view.color].array
-        if coarse and self.solves_long and name == self._array:
+        if coarse and self.is_slow and name == self._array:
             return
         self._array, self.crossings, self.ends = name, None, None
         if crimp is not None and cage is not None:
             with scene.naming_file():
-                shown = "crimp" if self._gaps else name
+                shown = "crimp" if self._shows_clearance else name
                 self.crossings = crimp.at_crossings(shown, scene.source.output, cage)
             for text in crimp.warnings:
                 scene.warn(text)
-        if self._gaps and (found := self._measured(cage)) is not None:
+        if self._shows_clearance and (found := self._measure_clearances(cage)) is not None:
             self.crossings, self.ends = found
 
-    def _measured(self, cage: vtkUnstructuredGrid | None) -> Clearances | None:
+    def _measure_clearances(self, cage: vtkUnstructuredGrid | None) -> Clearances | None:
         """Return the clearances between yarns, or None if they cannot be measured."""
         rows = self.cells[1] + 1, self.cells[0] + 1, 3
         points = points_of(self.moved).astype(np.float64).reshape(rows)
@@ -146,20 +148,22 @@ class ClothSheet:
         if self._sampled is None or asked != self._asked:
             self._sampled, self._asked = SampledClearances(self._scene, self.sides), asked
         rest = points_of(self._flat).astype(np.float64).reshape(rows)
-        return self._sampled.at(cage, sheet_strains(points, rest), self.crimp)
+        return self._sampled.clearances_in(cage, sheet_strains(points, rest), self.crimp_stage)
 
     @property
-    def solves_long(self) -> bool:
+    def is_slow(self) -> bool:
         """Whether values at crossings are shown that take too long for a moving picture."""
-        return self._gaps or (self.crimp is not None and self.cloth.drawdown.size > _MANY_CROSSINGS)
+        return self._shows_clearance or (
+            self.crimp_stage is not None and self.cloth.drawdown.size > _MANY_CROSSINGS
+        )
 
     @property
-    def crimp(self) -> CrimpInterchange | None:
+    def crimp_stage(self) -> CrimpInterchange | None:
         """The crimp interchange that colours or clearances depend on; None if there is none."""
         crimp, name = self._scene.stage("crimp"), COLORINGS[self._scene.view.color].array
-        shown = self._gaps or name in CrimpInterchange.provides
+        shown = self._shows_clearance or name in CrimpInterchange.provides
         return crimp if shown and isinstance(crimp, CrimpInterchange) else None
 
     @property
-    def _gaps(self) -> bool:
+    def _shows_clearance(self) -> bool:
         return self._scene.view.color == "clearance"

@@ -38,7 +38,7 @@ _ORDER = quadrilateral_order(3, 3)
 class FacetChooser:
     """Computes the number of facets along each side of each patch, for one view."""
 
-    seen: CameraView
+    view: CameraView
     #: Facets along each side of patches that are out of sight or need no more.
     least: int
     #: Largest number of facets of all patches in sight together.
@@ -48,18 +48,18 @@ class FacetChooser:
 
     def __call__(self, points: AnyFloats, patches: AnyInts) -> Ints:
         """Return the subdivisions of each patch; each number is a multiple of all smaller ones."""
-        needed = self.needed(points, patches)
-        levels = self._levels(needed)
+        needed = self.needed_subdivisions(points, patches)
+        levels = self._round_up(needed)
         sight = needed > 0.0
         for _ in range(4):
             many = float(np.square(levels[sight]).sum())
             if many <= self.most_quads:
                 break
             needed *= 0.95 * math.sqrt(self.most_quads / many)
-            levels = self._levels(needed)
+            levels = self._round_up(needed)
         return levels
 
-    def _levels(self, needed: Floats) -> Ints:
+    def _round_up(self, needed: Floats) -> Ints:
         """Round subdivisions up to one lowest number times powers of two."""
         top = math.ceil(min(float(needed.max(initial=0.0)), _MOST_SIDES))
         if top <= self.least:
@@ -69,14 +69,14 @@ class FacetChooser:
         steps = np.ceil(np.log2(np.maximum(needed, lowest) / lowest) - 1e-9)
         return lowest * 2 ** np.minimum(steps, doublings).astype(np.int64)
 
-    def needed(self, points: AnyFloats, patches: AnyInts) -> Floats:
+    def needed_subdivisions(self, points: AnyFloats, patches: AnyInts) -> Floats:
         """Return the subdivisions that each patch needs; 0 out of sight."""
         found = np.zeros(len(patches))
         if patches.shape[1] != 16:
             return found
-        camera = self.seen.camera
-        sight, nearest = self._sight(points, patches)
-        scale = pixels_per_metre_at_focus(camera, self.seen.size[1])
+        camera = self.view.camera
+        sight, nearest = self._visible_patches(points, patches)
+        scale = pixels_per_metre_at_focus(camera, self.view.size[1])
         if not camera.GetParallelProjection():
             far = camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
@@ -84,10 +84,10 @@ class FacetChooser:
         found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
         return found
 
-    def _sight(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
+    def _visible_patches(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
         """Return which patches are in sight, and the least distance of each of these."""
-        width, height = self.seen.size
-        x, y, _, w = project_points(self.seen.camera, points, width / height).T
+        width, height = self.view.size
+        x, y, _, w = project_points(self.view.camera, points, width / height).T
         seen = np.ones(len(patches), bool)
         w = _BEYOND * w
         for beyond in (x < -w, x > w, y < -w, y > w):

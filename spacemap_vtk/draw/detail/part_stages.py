@@ -44,7 +44,7 @@ class PartStages:
         for before, stage in pairwise(self.all):
             stage.SetInputConnection(0, before.GetOutputPort())
 
-    def move_by(self, cage: vtkUnstructuredGrid) -> None:
+    def set_cage(self, cage: vtkUnstructuredGrid) -> None:
         """Set the cage that moves the yarns."""
         for stage in self.all[1:]:
             if len(stage.takes) > 1:

@@ -50,12 +50,12 @@ class YarnPieces:
         self._cloth = self._stages.cloth
         self._stages.surface.choose(*scene.surface.chosen)
 
-    def in_sight(
+    def visible_pieces(
         self, time: float, sheet: ClothSheet, camera: vtkCamera, aspect: float
     ) -> Iterator[vtkPolyData]:
         """Yield the surfaces of the pieces that are visible in a picture, with their numbers."""
         if self._scene.moves:
-            self._stages.move_by(self._scene.deformed_cage)
+            self._stages.set_cage(self._scene.deformed_cage)
         sight = visible_sheet_cells(sheet, camera, aspect)
         runs = [cell_range(seen, _BESIDE) for seen in sight]
         if any(run.start == run.stop for run in runs):
@@ -63,11 +63,11 @@ class YarnPieces:
         # Yarns are cut to the part in sight.
         part = yarns_of_cells(sheet, runs[0], runs[1])
         if self._level.form is Form.TILES:
-            yield from self._tiles(time, sheet, part, sight)
+            yield from self._visible_tiles(time, sheet, part, sight)
             return
         cloth = cropped(self._cloth, part)
         self._stages.choose_part(part)
-        self._stages.use_crossings(sheet.crimp, part)
+        self._stages.use_crossings(sheet.crimp_stage, part)
         share_in_sight = estimate_counts(cloth).patches / estimate_counts(self._cloth).patches
         count = ceil(self._level.pieces * share_in_sight)
         columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
@@ -80,7 +80,7 @@ class YarnPieces:
                 add_color_values(surface, self._scene.view.color)
                 yield surface
 
-    def _tiles(
+    def _visible_tiles(
         self, time: float, sheet: ClothSheet, part: Share, sight: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
         """Yield tiles whose clearances were measured together with the neighbouring yarns."""
@@ -95,9 +95,9 @@ class YarnPieces:
             for rows in picks:
                 seen = zip(sight, (columns, rows), self._cloth.size, strict=True)
                 if all(_has_visible_cell(cells, some, count) for cells, some, count in seen):
-                    tile = measure_tile(self._stages, columns, rows, time, sheet.crimp)
+                    tile = measure_tile(self._stages, columns, rows, time, sheet.crimp_stage)
                     if tile is not None:
-                        yield tile.cut
+                        yield tile.trimmed_surface
 
 
 class NearYarns:
@@ -116,11 +116,11 @@ class NearYarns:
         self._patches = 0
         self._cage: tuple[vtkUnstructuredGrid, int] | None = None
 
-    def serves(self, scene: Scene, sheet: ClothSheet) -> bool:
+    def is_current(self, scene: Scene, sheet: ClothSheet) -> bool:
         """Test whether the settings are still those of the scene and its sheet."""
         return sheet is self._sheet and yarn_settings(scene) == self._settings
 
-    def follow(
+    def follow_view(
         self, seen: CameraView, cage: vtkUnstructuredGrid | None, swings: bool = False
     ) -> str:
         """Choose the part to be made; return the reason if there is none, else an empty text."""
@@ -141,7 +141,7 @@ class NearYarns:
         if not _covers(self.part, wanted):
             wider = _widen(columns, sheet.cells[0]), _widen(rows, sheet.cells[1])
             for part in (wider, wanted):
-                patches = self._patches_of(part)
+                patches = self._patch_count(part)
                 if choose_near(cloth, scale, patches, seen.size).form is Form.NEAR:
                     break
             else:
@@ -149,12 +149,12 @@ class NearYarns:
             self.part, self._patches = part, patches
             self._own.choose_part(yarns_of_cells(sheet, *part))
         if self.part is not None:
-            self._own.use_crossings(sheet.crimp, yarns_of_cells(sheet, *self.part))
+            self._own.use_crossings(sheet.crimp_stage, yarns_of_cells(sheet, *self.part))
         self._own.use_color_array()
         choose_facets(self._own.surface, choose_near(cloth, scale, self._patches, seen.size), seen)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
-            self._own.move_by(cage)
+            self._own.set_cage(cage)
             for stage in self.stages:
                 if isinstance(stage, BarycentricWarp):
                     # The cage of a mode has no velocity to interpolate.
@@ -166,13 +166,13 @@ class NearYarns:
         """Surface of the yarns from the last update of the stages."""
         return self._own.surface.output
 
-    def light(self, time: float) -> vtkPolyData | None:
+    def preview(self, time: float) -> vtkPolyData | None:
         """Return a surface with one facet per patch; None if there are still too many."""
         if self._patches > _MOVING_PATCHES:
             return None
         return self._light.update(time).output
 
-    def _patches_of(self, part: tuple[slice, slice]) -> int:
+    def _patch_count(self, part: tuple[slice, slice]) -> int:
         cloth = cropped(self._sheet.cloth, yarns_of_cells(self._sheet, *part))
         return estimate_counts(cloth).patches
 

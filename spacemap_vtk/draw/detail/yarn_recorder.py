@@ -53,7 +53,7 @@ class YarnRecorder:
         self._points: Singles = np.zeros((times, 0, 3), np.float32)
         self._curves: StrandCurves | None = None
 
-    def see(self, number: int) -> None:
+    def record(self, number: int) -> None:
         """Record the curves of the scene's last update as those of time `number`."""
         if self._made is None:
             return
@@ -113,9 +113,9 @@ class SurfaceRecorder(YarnRecorder):
             require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
             self._values = np.zeros((times, len(rows)), np.float32)
 
-    def see(self, number: int) -> None:
+    def record(self, number: int) -> None:
         """Record curves and numbers of the scene's last update as those of time `number`."""
-        super().see(number)
+        super().record(number)
         if self._values is not None:
             numbers = color_values(self._scene.polygons, self._scene.view.color)
             if numbers is None:  # clearances cannot be measured without normals

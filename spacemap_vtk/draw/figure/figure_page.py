@@ -49,7 +49,7 @@ _MOST, _SEEN = 60, 160
 _FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
 
 #: Empty tile that fills the last row of pictures. Its height is not 0, because axes need a height.
-_BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
+_BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, has_letter=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,7 +255,7 @@ class _PictureTiles:
             assert self._seen is not None
             draw_key(axes, paper, self._seen, self.scenes[0].view.color, self._extent[1])
 
-        return Tile(draw, lambda width: _KEY, lettered=False)
+        return Tile(draw, lambda width: _KEY, has_letter=False)
 
 
 def _match_background(scene: Scene, paper: PageStyle) -> None:

@@ -87,9 +87,9 @@ class Tile:
     #: Weight of the tile's width relative to its neighbours in the row.
     share: float = 1.0
     #: Largest width in mm.
-    most: float = math.inf
+    max_width: float = math.inf
     #: Whether this tile is labelled (a, b, c, …) if the page has several labelled ones.
-    lettered: bool = True
+    has_letter: bool = True
 
 
 def new_figure(**settings: Any) -> Figure:
@@ -138,7 +138,7 @@ def lay_out_page(
         dpi=paper.dpi,
         facecolor="none" if paper.transparent else paper.color,
     )
-    several = sum(tile.lettered for tile, *_ in placed) > 1
+    several = sum(tile.has_letter for tile, *_ in placed) > 1
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for count, (tile, (x, top, width, height), text) in enumerate(placed):
         tell(count, len(placed))
@@ -149,7 +149,7 @@ def lay_out_page(
         # The limits follow the rounding to whole dots, so that squares stay square.
         axes.set(xlim=(0, across * 25.4 / paper.dpi), ylim=(0, high * 25.4 / paper.dpi))
         axes.set_axis_off()
-        letter = next(letters, "") if several and tile.lettered else ""
+        letter = next(letters, "") if several and tile.has_letter else ""
         if text:
             _draw_caption(axes, paper, letter, text)
         tile.draw(axes, paper)
@@ -169,7 +169,7 @@ def text_width(text: str) -> float:
 def _tile_widths(row: Sequence[Tile], room: float) -> list[float]:
     shares = [tile.share for tile in row]
     widths = [room * share / sum(shares) for share in shares]
-    fit = min(1.0, *(tile.most / width for tile, width in zip(row, widths, strict=True)))
+    fit = min(1.0, *(tile.max_width / width for tile, width in zip(row, widths, strict=True)))
     return [fit * width for width in widths]
 
 

@@ -39,11 +39,11 @@ class _Drawing(NamedTuple):
     """Axes in mm, with scale and position of the cloth in them."""
 
     axes: Axes
-    paper: PageStyle
+    page: PageStyle
     scale: float
     shift: Floats
 
-    def at(self, points: Floats) -> Floats:
+    def position(self, points: Floats) -> Floats:
         """Return the positions of the cloth's points in the drawing."""
         return points * self.scale + self.shift
 
@@ -83,22 +83,22 @@ def _caption(cut: CrossSection) -> str:
 def _draw_yarns(sheet: _Drawing, cut: CrossSection, colors: Colors) -> None:
     from matplotlib.patches import Polygon
 
-    ink = sheet.paper.ink
+    ink = sheet.page.ink
     outlines = [(cut.outline, cut.family, cut.yarn)]
     outlines += [(each, 1 - cut.family, cut.first + k) for k, each in enumerate(cut.sections)]
     for number, (outline, family, yarn) in enumerate(outlines):
         color = colors[family][yarn % len(colors[family])]
         sheet.axes.add_patch(
             Polygon(
-                sheet.at(outline),
-                facecolor=_tint(color, sheet.paper),
+                sheet.position(outline),
+                facecolor=_tint(color, sheet.page),
                 edgecolor=ink,
                 linewidth=0.6,
                 joinstyle="round",
                 gid=f"{FAMILIES[family]}-{number}",
             )
         )
-    axis = sheet.at(cut.axis)
+    axis = sheet.position(cut.axis)
     chain: dict[str, Any] = {
         "color": ink,
         "linewidth": 0.4,
@@ -106,21 +106,21 @@ def _draw_yarns(sheet: _Drawing, cut: CrossSection, colors: Colors) -> None:
         "solid_capstyle": "butt",
     }
     sheet.axes.plot(*axis.T, gid="axis", **chain)
-    for centre in sheet.at(cut.centres):
+    for centre in sheet.position(cut.centres):
         for side in np.eye(2) * 1.2:
             sheet.axes.plot(*np.stack([centre - side, centre + side]).T, color=ink, linewidth=0.35)
 
 
 def _draw_dimensions(sheet: _Drawing, cut: CrossSection) -> None:
     own, other = _SUB[cut.family], _SUB[1 - cut.family]
-    (low, high), here = cut.bottom_and_top, sheet.at(cut.centres)
-    floor, ceiling = (float(sheet.at(np.array([0.0, z]))[1]) for z in (low, high))
+    (low, high), here = cut.bottom_and_top, sheet.position(cut.centres)
+    floor, ceiling = (float(sheet.position(np.array([0.0, z]))[1]) for z in (low, high))
     # The first crossing where the yarns touch, for the dimension D.
     first = int(np.argmax(cut.touching))
     (wide, thick), place, passes = cut.sizes[first], cut.centres[first, 0], cut.passes[first]
     ends = np.array([passes + side * 0.5 * cut.diameter for side in (-1, 1)])
     stack = [*ends, *(cut.centres[first, 1] + side * 0.5 * thick for side in (-1, 1))]
-    outline = sheet.at(cut.outline)[:, 0]
+    outline = sheet.position(cut.outline)[:, 0]
     left, right = float(outline.min()), float(outline.max())
     _draw_vertical_dimension(
         sheet, (place, ends[0]), (place, ends[1]), left - _STEP, f"d{own}", cut.diameter
@@ -160,12 +160,12 @@ def _draw_arc_length(
 ) -> None:
     begin, end = cut.centres[[bend.begin, bend.end], 0]
     inside = (cut.axis[:, 0] >= begin) & (cut.axis[:, 0] <= end)
-    line = sheet.at(cut.axis[inside])
-    color = _ACCENT[sheet.paper.dark]
+    line = sheet.position(cut.axis[inside])
+    color = _ACCENT[sheet.page.dark]
     sheet.axes.plot(*line.T, color=color, linewidth=1.1, solid_capstyle="butt", gid="length")
     middle = line[len(line) // 2]
     words = f"l{own} = {format_quantity(bend.length, 'm', 4)}"
-    right = float(sheet.at(cut.outline)[:, 0].max()) - 0.5 * text_width(words)
+    right = float(sheet.position(cut.outline)[:, 0].max()) - 0.5 * text_width(words)
     text = np.array([min(middle[0] + 2.5, right), ceiling + 3.2])
     sheet.axes.annotate(
         "",
@@ -185,11 +185,11 @@ def _draw_angle(
     inside = np.flatnonzero((cut.axis[:, 0] >= begin) & (cut.axis[:, 0] <= end))
     steep = np.abs(cut.slope[inside])
     at = int(np.median(inside[steep >= steep.max() - 1e-9]))
-    vertex, sign = sheet.at(cut.axis[at]), float(np.sign(cut.slope[at]))
+    vertex, sign = sheet.position(cut.axis[at]), float(np.sign(cut.slope[at]))
     reach, words = 0.42 * bend.spacing * sheet.scale, f"θ{own} = {np.degrees(bend.angle):.2f}°"
     # The angle opens to the left if there is no room for the text at the right.
     way = 1.0 if vertex[0] + reach + text_width(words) < sheet.axes.get_xlim()[1] - 8.0 else -1.0
-    ink, turn = sheet.paper.ink, sign * np.degrees(bend.angle)
+    ink, turn = sheet.page.ink, sign * np.degrees(bend.angle)
     turned = np.radians([0.0, 0.5 * turn, turn])
     level, half, tangent = way * np.stack([np.cos(turned), np.sin(turned)], axis=1)
     for ray in (level, tangent):
@@ -203,7 +203,7 @@ def _draw_angle(
     floor, ceiling = heights
     if ceiling - floor < _THIN:  # the text would hide the yarns
         text[1] = max(text[1], ceiling + 2.4) if half[1] > 0 else min(text[1], floor - 2.4)
-    plate = {"facecolor": sheet.paper.color, "alpha": 0.7, "linewidth": 0, "pad": 0.8}
+    plate = {"facecolor": sheet.page.color, "alpha": 0.7, "linewidth": 0, "pad": 0.8}
     _write(sheet, text, words, ha="left" if way > 0 else "right", va="center", bbox=plate)
 
 
@@ -216,7 +216,7 @@ def _draw_vertical_dimension(
     value: float,
 ) -> None:
     """Draw a vertical dimension on a line at the side of the cloth."""
-    places = sheet.at(np.array([first, second]))
+    places = sheet.position(np.array([first, second]))
     way = float(np.sign(line - places[0, 0]))
     for x, y in places:
         _draw_extension_line(sheet, (x + 0.6 * way, y), (line + _PAST * way, y))
@@ -227,7 +227,7 @@ def _draw_vertical_dimension(
     middle = np.clip(0.5 * (low + high), half, sheet.axes.get_ylim()[1] - half)
     place, side = np.array([line + 0.5 * way, middle]), "right" if way < 0 else "left"
     # The plate interrupts the lines of other dimensions behind the text.
-    plate = {"facecolor": sheet.paper.color, "linewidth": 0, "pad": 0.3}
+    plate = {"facecolor": sheet.page.color, "linewidth": 0, "pad": 0.3}
     _write(sheet, place, words, ha=side, va="center", rotation=90, bbox=plate, zorder=2.5)
 
 
@@ -256,7 +256,7 @@ def _draw_horizontal_dimension(
 def _draw_extension_line(
     sheet: _Drawing, begin: tuple[float, float], end: tuple[float, float]
 ) -> None:
-    sheet.axes.plot(*zip(begin, end, strict=True), color=sheet.paper.faint, linewidth=0.35)
+    sheet.axes.plot(*zip(begin, end, strict=True), color=sheet.page.faint, linewidth=0.35)
 
 
 def _draw_dimension_line(sheet: _Drawing, ends: Floats) -> None:
@@ -266,12 +266,12 @@ def _draw_dimension_line(sheet: _Drawing, ends: Floats) -> None:
     if not size:
         return
     if size > 3 * _ARROW:
-        sheet.axes.annotate("", ends[1], ends[0], arrowprops=_arrow_style(sheet.paper.ink, "<|-|>"))
+        sheet.axes.annotate("", ends[1], ends[0], arrowprops=_arrow_style(sheet.page.ink, "<|-|>"))
         return
     for end, out in zip(ends, (-way, way), strict=True):
         tail = end + 2.4 * _ARROW * out / size
-        sheet.axes.annotate("", end, tail, arrowprops=_arrow_style(sheet.paper.ink))
-    sheet.axes.plot(*ends.T, color=sheet.paper.ink, linewidth=0.5)
+        sheet.axes.annotate("", end, tail, arrowprops=_arrow_style(sheet.page.ink))
+    sheet.axes.plot(*ends.T, color=sheet.page.ink, linewidth=0.5)
 
 
 def _arrow_style(color: str, style: str = "-|>") -> dict[str, Any]:
@@ -287,7 +287,7 @@ def _arrow_style(color: str, style: str = "-|>") -> dict[str, Any]:
 
 def _write(sheet: _Drawing, place: Floats, words: str, **style: Any) -> None:
     sheet.axes.text(
-        float(place[0]), float(place[1]), words, fontsize=TEXT, color=sheet.paper.ink, **style
+        float(place[0]), float(place[1]), words, fontsize=TEXT, color=sheet.page.ink, **style
     )
 
 

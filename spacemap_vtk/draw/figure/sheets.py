@@ -145,7 +145,7 @@ def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
     pen = ImageDraw.Draw(sheet)
     for number, mode in enumerate(shapes):
         left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
-        sheet.paste(Image.fromarray(drawing.shape(number)), (left, top))
+        sheet.paste(Image.fromarray(drawing.draw(number)), (left, top))
         middle, line = left + _CELL[0] / 2, top + _CELL[1]
         title = f"mode {number + 1}: {mode['frequency_hz']:.4g} Hz"
         pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
@@ -184,7 +184,7 @@ class _ModePainter:
         # The drawing is twice as large and then averaged, because drivers smooth differently.
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = open_offscreen(size, samples=4)
-        self._window.leave_background()
+        self._window.hide_background()
         self._behind = gradient_background(_CELL, (255, 255, 255), (238, 242, 246))
         self._solid = SurfaceActor()
         self._warp = BarycentricWarp()
@@ -211,7 +211,7 @@ class _ModePainter:
         room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
         aim_camera(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
 
-    def shape(self, number: int) -> Bytes:
+    def draw(self, number: int) -> Bytes:
         """Draw a mode shape."""
         apply_mode_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")

@@ -112,16 +112,16 @@ class SoftwareWindow:
         #: Resolution of text, as in VTK: 72 dpi for one pixel per point.
         self._dpi = 72 * pixels
         self._front: list[vtkProp] = []
-        self.take_samples(samples)
+        self.set_samples(samples)
 
-    def add_in_front(self, prop: vtkProp) -> None:
+    def add_front_prop(self, prop: vtkProp) -> None:
         """Add a prop that is drawn in front of everything else."""
         self._front.append(prop)
 
-    def leave_background(self) -> None:
+    def hide_background(self) -> None:
         """Do nothing, because this window never draws a background."""
 
-    def take_samples(self, samples: int) -> None:
+    def set_samples(self, samples: int) -> None:
         """Set the number of samples: four per pixel if more than one is requested, else one."""
         width, height = self.size
         #: Number of samples along each side of a pixel.
@@ -171,7 +171,7 @@ class SoftwareWindow:
             (width, height), grain = self.size, self._grain
             fine = self._drawn.reshape(height, grain, width, grain, 4)
             self._pixels = self._drawn if grain == 1 else fine.mean(axis=(1, 3))
-            self._draw_letters(self._pixels)
+            self._draw_annotations(self._pixels)
         made = np.empty(self._pixels.shape, np.uint8)
         for rows in row_strips(len(made)):
             made[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
@@ -189,15 +189,20 @@ class SoftwareWindow:
         view = _View.from_renderer(self.renderer, self.size, self._grain)
         opacity = actor.GetProperty().GetOpacity()
         for shape in _shapes(actor, view):
-            self._draw(shape, _clip_distances(actor, shape.points), view, opacity, solid)
+            self._draw_shape(shape, _clip_distances(actor, shape.points), view, opacity, solid)
 
-    def _draw(self, shape: _Shape, cut: Floats, view: _View, opacity: float, solid: bool) -> None:
+    def _draw_shape(
+        self, shape: _Shape, cut: Floats, view: _View, opacity: float, solid: bool
+    ) -> None:
         from spacemap_vtk.draw.software import raster_loops as loops
 
         screen, normals = shape.screen, shape.normals
         if screen is None:
-            screen, normals = view.screen(shape.points), normals @ view.turned[:3, :3].T
-        places = view.placed(shape.points)
+            screen, normals = (
+                view.screen_coordinates(shape.points),
+                normals @ view.to_camera[:3, :3].T,
+            )
+        places = view.camera_coordinates(shape.points)
         tables = normals, shape.strands, shape.colors, shape.cells
 
         def draw(rows: slice) -> None:
@@ -222,16 +227,16 @@ class SoftwareWindow:
 
         for_each(_bands(len(self._drawn)), lambda: draw)
 
-    def _draw_letters(self, canvas: Singles) -> None:
+    def _draw_annotations(self, canvas: Singles) -> None:
         """Draw annotations over the view: panels, text and colour bars."""
         for prop in _list_props(self.renderer.GetViewProps()):
             if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
                 continue
             if isinstance(prop, vtkTextActor):
                 where = prop.GetPosition()
-                self._write(canvas, prop.GetTextProperty(), prop.GetInput(), where[0], where[1])
+                self._draw_text(canvas, prop.GetTextProperty(), prop.GetInput(), where[0], where[1])
             elif isinstance(prop, vtkScalarBarActor):
-                self._draw_scale(canvas, prop)
+                self._draw_color_bar(canvas, prop)
             else:
                 self._draw_polygons(canvas, prop)
 
@@ -261,7 +266,7 @@ class SoftwareWindow:
         paint = np.array([*(opacity * part / 255 for part in color), opacity], np.float32)
         canvas[there] = paint + canvas[there] * (1.0 - opacity)
 
-    def _write(
+    def _draw_text(
         self, canvas: Singles, look: vtkTextProperty, words: str, x: float, y: float
     ) -> None:
         """Draw text whose anchor is at (x, y) in pixels."""
@@ -286,7 +291,7 @@ class SoftwareWindow:
         own = np.concatenate([part[..., :3] * cover, cover], axis=2)
         canvas[rows, columns] = own + under * (1.0 - cover)
 
-    def _draw_scale(self, canvas: Singles, bar: vtkScalarBarActor) -> None:
+    def _draw_color_bar(self, canvas: Singles, bar: vtkScalarBarActor) -> None:
         """Draw a colour scale: title, strip of colours, and numbers to the right of the strip."""
         width, height = self.size
         table, labels = bar.GetLookupTable(), vtk_to_numpy(bar.GetCustomLabels())
@@ -307,21 +312,21 @@ class SoftwareWindow:
             self._draw_polygon(canvas, np.array(ring), color, 1.0)
         for number, line in enumerate(lines):
             middle = (x + 0.5 * bar.GetWidth()) * width
-            self._write(canvas, title, line, middle, high - letter * (number + 0.6))
+            self._draw_text(canvas, title, line, middle, high - letter * (number + 0.6))
         least, most = table.GetTableRange()
         for value in labels:
             # The margins keep the first and last number within the height of the strip.
             share = (value - least) / (most - least)
             place = low + 0.15 * letter + (top - low - 0.5 * letter) * share
             words = f"{value:.3g}"
-            self._write(canvas, text, words, right + bar.GetTextPad(), place - 0.35 * letter)
+            self._draw_text(canvas, text, words, right + bar.GetTextPad(), place - 0.35 * letter)
 
 
 class _View(NamedTuple):
     """The matrices of a camera: world to camera coordinates, and world to screen."""
 
-    turned: Floats
-    projected: Floats
+    to_camera: Floats
+    to_clip: Floats
     #: Width and height of the picture in samples.
     size: tuple[int, int]
     #: Number of samples along each side of a pixel.
@@ -340,19 +345,19 @@ class _View(NamedTuple):
         fine = grain * size[0], grain * size[1]
         return cls(tables[0], tables[1], fine, grain, bool(camera.GetParallelProjection()))
 
-    def placed(self, points: Floats) -> Floats:
+    def camera_coordinates(self, points: Floats) -> Floats:
         """Return points in the camera's coordinates."""
-        return np.ascontiguousarray(points @ self.turned[:3, :3].T + self.turned[:3, 3])
+        return np.ascontiguousarray(points @ self.to_camera[:3, :3].T + self.to_camera[:3, 3])
 
-    def clip(self, points: Floats) -> Floats:
+    def clip_coordinates(self, points: Floats) -> Floats:
         """Return clip coordinates (n, 4); a point is in the picture if |x|, |y| and |z| <= w."""
-        return np.asarray(points @ self.projected[:, :3].T + self.projected[:, 3])
+        return np.asarray(points @ self.to_clip[:, :3].T + self.to_clip[:, 3])
 
-    def screen(self, points: Floats) -> Floats:
+    def screen_coordinates(self, points: Floats) -> Floats:
         """Return x and y in samples, depth and reciprocal distance of points, (n, 4)."""
-        return self.on_screen(self.clip(points))
+        return self.screen_from_clip(self.clip_coordinates(points))
 
-    def on_screen(self, clip: Floats) -> Floats:
+    def screen_from_clip(self, clip: Floats) -> Floats:
         """Return x and y in samples, depth and reciprocal distance from clip coordinates."""
         behind = clip[:, 3] <= 1e-9 * np.abs(clip[:, 3]).max(initial=1e-300)
         share = 1.0 / np.where(behind, 1.0, clip[:, 3])
@@ -481,9 +486,9 @@ def _surface_shape(
     look, found = actor.GetProperty(), data.GetPointData().GetNormals()
     normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
     strands, lamps = _NO_STRANDS, _unlit()
-    if isinstance(actor, SurfaceActor) and actor.dress is not None and actor.dress.faced:
-        lamps = _Light(STYLED, *lighting_tables(actor.dress.style, actor.dress.point))
-        if actor.dress.fibres:
+    if isinstance(actor, SurfaceActor) and actor.lighting is not None and actor.lighting.faced:
+        lamps = _Light(STYLED, *lighting_tables(actor.lighting.style, actor.lighting.point))
+        if actor.lighting.fibres:
             strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
     elif look.GetLighting():
         lamps = _plain_light(look.GetAmbient())
@@ -512,12 +517,12 @@ def _outline_shape(actor: OutlineActor, data: vtkPolyData, points: Floats, view:
 
     corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     normals = vtk_to_numpy(data.GetPointData().GetNormals()).astype(np.float64)
-    away = (normals @ view.turned[:3, :3].T)[:, :2]
+    away = (normals @ view.to_camera[:3, :3].T)[:, :2]
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
-    clip, rows = view.clip(points), np.linalg.norm(view.projected[:, :3], axis=1)
-    most = actor.most * rows[:2]
-    clip[:, :2] += away * np.minimum(np.multiply.outer(clip[:, 3], actor.wider), most)
-    back = clip[:, 2:] + 0.2 * actor.most * rows[2:]
+    clip, rows = view.clip_coordinates(points), np.linalg.norm(view.to_clip[:, :3], axis=1)
+    most = actor.max_width * rows[:2]
+    clip[:, :2] += away * np.minimum(np.multiply.outer(clip[:, 3], actor.width), most)
+    back = clip[:, 2:] + 0.2 * actor.max_width * rows[2:]
     clip = np.concatenate([clip[:, :2] * (back[:, 1:] / clip[:, 3:]), back], axis=1)
     colors = np.broadcast_to(np.array(actor.GetProperty().GetColor(), np.float32), points.shape)
     return _Shape(
@@ -526,7 +531,7 @@ def _outline_shape(actor: OutlineActor, data: vtkPolyData, points: Floats, view:
         np.ascontiguousarray(colors),
         _unlit(),
         cull=FRONT,
-        screen=view.on_screen(clip),
+        screen=view.screen_from_clip(clip),
     )
 
 
@@ -573,7 +578,7 @@ def _line_and_dot_shapes(
     view: _View,
 ) -> Iterator[_Shape]:
     """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
-    look, screen = actor.GetProperty(), view.screen(points)
+    look, screen = actor.GetProperty(), view.screen_coordinates(points)
     verts, lines = (_segments(cells) for cells in (data.GetVerts(), data.GetLines()))
     if len(lines[0]):
         (begin, end), cell = lines[0].T, lines[1] + data.GetNumberOfVerts()
@@ -601,9 +606,11 @@ def _line_and_dot_shapes(
         if sphere:
             # The centre is nearer to the camera by the radius. Otherwise a surface through the
             # point would hide half of the sphere.
-            scale = np.linalg.norm(view.projected[1, :3]) * screen[dots, 3] * view.size[1] / 2
-            toward = np.array(view.turned[2, :3])
-            near = view.screen(points[dots] + toward * (radius / np.maximum(scale, 1e-12))[:, None])
+            scale = np.linalg.norm(view.to_clip[1, :3]) * screen[dots, 3] * view.size[1] / 2
+            toward = np.array(view.to_camera[2, :3])
+            near = view.screen_coordinates(
+                points[dots] + toward * (radius / np.maximum(scale, 1e-12))[:, None]
+            )
             whole[::count, 2:] = near[:, 2:]
         first, ring = np.arange(len(dots))[:, None] * count, np.arange(1, count)
         fan = np.stack([np.zeros_like(ring), ring, np.roll(ring, -1)], axis=1)

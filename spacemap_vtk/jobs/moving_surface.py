@@ -13,13 +13,13 @@ from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs.data import (
     check_data_output,
     common_scale,
-    counted,
-    is_numbered,
-    megabytes,
+    format_count,
+    format_size,
     series_times,
     write_series,
+    writes_numbered_files,
 )
-from spacemap_vtk.jobs.job import Context, Job, Times, asked_times, floats, register
+from spacemap_vtk.jobs.job import Context, Job, Times, register, selected_times, to_floats
 from spacemap_vtk.units import format_quantity
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ class MovingJob(Job):
 
     def __post_init__(self) -> None:
         check_data_output(self.output, self.kind)
-        self.times = floats(self.times)
-        self.subdivisions = _checked_subdivisions(self.subdivisions)
+        self.times = to_floats(self.times)
+        self.subdivisions = _check_subdivisions(self.subdivisions)
         if self.tolerance is not None:
             self.tolerance = float(self.tolerance)
             if not 0.0 < self.tolerance < math.inf:
@@ -63,12 +63,12 @@ class MovingJob(Job):
             self.curves = check_strands(str(self.curves))
 
     @property
-    def numbered(self) -> bool:
+    def is_numbered(self) -> bool:
         """Whether each time is written into a separate file."""
-        return is_numbered(self.output, self.kind)
+        return writes_numbered_files(self.output, self.kind)
 
     @property
-    def in_folder(self) -> bool:
+    def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
         return True
 
@@ -81,7 +81,7 @@ class MovingJob(Job):
     def holds_curves(self) -> bool:
         """Whether the file stores yarns as curves."""
         curved = self.output.suffix.lower() in (".usdc", ".usda")
-        return curved and not self.numbered
+        return curved and not self.is_numbered
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the requested times; by default those of the scene's film."""
@@ -92,7 +92,7 @@ class MovingJob(Job):
         from spacemap_vtk.draw.morph_surface import make_moving_surface
 
         scene, times = context.scene, context.times
-        if self.numbered:
+        if self.is_numbered:
             span = common_scale(scene, times)
 
             def still(time: float) -> MovingSurface:
@@ -113,7 +113,7 @@ class MovingJob(Job):
             sides=self.subdivisions or 0,
             say=context.report_loss,
         )
-        return _save(self, context, made)
+        return _write_surface(self, context, made)
 
 
 @register()
@@ -129,16 +129,16 @@ class ModesJob(Job):
 
     def __post_init__(self) -> None:
         check_data_output(self.output, self.kind)
-        self.subdivisions = _checked_subdivisions(self.subdivisions)
+        self.subdivisions = _check_subdivisions(self.subdivisions)
 
     @property
-    def in_folder(self) -> bool:
+    def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
         return True
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the scene's time."""
-        return asked_times([scene.view.time])
+        return selected_times([scene.view.time])
 
     def write(self, context: Context) -> str:
         """Compute and write the shapes; return their number and their size in words."""
@@ -151,10 +151,10 @@ class ModesJob(Job):
             self.subdivisions or 0,
             context.report_loss,
         )
-        return _save(self, context, made)
+        return _write_surface(self, context, made)
 
 
-def _checked_subdivisions(count: Any) -> int | None:
+def _check_subdivisions(count: Any) -> int | None:
     if count is None:
         return None
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator
@@ -167,14 +167,14 @@ def _checked_subdivisions(count: Any) -> int | None:
     return found
 
 
-def _save(job: Job, context: Context, made: Any) -> str:
+def _write_surface(job: Job, context: Context, made: Any) -> str:
     """Write a moving surface; return its targets, error and size in words."""
-    with job.open_output(context.whole) as file:
+    with job.open_output(context.atomic) as file:
         writer(file, job.kind).write(file, made)
         size = file.stat().st_size
     count = len(made.targets)
-    words = [counted(count, "target")] if count else []
+    words = [format_count(count, "target")] if count else []
     if "largest_error" in made.about:
         near = format_quantity(made.about["largest_error"], "m", 3)
         words.append(f"{made.about['frames']} frames, each within {near}")
-    return ", ".join([*words, megabytes(size)])
+    return ", ".join([*words, format_size(size)])
