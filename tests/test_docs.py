@@ -30,7 +30,7 @@ def test_the_readmes_pictures_and_links_are_there() -> None:
     root = Path(__file__).parents[1]
     text = (root / "README.md").read_text("utf-8")
     links = re.findall(r"\]\(([^):]+)\)", text)
-    assert links[0] == "docs/drape.png"
+    assert links[0] == "docs/drape.jpg"
     for link in links:
         assert (root / link).exists(), link
 
