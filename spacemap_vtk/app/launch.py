@@ -62,16 +62,16 @@ def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None 
 
 def _require_opengl() -> None:
     """Raise an error if OpenGL has no driver; otherwise the window would stay grey."""
-    usual = qInstallMessageHandler(lambda *_: None)
+    handler = qInstallMessageHandler(lambda *_: None)
     try:
-        able = QOpenGLContext().create()
+        created = QOpenGLContext().create()
     finally:
-        qInstallMessageHandler(usual)
-    if not able:
+        qInstallMessageHandler(handler)
+    if not created:
         raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)
 
 
 def _preload_eigensolver(_frame: object) -> None:
     """Import the eigensolver after the first picture, or else the first drag would wait for it."""
-    bring = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.modal.eigen",))
-    QTimer.singleShot(500, bring.start)
+    thread = threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.modal.eigen",))
+    QTimer.singleShot(500, thread.start)

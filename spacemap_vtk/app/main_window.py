@@ -296,8 +296,8 @@ class MainWindow(QMainWindow):
         self.tools.keys.thickness_changed.connect(self._change_thickness)
         # Queued, because the mouse still holds the plane when the signal is emitted.
         self.view.clipped.connect(self._set_clip_plane, Qt.ConnectionType.QueuedConnection)
-        for told in (self.document.changed, self.document.replaced):
-            told.connect(self._show_view_settings)
+        for signal in (self.document.changed, self.document.replaced):
+            signal.connect(self._show_view_settings)
         self.document.replaced.connect(self._clear_status)
         self.files.recent_changed.connect(self.gallery.show_recent)
         self.files.recent_changed.connect(self._set_title)
@@ -346,8 +346,8 @@ class MainWindow(QMainWindow):
         if name in ("fabric", "cage"):
             self._show_part(name, bool(value))
             return
-        usual = value == View.parameters[name].default
-        self._try_change(self.document.set, "view", name, None if usual else value)
+        is_default = value == View.parameters[name].default
+        self._try_change(self.document.set, "view", name, None if is_default else value)
 
     def _show_part(self, name: str, on: bool) -> None:
         # Fabric or cage is always visible: hiding one shows the other.
@@ -375,9 +375,9 @@ class MainWindow(QMainWindow):
         modal, response = self.document.scene.modal, self.document.scene.response
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
-            used = self.view.frame.in_use if self.view.frame else {}
-            now = response.gravity or used.get("response", {}).get("gravity", DOWN)
-            written["gravity"] = list(now if any(now) else DOWN)
+            values = self.view.frame.in_use if self.view.frame else {}
+            gravity = response.gravity or values.get("response", {}).get("gravity", DOWN)
+            written["gravity"] = list(gravity if any(gravity) else DOWN)
         self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _set_clip_plane(
@@ -401,8 +401,8 @@ class MainWindow(QMainWindow):
         self.tools.show_scene(self.document.scene)
         self.view.set_view(self.document.scene.view)
 
-    def _show_message(self, what: str) -> None:
-        self.statusBar().showMessage(what, _MESSAGE_TIME)
+    def _show_message(self, text: str) -> None:
+        self.statusBar().showMessage(text, _MESSAGE_TIME)
 
     def _clear_status(self) -> None:
         self.modes.clear()
@@ -426,8 +426,8 @@ class MainWindow(QMainWindow):
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
         self.setWindowModified(not self.document.history.isClean())
 
-    def _warn_cancelled(self, what: str) -> None:
-        self.errors.show_warning(f"The run was cancelled: {what}.", "cancel", can_run=True)
+    def _warn_cancelled(self, reason: str) -> None:
+        self.errors.show_warning(f"The run was cancelled: {reason}.", "cancel", can_run=True)
 
     def _run(self) -> None:
         self.errors.clear("cancel")
@@ -457,29 +457,33 @@ class MainWindow(QMainWindow):
 
     def _show_status(self, frame: Frame) -> None:
         """Show the number of facets and the first warning, shortened, in the status line."""
-        doubts, few, link = list(frame.warnings), "", ""
-        if doubts:
-            few = _shorten_warning(doubts[0])
+        warnings, headline, link = list(frame.warnings), "", ""
+        if warnings:
+            headline = _shorten_warning(warnings[0])
         if frame.motion and frame.motion["large"]:
-            doubts.insert(0, f"The motion {motion_told(frame.motion)}")
-            few = f"The motion {motion_in_short(frame.motion)}"
+            warnings.insert(0, f"The motion {motion_told(frame.motion)}")
+            headline = f"The motion {motion_in_short(frame.motion)}"
             # A click on the cure applies it.
             link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
-        warnings = self.document.drafts.replace_paths("\n".join(doubts))
-        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surroundings]
-        count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
+        details = self.document.drafts.replace_paths("\n".join(warnings))
+        surfaces = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surroundings]
+        count = sum(surface.GetNumberOfCells() for surface in surfaces if surface is not None)
         # Warnings about an unchanged scene of the program's own are not the user's fault: they are
         # shown only after a click.
-        shown = few and not (self.document.example_name and self.document.history.isClean())
+        is_warning_shown = headline and not (
+            self.document.example_name and self.document.history.isClean()
+        )
         note = (
-            f"  ⚠ {self.document.drafts.replace_paths(few)}{link and ': '}{link}" if shown else ""
+            f"  ⚠ {self.document.drafts.replace_paths(headline)}{link and ': '}{link}"
+            if is_warning_shown
+            else ""
         )
         self.status_text.show_text(f"{count:,} facets{note}", link, "rotation")
         # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
         # interpreted as HTML.
-        self.status_text.setToolTip(warnings.replace("<", "‹"))
-        self.details.setText("Details" if shown else "Notes")
-        self.details.setVisible(bool(warnings))
+        self.status_text.setToolTip(details.replace("<", "‹"))
+        self.details.setText("Details" if is_warning_shown else "Notes")
+        self.details.setVisible(bool(details))
 
     def _show_details(self) -> None:
         """Show all warnings until the next click."""
@@ -492,11 +496,11 @@ class MainWindow(QMainWindow):
             self.modes.release()
         self.director.show_pull(pull)
 
-    def _go_to_time(self, at: float, going_on: bool) -> None:
+    def _go_to_time(self, time: float, continues: bool) -> None:
         self.modes.stop()
         self.pull.stop()
         self.times.pause()
-        self.times.go_to(at, going_on)
+        self.times.go_to(time, continues)
 
     def _show_progress(self, section: str, share: float, step: str) -> None:
         for widget in (self.bar, self.cancel, self.running):

@@ -102,11 +102,11 @@ class Menus(QObject):
         for action in (undo, redo):
             action.setEnabled(False)
         history.canUndoChanged.connect(undo.setEnabled)
-        for told in (properties.refused, properties.accepted):
-            told.connect(self._update_undo)
+        for signal in (properties.refused, properties.accepted):
+            signal.connect(self._update_undo)
         history.canRedoChanged.connect(redo.setEnabled)
-        history.undoTextChanged.connect(lambda what: undo.setText(f"Undo {what}".strip()))
-        history.redoTextChanged.connect(lambda what: redo.setText(f"Redo {what}".strip()))
+        history.undoTextChanged.connect(lambda name: undo.setText(f"Undo {name}".strip()))
+        history.redoTextChanged.connect(lambda name: redo.setText(f"Redo {name}".strip()))
         menu.addSeparator()
         self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
@@ -244,11 +244,11 @@ class _FieldKeyFilter(QObject):
             return False
         pressed = event.type() == QEvent.Type.KeyPress
         if watched is self._view:
-            left = self._last_field
-            if not (pressed and left and isValid(left) and event.key() in _TAB_KEYS):
+            field = self._last_field
+            if not (pressed and field and isValid(field) and event.key() in _TAB_KEYS):
                 return False
-            left.setFocus()
-            return QApplication.sendEvent(left, event)
+            field.setFocus()
+            return QApplication.sendEvent(field, event)
         if pressed and event.key() in _ENTER_KEYS:
             self._enter_pressed.start()  # after the field has processed Enter
         if event.type() != QEvent.Type.ShortcutOverride:

@@ -29,12 +29,12 @@ _NEEDS_DISPLAY = (
 )
 
 
-def require_packages(what: str, packages: Iterable[str], extra: str) -> None:
+def require_packages(user: str, packages: Iterable[str], extra: str) -> None:
     """Check that the packages of an extra are installed."""
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingLibraryError(
-            f"{what} needs {', '.join(missing)}",
+            f"{user} needs {', '.join(missing)}",
             cure=f"Run: pip install 'spacemap_vtk[{extra}]'",
         )
 
@@ -50,13 +50,13 @@ def require_window() -> None:
     # PySide6 replaces Python's import function. The replacement reads the source of every module
     # that imports another, to look for a feature that is not used here; this takes as long as
     # importing all of Qt. Therefore the original function is restored.
-    usual = builtins.__import__
+    original = builtins.__import__
     try:
         import_module("PySide6.QtWidgets")
     except ImportError as error:
         raise MissingLibraryError(f"Qt cannot be loaded: {error}", cure=_INSTALL) from error
     finally:
-        builtins.__import__ = usual
+        builtins.__import__ = original
 
 
 def create_application() -> QApplication:
@@ -64,9 +64,9 @@ def create_application() -> QApplication:
     from PySide6.QtCore import QtMsgType, qInstallMessageHandler
     from PySide6.QtWidgets import QApplication
 
-    present = QApplication.instance()
-    if isinstance(present, QApplication):
-        return present
+    existing = QApplication.instance()
+    if isinstance(existing, QApplication):
+        return existing
     messages: list[str] = []
 
     def collect(kind: QtMsgType, _context: object, text: str) -> None:
@@ -76,11 +76,11 @@ def create_application() -> QApplication:
             print(f"spacemap: {_explain(messages)}", file=sys.stderr, flush=True)
             os._exit(1)
 
-    usual = qInstallMessageHandler(collect)
+    handler = qInstallMessageHandler(collect)
     try:
         return QApplication(sys.argv[:1])
     finally:
-        qInstallMessageHandler(usual)
+        qInstallMessageHandler(handler)
 
 
 def _explain(messages: list[str]) -> str:

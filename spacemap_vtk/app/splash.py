@@ -36,8 +36,8 @@ class Splash:
 
     def close_after_first_frame(self, window: Any) -> None:
         """Close when the window has drawn its first picture, or has failed to."""
-        for told in (window.director.drawn, window.director.failed, window.engine.cancelled):
-            told.connect(self.close)
+        for signal in (window.director.drawn, window.director.failed, window.engine.cancelled):
+            signal.connect(self.close)
 
     def close(self, *_: Any) -> None:
         if self.shown is not None:
@@ -52,15 +52,15 @@ def _make_card(name: str) -> QPixmap:
     card.fill(QColor("#f4f6f8"))
     painter = QPainter(card)
     painter.drawPixmap(0, 0, picture)
-    heading, rest = QFont(), QFont()
+    heading, small = QFont(), QFont()
     heading.setPixelSize(22)
     heading.setBold(True)
-    rest.setPixelSize(13)
+    small.setPixelSize(13)
     painter.setPen(QColor("#1f2730"))
     painter.setFont(heading)
     left = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
     painter.drawText(QRect(20, height, width - 40, 38), left, "spacemap")
-    painter.setFont(rest)
+    painter.setFont(small)
     painter.setPen(QColor("#66717e"))
     painter.drawText(QRect(20, height + 32, width - 40, 24), left, thumbnails.title_of(name))
     painter.end()

@@ -80,8 +80,8 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     if app.property("styled") is None:
         app.setStyle("Fusion")
         app.setProperty("styled", True)
-    words = {word: colors[dark] for word, colors in _SHEET_COLORS.items()}
-    sheet = _SHEET.format(**words) + (_DARK_SHEET if dark else "")
+    names = {name: colors[dark] for name, colors in _SHEET_COLORS.items()}
+    sheet = _SHEET.format(**names) + (_DARK_SHEET if dark else "")
     if app.styleSheet() == sheet:
         return  # setting it again would lay out and paint all widgets again
     palette = QPalette()

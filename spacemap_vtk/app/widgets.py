@@ -38,14 +38,14 @@ RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 Item: TypeAlias = "QWidget | QLayout | tuple[QWidget | QLayout, int] | None"
 
 
-def column(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
+def column(owner: QWidget | None, *items: Item, **options: Any) -> QBoxLayout:
     """Lay out items vertically; without an owner, for use inside another layout."""
-    return _fill_layout(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **look)
+    return _fill_layout(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **options)
 
 
-def row(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
+def row(owner: QWidget | None, *items: Item, **options: Any) -> QBoxLayout:
     """Lay out items horizontally; without an owner, for use inside another layout."""
-    return _fill_layout(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **look)
+    return _fill_layout(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **options)
 
 
 def _fill_layout(
@@ -58,13 +58,13 @@ def _fill_layout(
     if spacing is not None:
         layout.setSpacing(spacing)
     for item in items:
-        what, share = item if isinstance(item, tuple) else (item, 0)
-        if what is None:
+        content, share = item if isinstance(item, tuple) else (item, 0)
+        if content is None:
             layout.addStretch(1)
-        elif isinstance(what, QLayout):
-            layout.addLayout(what, share)
+        elif isinstance(content, QLayout):
+            layout.addLayout(content, share)
         else:
-            layout.addWidget(what, share)
+            layout.addWidget(content, share)
     return layout
 
 
@@ -83,19 +83,19 @@ def action(
     checkable: bool = False,
 ) -> QAction:
     """Create an action for menus, tool bars and keys."""
-    made = QAction(name, owner, checkable=checkable, shortcut=QKeySequence(key))
-    made.setData(data)
+    new_action = QAction(name, owner, checkable=checkable, shortcut=QKeySequence(key))
+    new_action.setData(data)
     if tip:
-        made.setToolTip(tip)
+        new_action.setToolTip(tip)
     if slot is not None:
-        made.triggered.connect(slot)
-    return made
+        new_action.triggered.connect(slot)
+    return new_action
 
 
-def note(text: str = "", name: str = "about", **more: Any) -> QLabel:
+def note(text: str = "", name: str = "about", **properties: Any) -> QLabel:
     """Create a paragraph of text; the style sheet refers to `name`."""
-    look = {"wordWrap": True, "textFormat": Qt.TextFormat.PlainText, **more}
-    return QLabel(text, objectName=name, **look)
+    options = {"wordWrap": True, "textFormat": Qt.TextFormat.PlainText, **properties}
+    return QLabel(text, objectName=name, **options)
 
 
 def narrow(box: QComboBox, letters: int) -> QComboBox:
@@ -154,12 +154,12 @@ class CountBox(QSpinBox):
 
 def table(name: str, headings: Sequence[str]) -> QTableWidget:
     """Create a read-only table without grid lines; the style sheet refers to `name`."""
-    made = QTableWidget(0, len(headings), objectName=name, alternatingRowColors=True)
-    made.setHorizontalHeaderLabels(headings)
-    made.verticalHeader().hide()
-    made.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    made.setShowGrid(False)
-    return made
+    widget = QTableWidget(0, len(headings), objectName=name, alternatingRowColors=True)
+    widget.setHorizontalHeaderLabels(headings)
+    widget.verticalHeader().hide()
+    widget.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    widget.setShowGrid(False)
+    return widget
 
 
 def single_shot(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
@@ -223,7 +223,7 @@ def mark_bad(widget: QWidget, bad: bool) -> bool:
         return False
     widget.setProperty("bad", bad)
     # Qt evaluates properties in a style sheet only when the widget is polished.
-    for each in (widget, *widget.findChildren(QWidget)):
-        each.style().unpolish(each)
-        each.style().polish(each)
+    for part in (widget, *widget.findChildren(QWidget)):
+        part.style().unpolish(part)
+        part.style().polish(part)
     return True

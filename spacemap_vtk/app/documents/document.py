@@ -89,8 +89,8 @@ class Document(QObject):
         else:
             # A draft has no scene text yet: write the scene that Scene.read made from it as TOML.
             text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
-        own = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
-        self.file, self.source = path if own else None, path
+        is_editable = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
+        self.file, self.source = path if is_editable else None, path
         self._replace(text, path.parent, read)
 
     def new(self) -> None:
@@ -140,24 +140,24 @@ class Document(QObject):
         with atomic_file(path) as file:
             format_.write(file, draft)
         if adopt or self.drafts.contains(self.scene.draft_file):
-            beside = self.file is not None and path.parent == self._folder
-            self._write_value("weave", "draft", path.name if beside else str(path))
+            in_scene_folder = self.file is not None and path.parent == self._folder
+            self._write_value("weave", "draft", path.name if in_scene_folder else str(path))
             self._scene = Scene(self.values, self.base)
             self.changed.emit()
-        drafted = self.opened_draft is not None
-        left = [
+        is_draft = self.opened_draft is not None
+        unsaved = [
             f"{section}.{key}"
             for section, values in self._settings().items()
             for key, value in values.items()
             if value != self._saved_settings[section][key]
-            and not (drafted and _is_in_draft(section, key))
+            and not (is_draft and _is_in_draft(section, key))
         ]
-        if not left:
+        if not unsaved:
             self.history.setClean()
         lost = format_.loses(draft) if format_.loses else []
-        if left and drafted:
+        if unsaved and is_draft:
             lost.append(
-                f'a draft file cannot store {", ".join(left)}: use "Save as" to save a scene'
+                f'a draft file cannot store {", ".join(unsaved)}: use "Save as" to save a scene'
             )
         return lost
 
@@ -182,8 +182,8 @@ class Document(QObject):
         """Propose a file name for this scene; in its folder, unless it is the program's own."""
         if self.source is None:
             return "_".join(re.findall(r"\w+", self.name.lower())) + ending
-        own = self.source.parent != library.folder().resolve()
-        return str(self.source.with_suffix(ending)) if own else self.source.stem + ending
+        is_own_file = self.source.parent != library.folder().resolve()
+        return str(self.source.with_suffix(ending)) if is_own_file else self.source.stem + ending
 
     @property
     def scene(self) -> Scene:
@@ -256,28 +256,28 @@ class Document(QObject):
 
     def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NO_VALUES) -> None:
         """Switch a stage on, with its former values, or off; switch the stages it needs as well."""
-        scene, given = self.scene, self.values.keys() - {"title"}
+        scene, sections_before = self.scene, self.values.keys() - {"title"}
         if on == (scene.parts[section] in scene.stages) and not values:
             return
-        wanted = switched(scene.parts, given, section, on)
-        here, gone = chain(scene.parts, wanted), given - wanted
+        sections_on = switched(scene.parts, sections_before, section, on)
+        stages_on, removed_sections = chain(scene.parts, sections_on), sections_before - sections_on
         if on:
             for name, (_, together) in self._off.items():
-                if together and fits(scene.parts, name, wanted):
-                    wanted.add(name)
-            here = chain(scene.parts, wanted)
-            wanted |= {stage.section for stage in here} & self._off.keys()
-        elif len(gone) > 1:
+                if together and fits(scene.parts, name, sections_on):
+                    sections_on.add(name)
+            stages_on = chain(scene.parts, sections_on)
+            sections_on |= {stage.section for stage in stages_on} & self._off.keys()
+        elif len(removed_sections) > 1:
             self._off = {name: (table, False) for name, (table, _) in self._off.items()}
 
         def change() -> None:
             self._text = self._values = None
-            for name in gone:
-                self._off[name] = self._toml.pop(name), not on or len(gone) > 1
+            for name in removed_sections:
+                self._off[name] = self._toml.pop(name), not on or len(removed_sections) > 1
             for name in scene.parts:  # in the order of the pipeline
-                if name in wanted - given:
+                if name in sections_on - sections_before:
                     self._toml[name] = self._off.get(name, (tomlkit.table(), False))[0]
-                    for former in gone:
+                    for former in removed_sections:
                         self._copy_common_values(name, former)
             for key, value in values.items():
                 self._write_value(section, key, value)
@@ -354,9 +354,9 @@ class Document(QObject):
         before = self.text
         self._parse(version.text)
         draft = self.values.get("weave", {}).get("draft")
-        for file, kept in self._overwritten[version.overwritten :]:
+        for file, backup in self._overwritten[version.overwritten :]:
             if draft is not None and os.path.normpath(version.folder / draft) == str(file):
-                self._write_value("weave", "draft", str(kept))
+                self._write_value("weave", "draft", str(backup))
                 break
         self._relocate_paths(version.folder, self._folder)
         try:
@@ -436,12 +436,12 @@ class Document(QObject):
             if isinstance(long, Array):
                 long.multiline(True)
 
-    def _is_same_value(self, here: Any, wanted: Any, parameter: Any) -> bool:
+    def _is_same_value(self, old: Any, new: Any, parameter: Any) -> bool:
         """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""
         # Likewise for paths: an editor gives the absolute path.
-        one, other = (parameter.within(v, self._folder) for v in (_unwrap(here), wanted))
+        old_value, new_value = (parameter.within(v, self._folder) for v in (_unwrap(old), new))
         try:
-            return bool(parameter.check(one) == parameter.check(other))
+            return bool(parameter.check(old_value) == parameter.check(new_value))
         except InputError:
             return False
 
@@ -451,13 +451,13 @@ class Document(QObject):
         if draft is None or not self.drafts.contains(draft):
             return
         # Overwrite only the draft that this scene has saved, never another file of that name.
-        beside = free = target.with_suffix(".wif")
+        proposal = path = target.with_suffix(".wif")
         number = 2
-        while free.exists() and free != self._saved_draft:
-            free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
-        self.back_up_draft(free)
-        write_parts(folder / free.name, [draft.read_bytes()])
-        self._write_value("weave", "draft", free.name)
+        while path.exists() and path != self._saved_draft:
+            path, number = proposal.with_stem(f"{proposal.stem}-{number}"), number + 1
+        self.back_up_draft(path)
+        write_parts(folder / path.name, [draft.read_bytes()])
+        self._write_value("weave", "draft", path.name)
 
     def _relocate_paths(self, old: Path, new: Path) -> None:
         """Change relative paths so that they refer to the same files from another folder."""
@@ -491,8 +491,8 @@ def _is_in_draft(section: str, key: str) -> bool:
 
 def _supersedes(change: _Change, former: _Change) -> bool:
     """Return whether a newer change of a drag makes the former one unnecessary."""
-    section, written, *rest = change
-    return section == former[0] and written.keys() == former[1].keys() and rest == [*former[2:]]
+    section, written, *others = change
+    return section == former[0] and written.keys() == former[1].keys() and others == [*former[2:]]
 
 
 def _unwrap(item: Any) -> Any:

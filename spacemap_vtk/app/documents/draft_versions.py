@@ -43,12 +43,12 @@ class DraftVersions:
     def _store(self, data: bytes, suffix: str, name: str) -> Path:
         try:
             if self._folder is None:
-                place = Path(tempfile.gettempdir()).resolve()
-                clear(place)
-                self._folder, held = hidden(place), ExitStack()
-                weakref.finalize(self, held.close)
-                held.callback(shutil.rmtree, self._folder, ignore_errors=True)
-                hold(self._folder, held)
+                parent = Path(tempfile.gettempdir()).resolve()
+                clear(parent)
+                self._folder, resources = hidden(parent), ExitStack()
+                weakref.finalize(self, resources.close)
+                resources.callback(shutil.rmtree, self._folder, ignore_errors=True)
+                hold(self._folder, resources)
             path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
                 try:
@@ -74,5 +74,5 @@ class DraftVersions:
         """Replace the paths of kept drafts in a text by the names that users see."""
         if self._folder is None:
             return str(text)
-        kept = rf"{re.escape(str(self._folder))}[/\\](\w+\.\w+)"
-        return re.sub(kept, lambda found: self._names.get(found[1], "a draft"), str(text))
+        pattern = rf"{re.escape(str(self._folder))}[/\\](\w+\.\w+)"
+        return re.sub(pattern, lambda match: self._names.get(match[1], "a draft"), str(text))

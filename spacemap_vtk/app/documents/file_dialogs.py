@@ -25,16 +25,16 @@ def ask_output_file(
     parent: QWidget, title: str, proposal: str, filters: str, ending: str
 ) -> Path | None:
     """Ask where to write a file; propose a name, relative to the folder that was used last."""
-    begin = last_folder() / proposal
-    name, chosen = QFileDialog.getSaveFileName(parent, title, str(begin), filters)
+    start = last_folder() / proposal
+    name, chosen = QFileDialog.getSaveFileName(parent, title, str(start), filters)
     if not name:
         return None
-    path, kinds = Path(name), re.findall(r"\*(\.\w+)", chosen)
-    if path == begin and kinds and begin.suffix not in kinds:
+    path, endings = Path(name), re.findall(r"\*(\.\w+)", chosen)
+    if path == start and endings and start.suffix not in endings:
         # The proposed name was kept, but with another file type.
-        path, ending = path.with_suffix(""), kinds[0]
-    whole = add_ending(parent, path, ending)
-    return whole and remember_folder(whole)
+        path, ending = path.with_suffix(""), endings[0]
+    output = add_ending(parent, path, ending)
+    return output and remember_folder(output)
 
 
 def ask_input_file(parent: QWidget, title: str, filters: str) -> str:

@@ -46,9 +46,9 @@ class FileCommands(QObject):
     @property
     def recent(self) -> list[str]:
         """FileCommands opened or saved recently that still exist, the latest first."""
-        kept = QSettings().value("recent") or []
-        kept = [kept] if isinstance(kept, str) else list(kept)
-        return [name for name in kept if Path(name).is_file()]
+        names = QSettings().value("recent") or []
+        names = [names] if isinstance(names, str) else list(names)
+        return [name for name in names if Path(name).is_file()]
 
     def new(self) -> None:
         if self.confirm_close():
@@ -90,11 +90,11 @@ class FileCommands(QObject):
         title, ending, filters = "Save as", ".toml", "Scenes (*.toml)"
         draft = self._document.opened_draft
         if draft is not None:
-            own = draft.suffix.lower()
-            ending = own if own in _draft_endings() else ".wif"
+            suffix = draft.suffix.lower()
+            ending = suffix if suffix in _draft_endings() else ".wif"
             filters = f"{name_filter('Drafts', _draft_endings())};;{filters}"
-            if own != ending:
-                title = f"Save as ({own} cannot be written; the draft is saved as {ending})"
+            if suffix != ending:
+                title = f"Save as ({suffix} cannot be written; the draft is saved as {ending})"
         proposal = self._document.propose_name(ending)
         path = ask_output_file(self._window, title, proposal, filters, ending)
         return path is not None and self._save(path)

@@ -20,30 +20,32 @@ def as_command(document: Document, time: float) -> str:
     # A scene without a file is described by its differences from a scene that every installation
     # has.
     name = "plain_weave" if document.source is None else str(document.source)
-    words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
-    before, here = Scene.read(name), document.scene
-    given = set(before.given)
-    was_written, written = library.values_of(library.find(name)), document.values
-    for section, part in here.parts.items():
+    arguments = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
+    base_scene, scene = Scene.read(name), document.scene
+    sections_on = set(base_scene.given)
+    base_values, values = library.values_of(library.find(name)), document.values
+    for section, part in scene.parts.items():
         for key, parameter in part.parameters.items():
             value = getattr(part, key)
-            said = key in written.get(section, {}) or key in was_written.get(section, {})
-            if not said or value == getattr(before.parts[section], key):
+            is_written = key in values.get(section, {}) or key in base_values.get(section, {})
+            if not is_written or value == getattr(base_scene.parts[section], key):
                 continue
-            told = written.get(section, {}).get(key, value)
+            text = values.get(section, {}).get(key, value)
             if isinstance(parameter, FilePath) and value is not None:
-                told = str(Path(value).resolve())
-            words += [
+                text = str(Path(value).resolve())
+            arguments += [
                 "--set",
-                f"{section}.{key}={format_value(AUTOMATIC if told is None else told)}",
+                f"{section}.{key}={format_value(AUTOMATIC if text is None else text)}",
             ]
-            given.add(section)
-    if [stage.section for stage in chain(before.parts, given)] != [s.section for s in here.stages]:
+            sections_on.add(section)
+    if [stage.section for stage in chain(base_scene.parts, sections_on)] != [
+        s.section for s in scene.stages
+    ]:
         raise InputError(
             "a command line cannot switch stages on or off",
             cure="Save the scene, and render its file.",
         )
-    return shlex.join(words)
+    return shlex.join(arguments)
 
 
 def as_script(document: Document, time: float) -> str:

@@ -136,9 +136,9 @@ class DraftLayout:
     ) -> None:
         (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
         self.cell = cell
-        head = MARGIN + STRIP + NEAR
+        top_margin = MARGIN + STRIP + NEAR
         x = ScrollAxis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
-        y = ScrollAxis(head + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
+        y = ScrollAxis(top_margin + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
         #: Largest scroll offsets.
         self.max_offset = x.max_offset, y.max_offset
         self.offset = min(max(offset[0], 0), x.max_offset), min(max(offset[1], 0), y.max_offset)
@@ -148,14 +148,14 @@ class DraftLayout:
         x, y = self.x, self.y
         along_ends = PanelSpan(x.drawdown_begin, ends, cell, *x.clip_range, not as_cloth)
         along_picks = PanelSpan(y.drawdown_begin, picks, cell, *y.clip_range, as_cloth)
-        right, far = x.after_begin + GAP, x.after_begin + GAP + columns * cell
-        treadles = PanelSpan(right, columns, cell, right, far, False)
+        right, end = x.after_begin + GAP, x.after_begin + GAP + columns * cell
+        treadles = PanelSpan(right, columns, cell, right, end, False)
         # Shaft 1 is next to the cloth, at the bottom of the threading.
-        top = y.before_begin + head
+        top = y.before_begin + top_margin
         heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
         strip, side = (
             PanelSpan(begin, 0, STRIP, begin, begin + STRIP, False)
-            for begin in (y.before_begin + MARGIN, far + NEAR)
+            for begin in (y.before_begin + MARGIN, end + NEAR)
         )
         self.panels: dict[str, tuple[PanelSpan, PanelSpan]] = {
             "threading": (along_ends, heddles),
@@ -182,10 +182,10 @@ class DraftLayout:
         return across.pixel_of(place.x) + across.size // 2, down.pixel_of(place.y) + down.size // 2
 
 
-def fit_cell_size(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
+def fit_cell_size(shown: Shown, space: tuple[int, int], smallest: int, largest: int) -> int:
     """Return the largest size of a cell with which the whole draft is visible."""
     ends, picks = shown.size
-    wide = room[0] - 2 * MARGIN - GAP - NEAR - STRIP
-    high = room[1] - 2 * MARGIN - GAP - NEAR - STRIP
-    cell = min(wide // (ends + shown.columns), high // (picks + shown.loom.shafts))
+    width = space[0] - 2 * MARGIN - GAP - NEAR - STRIP
+    height = space[1] - 2 * MARGIN - GAP - NEAR - STRIP
+    cell = min(width // (ends + shown.columns), height // (picks + shown.loom.shafts))
     return min(max(cell, smallest), largest)

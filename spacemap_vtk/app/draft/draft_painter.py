@@ -176,30 +176,30 @@ class DraftPainter:
                 painter.drawText(QRect(left, at - 10, GAP, 20 + span.size), middle, str(number))
 
 
-def _choose_numbers(span: PanelSpan, room: int) -> list[tuple[int, int]]:
+def _choose_numbers(span: PanelSpan, distance: int) -> list[tuple[int, int]]:
     """Choose numbers at least `room` pixels apart; return them with the pixels of their cells."""
     step = 1
-    while step * span.size < room:
+    while step * span.size < distance:
         step *= 2 if step > 1 else GROUP
     numbers = (1, *range(step, span.cells + 1, step)) if step > 1 else range(1, span.cells + 1)
-    found = [(n, span.pixel_of(n)) for n in numbers if span.cells]
+    numbered = [(n, span.pixel_of(n)) for n in numbers if span.cells]
     # Drop the first number if it is too close to the second.
-    if len(found) > 1 and abs(found[1][1] - found[0][1]) < room:
-        found = found[1:]
-    return [(n, at) for n, at in found if span.low <= at + span.size / 2 <= span.high]
+    if len(numbered) > 1 and abs(numbered[1][1] - numbered[0][1]) < distance:
+        numbered = numbered[1:]
+    return [(n, at) for n, at in numbered if span.low <= at + span.size / 2 <= span.high]
 
 
 def _visible_indices(span: PanelSpan) -> NDArray[np.intp]:
     """Return the indices of the visible cells in the order of the screen."""
-    seen = np.arange(span.visible_cells.start, span.visible_cells.stop)
-    return span.cells - 1 - seen if span.reversed else seen
+    visible = np.arange(span.visible_cells.start, span.visible_cells.stop)
+    return span.cells - 1 - visible if span.reversed else visible
 
 
 def _cell_rect(x: PanelSpan, y: PanelSpan, column: int | None, row: int | None) -> QRect:
     """Return the rectangle of a cell; None means all cells in that direction."""
-    left, wide = (x.begin, max(x.cells, 1) * x.size) if column is None else (x.pixel_of(column), 0)
-    top, high = (y.begin, max(y.cells, 1) * y.size) if row is None else (y.pixel_of(row), 0)
-    return QRect(left, top, wide or x.size, high or y.size)
+    left, width = (x.begin, max(x.cells, 1) * x.size) if column is None else (x.pixel_of(column), 0)
+    top, height = (y.begin, max(y.cells, 1) * y.size) if row is None else (y.pixel_of(row), 0)
+    return QRect(left, top, width or x.size, height or y.size)
 
 
 def _panel_rect(x: PanelSpan, y: PanelSpan) -> QRect:
@@ -223,6 +223,6 @@ def _shade_yarns(cells: NDArray[np.uint8], over: NDArray[np.bool_], size: int) -
     shade = (1.0 - 0.42 * across**4).astype(np.float32)
     upright = np.broadcast_to(shade[None, :], (size, size))
     shades = np.stack([upright.T, upright])[over.astype(np.intp)]
-    made = cells[:, :, None, None, :] * shades[..., None]
+    pixels = cells[:, :, None, None, :] * shades[..., None]
     rows, columns = over.shape
-    return made.transpose(0, 2, 1, 3, 4).reshape(rows * size, columns * size, 3).astype(np.uint8)
+    return pixels.transpose(0, 2, 1, 3, 4).reshape(rows * size, columns * size, 3).astype(np.uint8)

@@ -74,7 +74,7 @@ class DraftTab(QWidget):
         below = (self.palette_row, (self.placeholder, 1), (self.grid, 1), self.hint)
         column(self, files, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.grid.edited.connect(self._receive_edit)
-        self.grid.hovered.connect(lambda words: self.hint.setText(words or _HINT))
+        self.grid.hovered.connect(lambda text: self.hint.setText(text or _HINT))
         self.grid.refused.connect(self.hint.setText)
         self.grid.color_picked.connect(self.palette_row.choose)
         self.palette_row.chosen.connect(self._set_color)
@@ -155,7 +155,7 @@ class DraftTab(QWidget):
             )
         ):
             spin = CountBox(minimum=1, maximum=_MAX_COUNT, keyboardTracking=False, toolTip=tip)
-            spin.range_error_changed.connect(lambda why: self.hint.setText(why or _HINT))
+            spin.range_error_changed.connect(lambda reason: self.hint.setText(reason or _HINT))
             spin.valueChanged.connect(self._set_count)
             spin.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             grid.addWidget(QLabel(name.capitalize()), number // 2, number % 2 * 2)
@@ -175,12 +175,12 @@ class DraftTab(QWidget):
         sizes = (self.zoom_out_button, self.zoom_in_button, self.fit_button)
         return row(None, self.open_button, self.save_button, None, *sizes, spacing=2)
 
-    def _show_draft(self, shown: Shown | None, why: str = "") -> None:
+    def _show_draft(self, shown: Shown | None, reason: str = "") -> None:
         if shown is None:
             self._key = None
         for widget in (self.grid, self.tools, self.palette_row, self.hint):
             widget.setVisible(shown is not None)
-        self.placeholder.setText(why)
+        self.placeholder.setText(reason)
         self.placeholder.setVisible(shown is None)
         self.save_button.setEnabled(shown is not None)
         self.grid.show_draft(shown)
@@ -206,17 +206,17 @@ class DraftTab(QWidget):
         self.loom_kind.setCurrentIndex(int(lifted))
         self.rising.setChecked(loom.rising)
 
-    def _receive_edit(self, shown: Shown, name: str, going_on: bool) -> None:
+    def _receive_edit(self, shown: Shown, name: str, continues: bool) -> None:
         if not self._burst:
             self._burst = next(self._bursts)
             self.dragging.emit(True)
         self._waiting = shown, name
-        rest = self._committed_at + self._commit_time * (1 / _MAX_LOAD - 1) - time.perf_counter()
-        if not going_on or rest <= 0.0:
+        wait = self._committed_at + self._commit_time * (1 / _MAX_LOAD - 1) - time.perf_counter()
+        if not continues or wait <= 0.0:
             self._commit()
         elif not self._commit_timer.isActive():
-            self._commit_timer.start(round(rest * 1e3) + 1)
-        if not going_on:
+            self._commit_timer.start(round(wait * 1e3) + 1)
+        if not continues:
             self._burst = 0
             self.dragging.emit(False)
             self.refresh()
@@ -227,7 +227,7 @@ class DraftTab(QWidget):
         if self._waiting is None:
             return
         (shown, name), self._waiting = self._waiting, None
-        begun = time.perf_counter()
+        begin = time.perf_counter()
         if name in (EDIT_NAMES["warp"], EDIT_NAMES["weft"]):
             family = "warp" if name == EDIT_NAMES["warp"] else "weft"
             self._set_values(as_colors(family, shown.strip(family)), name)
@@ -236,7 +236,7 @@ class DraftTab(QWidget):
         else:
             self._store_draft(shown, name)
         self._committed_at = time.perf_counter()
-        self._commit_time = self._committed_at - begun
+        self._commit_time = self._committed_at - begin
 
     def _store_draft(self, shown: Shown, name: str) -> None:
         try:

@@ -98,7 +98,7 @@ class DraftGrid(QAbstractScrollArea):
             self._update_scroll_range()
             self.repaint_all()
 
-    def zoom(self, larger: bool, about: QPointF | None = None) -> None:
+    def zoom(self, larger: bool, anchor: QPointF | None = None) -> None:
         """Change the size of cells; keep the point `about` at its place."""
         layout = self.current_layout()
         if layout is None:
@@ -107,14 +107,16 @@ class DraftGrid(QAbstractScrollArea):
         sizes = [size for size in SIZES if (size > self.cell if larger else size < self.cell)]
         if not sizes:
             return
-        about = about or QPointF(self.viewport().rect().center())
+        anchor = anchor or QPointF(self.viewport().rect().center())
         before, self.cell = self.cell, min(sizes) if larger else max(sizes)
         self._update_scroll_range()
-        now = self.current_layout()
-        assert now is not None
-        axes = (layout.x, now.x, about.x()), (layout.y, now.y, about.y())
-        for bar, (old, new, at) in zip(self._scroll_bars, axes, strict=True):
-            bar.setValue(round((at - old.drawdown_begin) * self.cell / before + new.before - at))
+        new_layout = self.current_layout()
+        assert new_layout is not None
+        axes = (layout.x, new_layout.x, anchor.x()), (layout.y, new_layout.y, anchor.y())
+        for bar, (old, new, position) in zip(self._scroll_bars, axes, strict=True):
+            bar.setValue(
+                round((position - old.drawdown_begin) * self.cell / before + new.before - position)
+            )
         self.repaint_all()
 
     def set_view(self, as_cloth: bool, colored: bool) -> None:
@@ -245,31 +247,31 @@ class DraftGrid(QAbstractScrollArea):
 
     def _move_highlight(self, across: int, down: int) -> None:
         """Move to the next cell; at the edge of a grid, to the next grid."""
-        at = self._scroll_to(self._highlighted or GridCell("threading", 1, 1))
+        start = self._scroll_to(self._highlighted or GridCell("threading", 1, 1))
         layout = self.current_layout()
         assert layout is not None
-        spans, ways = layout.panels[at.panel], (across, down)
+        spans, directions = layout.panels[start.panel], (across, down)
         x, y = (
-            number + (-way if span.reversed else way)
-            for number, span, way in zip(at[1:], spans, ways, strict=True)
+            number + (-direction if span.reversed else direction)
+            for number, span, direction in zip(start[1:], spans, directions, strict=True)
         )
         if all(
             min(span.cells, 1) <= n <= span.cells for n, span in zip((x, y), spans, strict=True)
         ):
-            self._highlight(self._scroll_to(GridCell(at.panel, x, y)))
+            self._highlight(self._scroll_to(GridCell(start.panel, x, y)))
             return
-        middle = layout.center(at)
-        for far in range(self.cell + GAP + STRIP):
-            there = layout.cell_at(middle[0] + across * far, middle[1] + down * far)
-            if there not in (None, at):
-                self._highlight(there)
+        middle = layout.center(start)
+        for distance in range(self.cell + GAP + STRIP):
+            neighbour = layout.cell_at(middle[0] + across * distance, middle[1] + down * distance)
+            if neighbour not in (None, start):
+                self._highlight(neighbour)
                 return
 
     def _scroll_to(self, grid_cell: GridCell) -> GridCell:
         """Scroll until a cell is visible."""
         layout = self.current_layout()
         assert layout is not None
-        for bar, span, number, room in zip(
+        for bar, span, number, space in zip(
             self._scroll_bars,
             layout.panels[grid_cell.panel],
             grid_cell[1:],
@@ -277,7 +279,7 @@ class DraftGrid(QAbstractScrollArea):
             strict=True,
         ):
             begin = span.pixel_of(number)
-            low, high = max(span.low, 0), min(span.high, room)
+            low, high = max(span.low, 0), min(span.high, space)
             bar.setValue(bar.value() + min(0, begin - low) + max(0, begin + span.size - high))
         return grid_cell
 
@@ -341,10 +343,12 @@ class DraftGrid(QAbstractScrollArea):
 
     def _update_scroll_range(self) -> None:
         layout = self.current_layout()
-        most = (0, 0) if layout is None else layout.max_offset
-        for bar, end, room in zip(self._scroll_bars, most, self._viewport_size(), strict=True):
+        max_offset = (0, 0) if layout is None else layout.max_offset
+        for bar, end, space in zip(
+            self._scroll_bars, max_offset, self._viewport_size(), strict=True
+        ):
             bar.setRange(0, end)
-            bar.setPageStep(room)
+            bar.setPageStep(space)
             bar.setSingleStep(4 * self.cell)
 
 

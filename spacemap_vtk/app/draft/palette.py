@@ -39,10 +39,10 @@ class Palette(QWidget):
 
     def show_colors(self, shown: Shown) -> None:
         """Add the colours of a draft; present ones keep their places."""
-        both = np.concatenate([shown.warp, shown.weft])
-        found, first = np.unique(both, axis=0, return_index=True)
-        own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MAX_COLORS]]
-        self._add_colors(*own, *(QColor(word) for word in _DEFAULT_COLORS))
+        colors = np.concatenate([shown.warp, shown.weft])
+        unique, first = np.unique(colors, axis=0, return_index=True)
+        draft_colors = [QColor(*unique[i].tolist()) for i in np.argsort(first)[:_MAX_COLORS]]
+        self._add_colors(*draft_colors, *(QColor(word) for word in _DEFAULT_COLORS))
 
     def choose(self, color: QColor) -> None:
         """Select the colour to paint with."""
@@ -113,10 +113,10 @@ class Palette(QWidget):
         """Show a tooltip for the colour under the mouse."""
         index = self._index_at(event.position().toPoint())
         if index is not None:
-            words = "Add a colour"
+            text = "Add a colour"
             if index < len(self.colors):
-                words = f"{self.colors[index].name()}: double-click to replace it everywhere"
-            QToolTip.showText(event.globalPosition().toPoint(), words, self)
+                text = f"{self.colors[index].name()}: double-click to replace it everywhere"
+            QToolTip.showText(event.globalPosition().toPoint(), text, self)
 
     def _add_colors(self, *colors: QColor) -> None:
         for color in colors:

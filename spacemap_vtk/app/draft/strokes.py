@@ -48,11 +48,11 @@ class Stroke:
         if self.panel in ("warp", "weft"):
             return self._paint(shown, grid_cell)
         if self.panel == "drawdown":
-            here = grid_cell.y - 1, grid_cell.x - 1
-            if shown.drawdown[here] == self._wanted:
+            index = grid_cell.y - 1, grid_cell.x - 1
+            if shown.drawdown[index] == self._wanted:
                 return shown
             drawdown = shown.drawdown.copy()
-            drawdown[here] = self._wanted
+            drawdown[index] = self._wanted
             return replace(shown, drawdown=drawdown)
         row, number, changed = _marks_of(shown, grid_cell)
         marks = row

@@ -187,10 +187,12 @@ class SupportsEditor(LineEditor):
     def show_value(self, value: Any) -> None:
         """Show the supports, and check the buttons of the held sides."""
         self.show_text(" ".join(value or ()))
-        held = {support.shape: support for support in parse_places(self.shown)}
+        supports = {support.shape: support for support in parse_places(self.shown)}
         for side, button in self.sides.items():
-            button.setChecked(side in held)
-            partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
+            button.setChecked(side in supports)
+            partly = (
+                str(supports[side]).removeprefix(side)[1:].strip("()") if side in supports else ""
+            )
             button.setText(f"{side} {_SIDE_NAMES[side]}" + (f" ({partly})" if partly else ""))
 
     def show_in_use(self, value: Any) -> None:
@@ -199,10 +201,10 @@ class SupportsEditor(LineEditor):
 
     def _submit_checked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
-        kept = [str(support) for support in parse_places(self.shown) if support.shape != side]
+        supports = [str(support) for support in parse_places(self.shown) if support.shape != side]
         if self.sides[side].isChecked():
-            kept.append(side)
-        self.edited.emit(" ".join(kept), 0)
+            supports.append(side)
+        self.edited.emit(" ".join(supports), 0)
 
     def parse_text(self, text: str) -> str:
         """Return the text; if it is valid, the buttons change it from now on."""

@@ -62,9 +62,9 @@ class LoadsEditor(Editor):
         tables = [load._values for load in value]
         # Reuse cards that have the same rows: making a card costs as much as a frame.
         for number, load in enumerate(value):
-            here = self.cards[number : number + 1]
-            if not here or here[0].keys != _row_names(load, self._declared):
-                self._remove_cards(here)
+            present = self.cards[number : number + 1]
+            if not present or present[0].keys != _row_names(load, self._declared):
+                self._remove_cards(present)
                 self._insert_card(_LoadCard(number, load, self._declared))
         self._remove_cards(self.cards[len(value) :])
         for card, load in zip(self.cards, value, strict=True):
@@ -122,12 +122,12 @@ class _LoadCard(QFrame):
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             parameter = Load.parameters[name]
-            made = ParameterRow(parameter, make_editor(parameter))
-            made.resettable = name in TIME_KEYS[load.time][1]
-            made.edited.connect(self._change_value)
-            made.dragging.connect(self.dragging)
-            made.restored.connect(self.restored)
-            self.rows[name] = made
+            row_widget = ParameterRow(parameter, make_editor(parameter))
+            row_widget.resettable = name in TIME_KEYS[load.time][1]
+            row_widget.edited.connect(self._change_value)
+            row_widget.dragging.connect(self.dragging)
+            row_widget.restored.connect(self.restored)
+            self.rows[name] = row_widget
         column(self, head, *self.rows.values(), margins=(8, 6, 6, 4), spacing=4)
 
     def show_load(self, load: Load) -> None:
@@ -141,8 +141,8 @@ class _LoadCard(QFrame):
     def _change_action(self, _index: int) -> None:
         chosen = self.action.currentData()
         if chosen != self._load.action:
-            gone = dict.fromkeys([self._load.action, "on", "at", "follower"])
-            self.edited.emit(self.number, {**gone, **_ACTION_DEFAULTS[chosen]}, 0)
+            cleared = dict.fromkeys([self._load.action, "on", "at", "follower"])
+            self.edited.emit(self.number, {**cleared, **_ACTION_DEFAULTS[chosen]}, 0)
 
     def _change_value(self, name: str, written: object, burst: int) -> None:
         changes: dict[str, Any] = {name: written}

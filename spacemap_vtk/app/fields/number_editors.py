@@ -56,8 +56,8 @@ class Slider(QSlider):
         zero = groove.left() + half + share * (groove.width() - 2 * half)
         at, y = handle.center().x() + 0.5, groove.center().y() + 0.5
         painter = painter_on(self)
-        whole = groove.left() + 2, groove.right() - 1
-        for ends, color in ((whole, colors.color(_Role.Mid)), ((zero, at), paint)):
+        groove_ends = groove.left() + 2, groove.right() - 1
+        for ends, color in ((groove_ends, colors.color(_Role.Mid)), ((zero, at), paint)):
             painter.setPen(QPen(color, 3.0, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
             painter.drawLine(*(QPointF(x, y) for x in ends))
         if 0 < self.origin < self.maximum():

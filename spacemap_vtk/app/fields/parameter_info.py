@@ -28,19 +28,29 @@ def automatic_values(part: Parameterised) -> dict[str, Any]:
     if not isinstance(part, Woven):
         return {}
     try:
-        colors = {n: t.colors for n, t in zip(FAMILIES, part.cloth.threads, strict=True)}
-        alike = {n: c[0].tolist() for n, c in colors.items() if (c == c[0]).all()}
-        return {**part.found, **{f"{n}_color": tuple(c) for n, c in alike.items()}}
+        colors = {
+            family: threads.colors
+            for family, threads in zip(FAMILIES, part.cloth.threads, strict=True)
+        }
+        uniform = {
+            family: values[0].tolist()
+            for family, values in colors.items()
+            if (values == values[0]).all()
+        }
+        return {
+            **part.found,
+            **{f"{family}_color": tuple(values) for family, values in uniform.items()},
+        }
     except SpacemapError:
         return {}
 
 
-def idle_reason(part: Parameterised, name: str, found: Mapping[str, Any]) -> str:
+def idle_reason(part: Parameterised, name: str, results: Mapping[str, Any]) -> str:
     """Return why a parameter has no effect (empty if it has one), given the last run's results."""
-    why, kind = part.idle(name), found.get("elements")
-    if not why and kind and isinstance(part, CageMaterial) and part.elements == "auto":
-        why = part.idle_as(name, kind == "sheet")
-    return why
+    reason, kind = part.idle(name), results.get("elements")
+    if not reason and kind and isinstance(part, CageMaterial) and part.elements == "auto":
+        reason = part.idle_as(name, kind == "sheet")
+    return reason
 
 
 def format_interval(parameter: Parameter[Any], interval: tuple[float, float] | None) -> str:
@@ -55,15 +65,15 @@ def format_interval(parameter: Parameter[Any], interval: tuple[float, float] | N
 
 def add_shown_unit(typed: str, shown: str, unit: str) -> str:
     """Add the units that a field shows to the numbers typed without a unit."""
-    known = UNITS.get(unit, {})
+    factors = UNITS.get(unit, {})
     units = [each[1] for each in map(split_quantity, shown.split(",")) if each is not None]
     numbers = [part.strip() for part in typed.split(",")]
-    if not units or not all(each in known for each in units):
+    if not units or not all(each in factors for each in units):
         return typed
-    for place, number in enumerate(numbers):
-        found = split_quantity(number)
-        if found is not None and found[1] == "":
-            numbers[place] = f"{number} {units[min(place, len(units) - 1)]}"
+    for index, number in enumerate(numbers):
+        quantity = split_quantity(number)
+        if quantity is not None and quantity[1] == "":
+            numbers[index] = f"{number} {units[min(index, len(units) - 1)]}"
     return ", ".join(numbers)
 
 

@@ -53,7 +53,7 @@ class ParameterRow(QWidget):
     #: As `Editor.restored`.
     restored = Signal()
 
-    def __init__(self, parameter: Parameter[Any], editor: Editor, beside: str = "") -> None:
+    def __init__(self, parameter: Parameter[Any], editor: Editor, half_label: str = "") -> None:
         super().__init__()
         # `beside` is the label of a row that has half the width beside another; otherwise empty.
         self.parameter = parameter
@@ -62,10 +62,10 @@ class ParameterRow(QWidget):
         self.note.hide()
         back = f"Reset to the default: {pretty(parameter.usually)}"
         self.reset = tool_button("↺", back)
-        kept = self.reset.sizePolicy()
-        kept.setRetainSizeWhenHidden(True)
-        self.reset.setSizePolicy(kept)
-        self.label = QLabel(beside or parameter.label)
+        policy = self.reset.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.reset.setSizePolicy(policy)
+        self.label = QLabel(half_label or parameter.label)
         self.label.setBuddy(self.editor)
         self.automatic: QToolButton | None = None
         if parameter.automatic:
@@ -73,7 +73,7 @@ class ParameterRow(QWidget):
             self.automatic = tool_button("auto", tip, checkable=True, objectName="auto")
             self.automatic.clicked.connect(self._toggle_automatic)
         right = [self.automatic] if self.automatic is not None else []
-        if beside or editor.wide:
+        if half_label or editor.wide:
             head = row(None, self.label, None, *right, self.reset, spacing=2)
             column(self, head, self.editor, self.note, margins=(0, 0, 0, 2), spacing=1)
         else:
@@ -81,7 +81,7 @@ class ParameterRow(QWidget):
             self.label.setWordWrap(True)
             line = row(None, self.label, (self.editor, 1), *right, self.reset, spacing=2)
             column(self, line, self.note, margins=(0, 0, 0, 2), spacing=1)
-        if beside:
+        if half_label:
             editor.set_half_width()
         when = f" Has an effect only if {parameter.counts}." if parameter.counts else ""
         self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
@@ -106,11 +106,11 @@ class ParameterRow(QWidget):
         self._show_in_use()
         self.mark_error(None)
 
-    def show_idle(self, why: str, written: bool) -> None:
+    def show_idle(self, reason: str, written: bool) -> None:
         """Hide a row whose value has no effect; disable it instead if the value is written."""
-        self._is_relevant = not why or written
+        self._is_relevant = not reason or written
         self.setVisible(self._is_relevant and self._matches_search)
-        idle = f"no effect: {why}" if why else ""
+        idle = f"no effect: {reason}" if reason else ""
         if idle != self._idle:
             self._idle = idle
             self.mark_error(None)
@@ -134,8 +134,8 @@ class ParameterRow(QWidget):
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the feasible interval."""
-        told = pretty(format_interval(self.parameter, interval))
-        self.editor.setToolTip(f"{self.toolTip()}\n{told}" if told else "")
+        text = pretty(format_interval(self.parameter, interval))
+        self.editor.setToolTip(f"{self.toolTip()}\n{text}" if text else "")
         if interval is not None:
             self.editor.set_feasible(*interval)
 
@@ -221,12 +221,12 @@ class RowPair(QWidget):
     def __init__(self, warp: ParameterRow, weft: ParameterRow) -> None:
         super().__init__()
         self.rows = warp, weft
-        words = warp.parameter.label.split(maxsplit=1)[1]
-        title = QLabel(words.capitalize(), toolTip=warp.toolTip())
-        both = row(None, (warp, 1), (weft, 1), spacing=10)
+        title_text = warp.parameter.label.split(maxsplit=1)[1]
+        title = QLabel(title_text.capitalize(), toolTip=warp.toolTip())
+        pair = row(None, (warp, 1), (weft, 1), spacing=10)
         for side in self.rows:  # a note below one row does not stretch the other
-            both.setAlignment(side, Qt.AlignmentFlag.AlignTop)
-        column(self, title, both, spacing=0)
+            pair.setAlignment(side, Qt.AlignmentFlag.AlignTop)
+        column(self, title, pair, spacing=0)
 
 
 def make_editor(parameter: Parameter[Any]) -> Editor:

@@ -54,8 +54,8 @@ class PatternEditor(Editor):
         self.line = self.box.lineEdit()
         self.grid = PatternGrid()
         self.size = QLabel(objectName="about")
-        beside = QGridLayout(spacing=3)
-        beside.addWidget(self.size, 0, 0, 1, 2)
+        tools = QGridLayout(spacing=3)
+        tools.addWidget(self.size, 0, 0, 1, 2)
         self.buttons: dict[str, QToolButton] = {}
         for text, tip, axis, more in (
             ("+ end", "Add an end to the repeat", 1, True),
@@ -67,10 +67,10 @@ class PatternEditor(Editor):
             button.clicked.connect(self._resize_repeat)
             button.setProperty("change", (axis, more))
             button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-            beside.addWidget(button, 2 - axis, int(more))
+            tools.addWidget(button, 2 - axis, int(more))
             self.buttons[text] = button
-        beside.setRowStretch(3, 1)
-        below = row(None, self.grid, beside, None, spacing=10)
+        tools.setRowStretch(3, 1)
+        below = row(None, self.grid, tools, None, spacing=10)
         below.setAlignment(self.grid, Qt.AlignmentFlag.AlignTop)
         column(self, self.box, below, spacing=4)
         self.setFocusProxy(self.box)
@@ -162,31 +162,31 @@ class PatternGrid(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Invert a square, and start to paint with its new value."""
-        there = self._square_at(event.position())
-        if event.button() == Qt.MouseButton.LeftButton and there is not None:
-            self._brush = not self.repeat[there]
+        square = self._square_at(event.position())
+        if event.button() == Qt.MouseButton.LeftButton and square is not None:
+            self._brush = not self.repeat[square]
             self._burst = next_burst()
             self.dragging.emit(True)
-            self._paint(there)
+            self._paint(square)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        there = self._square_at(event.position())
-        if self._brush is not None and there is not None:
-            self._paint(there)
+        square = self._square_at(event.position())
+        if self._brush is not None and square is not None:
+            self._paint(square)
 
     def mouseReleaseEvent(self, _event: QMouseEvent) -> None:
         if self._brush is not None:
             self._brush = None
             self.dragging.emit(False)
 
-    def _paint(self, there: tuple[int, int]) -> None:
-        if self.repeat[there] != self._brush:
-            self.repeat[there] = self._brush
+    def _paint(self, square: tuple[int, int]) -> None:
+        if self.repeat[square] != self._brush:
+            self.repeat[square] = self._brush
             self.update()
             self.painted.emit(self._burst)
 
     def _square_at(self, at: QPointF) -> tuple[int, int] | None:
         picks, ends = self.repeat.shape
-        end, up = int((at.x() - 1) // self.cell), int((at.y() - 1) // self.cell)
-        pick = picks - 1 - up
+        end, row = int((at.x() - 1) // self.cell), int((at.y() - 1) // self.cell)
+        pick = picks - 1 - row
         return (pick, end) if 0 <= end < ends and 0 <= pick < picks else None

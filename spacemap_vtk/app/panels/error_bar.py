@@ -98,8 +98,8 @@ def _format_error(error: BaseException) -> str:
     text = f"{where}: {error.message}" if where else error.message
     if error.allowed:
         # A full list of file endings would leave no room for the view.
-        few, more, _ = error.allowed[:_MAX_LENGTH].rpartition(", ")
+        first, more, _ = error.allowed[:_MAX_LENGTH].rpartition(", ")
         many = len(error.allowed) > _MAX_LENGTH and more
-        text += f"; allowed: {few + ' and more' if many else error.allowed}"
+        text += f"; allowed: {first + ' and more' if many else error.allowed}"
     text += "."
     return f"{text} {error.cure}" if error.cure else text

@@ -90,8 +90,11 @@ def _compute_figures(
         assert scene.woven is not None
         figures, cloth = report.cloth(scene), scene.woven.cloth
         yield
-        ways = range(2 if figures["thickness"] is not None else 0)
-        cuts, colors = [cross_section(cloth, n) for n in ways], [t.colors for t in cloth.threads]
+        families = range(2 if figures["thickness"] is not None else 0)
+        cuts, colors = (
+            [cross_section(cloth, n) for n in families],
+            [t.colors for t in cloth.threads],
+        )
         return _Result(key, figures, False, cuts, colors)
     yield from report.clearance(scene, figures)
     return _Result(key, figures, True)
@@ -129,20 +132,20 @@ class _SectionDrawings(QScrollArea):
         if not self._cuts or not self.isVisible():
             return
         ratio = self.devicePixelRatioF()
-        paper = PageStyle(
+        style = PageStyle(
             width=max(self.viewport().width(), _MIN_WIDTH) * 25.4 / _DPI,
             dpi=_DPI * ratio,
             dark=is_dark(self),
             transparent=True,
         )
         tiles = [replace(section_tile(c, self._colors), has_letter=False) for c in self._cuts]
-        canvas: Any = lay_out_page([[tile] for tile in tiles], paper).canvas
+        canvas: Any = lay_out_page([[tile] for tile in tiles], style).canvas
         canvas.draw()
         width, height = canvas.get_width_height()
         image = QImage(bytes(canvas.buffer_rgba()), width, height, QImage.Format.Format_RGBA8888)
-        drawn = QPixmap.fromImage(image)
-        drawn.setDevicePixelRatio(ratio)
-        self.picture.setPixmap(drawn)
+        pixmap = QPixmap.fromImage(image)
+        pixmap.setDevicePixelRatio(ratio)
+        self.picture.setPixmap(pixmap)
 
 
 class FiguresTab(QWidget):
@@ -191,10 +194,10 @@ class FiguresTab(QWidget):
         """Request the figures if another cloth is drawn."""
         if frame.mode is None:
             # Frames are coarse while playing and during a drag, but only a drag changes the cloth.
-            still = not frame.coarse or frame.values is self._drawn
+            at_rest = not frame.coarse or frame.values is self._drawn
             self._drawn = frame.values
-            still = still and self.isVisible() and not self._rest_timer.isActive()
-            if still and self._cloth_key() != self._requested:
+            at_rest = at_rest and self.isVisible() and not self._rest_timer.isActive()
+            if at_rest and self._cloth_key() != self._requested:
                 self._rest_timer.start()
 
     def _cloth_key(self) -> Any:

@@ -102,8 +102,8 @@ class _ThumbnailList(QListWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Adapt the size of the thumbnails to the width."""
         super().resizeEvent(event)
-        room = self.viewport().width() - 4
-        cell = room // max(1, room // (_MIN_WIDTH + 16))
+        space = self.viewport().width() - 4
+        cell = space // max(1, space // (_MIN_WIDTH + 16))
         width = cell - 12
         self.setIconSize(QSize(width, round(width * _ASPECT)))
         lines = 3 * self.fontMetrics().lineSpacing()  # the longest titles have three

@@ -157,29 +157,29 @@ class ModesTab(QWidget):
         except InputError:
             return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
-        found = measures_in(cage)
-        self.sheet.setText(_describe_cage(found))
-        self.sheet.setVisible(bool(found))
-        known = (values.tobytes(), damping)
-        if known == self._modes_key:
+        figures = measures_in(cage)
+        self.sheet.setText(_describe_cage(figures))
+        self.sheet.setVisible(bool(figures))
+        key = (values.tobytes(), damping)
+        if key == self._modes_key:
             return
-        self._modes_key = known
+        self._modes_key = key
         self.unresolved.hide()
         if cage is None:
             self.response.clear()
         self.table.setRowCount(len(values))
         rates = damping.alphas(values), damping.beta
-        lost = 0.0 if cage is None or array is None else rounding_of(cage)
-        ratios, kinds = damping_ratio(values, *rates), classify_regimes(values, *rates, lost)
+        rounding = 0.0 if cage is None or array is None else rounding_of(cage)
+        ratios, kinds = damping_ratio(values, *rates), classify_regimes(values, *rates, rounding)
         frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
         self.response.frequencies = frequencies
         spectrum = self.response.spectrum
         swinging = [number for number, kind in enumerate(kinds) if kind == "underdamped"]
-        told = dict(zip(swinging, aligned(ratios[swinging], 2), strict=True))
+        ratio_texts = dict(zip(swinging, aligned(ratios[swinging], 2), strict=True))
         columns = (
             range(1, len(values) + 1),
             aligned(frequencies),
-            [told.get(number, kind) for number, kind in enumerate(kinds)],
+            [ratio_texts.get(number, kind) for number, kind in enumerate(kinds)],
             [""] * len(values),
         )
         for number, cells in enumerate(zip(*columns, strict=True)):
@@ -241,8 +241,8 @@ class ModesTab(QWidget):
         if turns == self._uses_angles:
             return
         self._uses_angles = turns
-        most, value, tip = _ANGLES if turns else _SHARES
-        self.amplitude.setRange(1, most)
+        maximum, value, tip = _ANGLES if turns else _SHARES
+        self.amplitude.setRange(1, maximum)
         self.amplitude.setValue(value)
         self.amplitude.setToolTip(tip)
         self._show_amplitude()
@@ -292,12 +292,12 @@ class ModesTab(QWidget):
         self.amplitude_text.setText(f"{value}°" if self._uses_angles else f"{value} %")
 
 
-def _describe_cage(found: dict[str, Any]) -> str:
+def _describe_cage(figures: dict[str, Any]) -> str:
     """Return a sentence about the kind of the cage."""
-    if "bending_length" not in found:
-        return f"The cage consists of {found['elements']}." if found else ""
+    if "bending_length" not in figures:
+        return f"The cage consists of {figures['elements']}." if figures else ""
     mass, length = (
-        pretty(ModalSolver.parameter(name).tell(found[name]))
+        pretty(ModalSolver.parameter(name).tell(figures[name]))
         for name in ("areal_mass", "bending_length")
     )
     return f"The cage is a sheet: areal mass {mass}; bending length {length}."

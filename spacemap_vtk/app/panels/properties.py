@@ -94,8 +94,8 @@ class Properties(QScrollArea):
             if name in self.rows:
                 continue  # the weft's row, which is already beside the warp's
             if parameter.group and parameter.group not in self.groups:
-                self.groups[parameter.group] = made = RowGroup(parameter.group)
-                parts.append(made)
+                self.groups[parameter.group] = group_widget = RowGroup(parameter.group)
+                parts.append(group_widget)
             group = self.groups[parameter.group].rows if parameter.group else parts
             partner = name.replace("warp_", "weft_", 1)
             if partner != name and partner in cls.parameters:
@@ -107,9 +107,11 @@ class Properties(QScrollArea):
                 group.append(self.pairs[-1])
             else:
                 group.append(self._make_row(parameter))
-        for made in self.groups.values():
-            made.lay_out((section, made.title) in self._folded)
-            made.head.toggled.connect(partial(self._set_folded, section, made.title))
+        for group_widget in self.groups.values():
+            group_widget.lay_out((section, group_widget.title) in self._folded)
+            group_widget.head.toggled.connect(
+                partial(self._set_folded, section, group_widget.title)
+            )
         column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
         self.setWidget(page)
         self.refresh()
@@ -127,19 +129,19 @@ class Properties(QScrollArea):
         name = row.parameter.name
         row.show_value(getattr(self._part, name), name not in self._written)
 
-    def _make_row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
+    def _make_row(self, parameter: Parameter[Any], half_label: str = "") -> ParameterRow:
         # The editor of loads is made here, not by `make_editor`, because it contains rows.
         editor: Editor = (
             LoadsEditor(parameter) if isinstance(parameter, Loads) else make_editor(parameter)
         )
         if isinstance(editor, FileEditor):
             editor.display_name = self._document.display_name
-        made = ParameterRow(parameter, editor, beside)
-        made.edited.connect(self._set_value)
-        made.dragging.connect(self.dragging)
-        made.restored.connect(self._clear_refusal)
-        self.rows[parameter.name] = made
-        return made
+        row = ParameterRow(parameter, editor, half_label)
+        row.edited.connect(self._set_value)
+        row.dragging.connect(self.dragging)
+        row.restored.connect(self._clear_refusal)
+        self.rows[parameter.name] = row
+        return row
 
     def _set_folded(self, section: str, title: str, open_: bool) -> None:
         (self._folded.discard if open_ else self._folded.add)((section, title))
@@ -170,13 +172,13 @@ class Properties(QScrollArea):
             isinstance(part, Stage) and part not in self._document.scene.stages
         )
         # A drag elsewhere changes nothing in this section.
-        known_state = self.section, written, part.settings
-        if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
+        state = self.section, written, part.settings
+        if state == self._shown and not any(r.property("bad") for r in self.rows.values()):
             return
-        before, self._shown = self._shown, known_state
+        before, self._shown = self._shown, state
         for name, row in self.rows.items():
-            known = before and (before[2][name], name in before[1])
-            if known != (getattr(part, name), name in written) or row.property("bad"):
+            shown = before and (before[2][name], name in before[1])
+            if shown != (getattr(part, name), name in written) or row.property("bad"):
                 self._show_value(row)
         self._show_relevant_rows()
 
@@ -184,14 +186,14 @@ class Properties(QScrollArea):
         part, written = self._part, self._written
         for name, row in self.rows.items():
             if row.parameter.when:
-                why = idle_reason(part, name, self._results.get(self.section, {}))
-                row.show_idle(self._document.drafts.replace_paths(why), name in written)
+                reason = idle_reason(part, name, self._results.get(self.section, {}))
+                row.show_idle(self._document.drafts.replace_paths(reason), name in written)
         self._hide_empty_groups()
-        rest = self._next_limits - time.perf_counter()
-        if rest <= 0.0:
+        wait = self._next_limits - time.perf_counter()
+        if wait <= 0.0:
             self._show_limits()
         elif not self._limits_timer.isActive():
-            self._limits_timer.start(round(rest * 1e3) + 1)
+            self._limits_timer.start(round(wait * 1e3) + 1)
 
     def show_results(
         self, section: str, figures: dict[str, Any], in_use: dict[str, Mapping[str, Any]]
@@ -210,26 +212,26 @@ class Properties(QScrollArea):
             row.show_automatic_value(None)  # remove the former scene's automatic values
 
     def _show_limits(self) -> None:
-        begun, part = time.thread_time(), self._part
+        begin, part = time.thread_time(), self._part
         # Feasible intervals depend only on the settings, except that a draft file may have changed.
         if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
             self._feasible = part.settings, feasible_intervals(part)
-        feasible, found = self._feasible[1], self._results.get(self.section, {})
-        known = {**automatic_values(part), **self._in_use.get(self.section, {}), **found}
+        feasible, results = self._feasible[1], self._results.get(self.section, {})
+        values = {**automatic_values(part), **self._in_use.get(self.section, {}), **results}
         if part is self._document.scene.view:
-            known |= {"size": picture_size(self._document.scene)}
+            values |= {"size": picture_size(self._document.scene)}
         if isinstance(part, Woven) and "pattern" in self.rows and part.draft_file is None:
             with suppress(SpacemapError):  # the run of the stage reports the error
                 threads = part.cloth.threads
                 self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))
         for name, row in self.rows.items():
-            row.show_automatic_value(known.get(name))
+            row.show_automatic_value(values.get(name))
             row.show_feasible(feasible.get(name))
             # A choice that already shows this value needs no note.
-            same = row.parameter.kind == "choice" and found.get(name) == getattr(part, name)
-            row.show_used(row.parameter.tell(found[name]) if name in found and not same else "")
-        taken = time.thread_time() - begun
-        self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
+            same = row.parameter.kind == "choice" and results.get(name) == getattr(part, name)
+            row.show_used(row.parameter.tell(results[name]) if name in results and not same else "")
+        duration = time.thread_time() - begin
+        self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, duration / _LIMIT_SHARE)
 
     def mark_error(self, error: SpacemapError, about: str = "value") -> None:
         """Mark the field that an error names, if it is on this page."""

@@ -70,9 +70,9 @@ class PullMap(QWidget):
         self._picture: QPixmap | None = None
         self._label_rects: list[QRectF] = []
 
-    def show_map(self, found: StretchMap | None) -> None:
-        self.map, self._picture = found, None
-        self.setToolTip("" if found is None else _TIP)
+    def show_map(self, stretch_map: StretchMap | None) -> None:
+        self.map, self._picture = stretch_map, None
+        self.setToolTip("" if stretch_map is None else _TIP)
         self.update()
 
     def move_to(self, warp: float, weft: float) -> None:
@@ -127,9 +127,11 @@ class PullMap(QWidget):
         elif key == Qt.Key.Key_Home:
             self._drag_to(1.0, 1.0)
         else:
-            far = _SHIFT_FACTOR if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+            distances = (
+                _SHIFT_FACTOR if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+            )
             self._drag_to(
-                *(a + far * _STEP * b for a, b in zip(self.stretch, _STEPS[key], strict=True))
+                *(a + distances * _STEP * b for a, b in zip(self.stretch, _STEPS[key], strict=True))
             )
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -172,8 +174,8 @@ class PullMap(QWidget):
         assert self.map is not None
         frame, (x, y) = self.plot_rect(), (self.map.warp, self.map.weft)
         share = (position.x() - frame.left()) / max(frame.width(), 1.0)
-        up = (frame.bottom() - position.y()) / max(frame.height(), 1.0)
-        self._drag_to(x[0] + share * (x[-1] - x[0]), y[0] + up * (y[-1] - y[0]))
+        height = (frame.bottom() - position.y()) / max(frame.height(), 1.0)
+        self._drag_to(x[0] + share * (x[-1] - x[0]), y[0] + height * (y[-1] - y[0]))
 
     def _drag_to(self, warp: float, weft: float) -> None:
         assert self.map is not None
@@ -181,7 +183,7 @@ class PullMap(QWidget):
         self.move_to(float(np.clip(warp, x[0], x[-1])), float(np.clip(weft, y[0], y[-1])))
         self.dragged.emit(*self.stretch)
 
-    def _paint_map(self, found: StretchMap) -> QPixmap:
+    def _paint_map(self, stretch_map: StretchMap) -> QPixmap:
         ratio = self.devicePixelRatioF()
         picture = QPixmap(self.size() * ratio)
         picture.setDevicePixelRatio(ratio)
@@ -199,64 +201,82 @@ class PullMap(QWidget):
         painter.drawLine(QPointF(frame.left(), rest.y()), QPointF(frame.right(), rest.y()))
         painter.drawLine(QPointF(rest.x(), frame.top()), QPointF(rest.x(), frame.bottom()))
         # The jammed regions cover the lines in them.
-        beside, below = self._jammed_regions(found)
+        warp_jam, weft_jam = self._jammed_regions(stretch_map)
         self._label_rects = []
-        labels = self._paint_contours(painter, found, [beside, below])
+        labels = self._paint_contours(painter, stretch_map, [warp_jam, weft_jam])
         painter.setPen(QPen(ink, 2.8))  # the inner half will be covered
-        for part in (beside, below):
+        for part in (warp_jam, weft_jam):
             painter.drawPolygon(part)
         painter.setPen(Qt.PenStyle.NoPen)
         for brush in (palette.window(), QBrush(faint, Qt.BrushStyle.BDiagPattern)):
             painter.setBrush(brush)
-            for part in (beside, below):
+            for part in (warp_jam, weft_jam):
                 painter.drawPolygon(part)
         for area, text, color in labels:
             painter.fillRect(area, palette.base())
             painter.setPen(color)
             painter.drawText(area, Qt.AlignmentFlag.AlignCenter, text)
         painter.setPen(ink)
-        self._name_regions(painter, found)
+        self._name_regions(painter, stretch_map)
         painter.setClipping(False)
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.drawRect(frame)
-        self._paint_scales(painter, found)
+        self._paint_scales(painter, stretch_map)
         painter.end()
         return picture
 
-    def _jammed_regions(self, found: StretchMap) -> list[QPolygonF]:
+    def _jammed_regions(self, stretch_map: StretchMap) -> list[QPolygonF]:
         """Return the regions of the map in which the warp jams and in which the weft jams."""
-        (left, right), (low, high) = found.warp[[0, -1]], found.weft[[0, -1]]
-        wide, tall = 0.1 * (right - left), 0.1 * (high - low)  # puts the outer outlines out of view
-        left, low = min(left, found.jam[0].min()) - wide, min(low, found.jam[1].min()) - tall
-        beside = [(x, y) for x, y in zip(found.jam[0], found.weft, strict=True)]
-        below = [(x, y) for x, y in zip(found.warp, found.jam[1], strict=True)]
-        beside = [(left, low), (beside[0][0], low), *beside, (beside[-1][0], high + tall)]
-        below = [(left, low), (left, below[0][1]), *below, (right + wide, below[-1][1])]
-        parts = (*beside, (left, high + tall)), (*below, (right + wide, low))
+        (left, right), (low, high) = stretch_map.warp[[0, -1]], stretch_map.weft[[0, -1]]
+        margin_x, margin_y = (
+            0.1 * (right - left),
+            0.1 * (high - low),
+        )  # puts the outer outlines out of view
+        left, low = (
+            min(left, stretch_map.jam[0].min()) - margin_x,
+            min(low, stretch_map.jam[1].min()) - margin_y,
+        )
+        warp_jam = [(x, y) for x, y in zip(stretch_map.jam[0], stretch_map.weft, strict=True)]
+        weft_jam = [(x, y) for x, y in zip(stretch_map.warp, stretch_map.jam[1], strict=True)]
+        warp_jam = [
+            (left, low),
+            (warp_jam[0][0], low),
+            *warp_jam,
+            (warp_jam[-1][0], high + margin_y),
+        ]
+        weft_jam = [
+            (left, low),
+            (left, weft_jam[0][1]),
+            *weft_jam,
+            (right + margin_x, weft_jam[-1][1]),
+        ]
+        parts = (*warp_jam, (left, high + margin_y)), (*weft_jam, (right + margin_x, low))
         return [QPolygonF([self.position_of(*point) for point in part]) for part in parts]
 
     def _paint_contours(
-        self, painter: QPainter, found: StretchMap, jams: list[QPolygonF]
+        self, painter: QPainter, stretch_map: StretchMap, jams: list[QPolygonF]
     ) -> list[tuple[QRectF, str, QColor]]:
         """Paint lines of equal force, or else of yarn strain; return places for their numbers."""
         from contourpy import contour_generator  # installed with matplotlib; imported when needed
 
-        palette, reached = self.palette(), self._unjammed_mask(found)
-        forces = found.force.max() > 0.0
-        fields = found.force if forces else found.strain
-        most = float(np.where(reached, fields, 0.0).max())
+        palette, unjammed = self.palette(), self._unjammed_mask(stretch_map)
+        forces = stretch_map.force.max() > 0.0
+        fields = stretch_map.force if forces else stretch_map.strain
+        maximum = float(np.where(unjammed, fields, 0.0).max())
         size, unit = (1.0, " N/m") if forces else (100.0, " %")
-        if forces and most >= 1e4:
+        if forces and maximum >= 1e4:
             size, unit = 1e-3, " kN/m"
         labels: list[tuple[QRectF, str, QColor]] = []
 
         painter.setPen(QPen(palette.text().color(), 1.0 if forces else 2.2))
-        painter.drawPolyline(QPolygonF([self.position_of(*point) for point in found.exchange.T]))
+        painter.drawPolyline(
+            QPolygonF([self.position_of(*point) for point in stretch_map.exchange.T])
+        )
         styles = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for values, color, style in zip(fields, _COLORS[is_dark(self)], styles, strict=True):
             painter.setPen(QPen(QColor(color), 1.3, style))
-            lines = contour_generator(found.warp, found.weft, values)
-            for level in log_ticks(0.04 * most, most):
+            lines = contour_generator(stretch_map.warp, stretch_map.weft, values)
+            for level in log_ticks(0.04 * maximum, maximum):
                 text = f"{size * level:g}{unit}"
                 for line in lines.lines(level):
                     points = [self.position_of(*point) for point in np.asarray(line)]
@@ -279,42 +299,45 @@ class PullMap(QWidget):
                 return QRectF(area)
         return None
 
-    def _unjammed_mask(self, found: StretchMap) -> NDArray[np.bool_]:
+    def _unjammed_mask(self, stretch_map: StretchMap) -> NDArray[np.bool_]:
         """Return a mask of the stretches at which no yarn jams."""
-        reached: NDArray[np.bool_] = found.warp >= found.jam[0][:, None]
-        return reached & (found.weft[:, None] >= found.jam[1])
+        unjammed: NDArray[np.bool_] = stretch_map.warp >= stretch_map.jam[0][:, None]
+        return unjammed & (stretch_map.weft[:, None] >= stretch_map.jam[1])
 
-    def _name_regions(self, painter: QPainter, found: StretchMap) -> None:
+    def _name_regions(self, painter: QPainter, stretch_map: StretchMap) -> None:
         """Write the name of each region (jammed, slack, pressed) where the region is widest."""
         from scipy.ndimage import distance_transform_edt
 
-        reached, frame = self._unjammed_mask(found), self.plot_rect()
-        cell = frame.height() / len(found.weft), frame.width() / len(found.warp)
-        regions: list[tuple[str, Any]] = [("jammed", ~reached), ("slack", reached & found.slack)]
-        if not found.force.any():
-            strains = found.strain.max(axis=0) > 1e-6
-            regions.append(("pressed", reached & ~found.slack & ~strains))
-        for name, where in regions:
+        unjammed, frame = self._unjammed_mask(stretch_map), self.plot_rect()
+        cell = frame.height() / len(stretch_map.weft), frame.width() / len(stretch_map.warp)
+        regions: list[tuple[str, Any]] = [
+            ("jammed", ~unjammed),
+            ("slack", unjammed & stretch_map.slack),
+        ]
+        if not stretch_map.force.any():
+            strains = stretch_map.strain.max(axis=0) > 1e-6
+            regions.append(("pressed", unjammed & ~stretch_map.slack & ~strains))
+        for name, mask in regions:
             # Distance to the border of the region and of the map; the name goes to the largest.
-            far = distance_transform_edt(np.pad(where, 1), sampling=cell)[1:-1, 1:-1]
-            row, column = np.unravel_index(int(np.argmax(far)), far.shape)
-            if far[row, column] < _MIN_REGION:
+            distances = distance_transform_edt(np.pad(mask, 1), sampling=cell)[1:-1, 1:-1]
+            row, column = np.unravel_index(int(np.argmax(distances)), distances.shape)
+            if distances[row, column] < _MIN_REGION:
                 continue
             area = painter.fontMetrics().boundingRect(name).toRectF().adjusted(-4, 0, 4, 0)
-            area.moveCenter(self.position_of(found.warp[column], found.weft[row]))
+            area.moveCenter(self.position_of(stretch_map.warp[column], stretch_map.weft[row]))
             if name == "jammed":
                 painter.fillRect(area, self.palette().window())
             if not any(area.intersects(other) for other in self._label_rects):
                 painter.drawText(area, Qt.AlignmentFlag.AlignCenter, name)
 
-    def _paint_scales(self, painter: QPainter, found: StretchMap) -> None:
+    def _paint_scales(self, painter: QPainter, stretch_map: StretchMap) -> None:
         """Write the scales of both stretches, in percent."""
         frame, middle = self.plot_rect(), Qt.AlignmentFlag.AlignCenter
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for mark in _scale_marks(found.warp, frame.width()):
+        for mark in _scale_marks(stretch_map.warp, frame.width()):
             x = self.position_of(1.0 + mark / 100, 1.0).x()
             painter.drawText(QRectF(x - 25, frame.bottom() + 4, 50, 14), middle, _percent(mark))
-        for mark in _scale_marks(found.weft, frame.height()):
+        for mark in _scale_marks(stretch_map.weft, frame.height()):
             y = self.position_of(1.0, 1.0 + mark / 100).y()
             painter.drawText(QRectF(14, y - 7, frame.left() - 19, 14), right, _percent(mark))
         foot = QRectF(frame.left(), frame.bottom() + 20, frame.width(), 16)

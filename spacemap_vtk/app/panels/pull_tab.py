@@ -67,8 +67,8 @@ class PullTab(QWidget):
         self.map.dragged.connect(self._show_stretch)
         self.map.dragging.connect(self.dragging)
         self.map.reset_requested.connect(self.stop)
-        for told in (document.changed, document.replaced):
-            told.connect(self.rest.start)
+        for signal in (document.changed, document.replaced):
+            signal.connect(self.rest.start)
 
     def stop(self) -> None:
         """Show the motion again."""
@@ -77,11 +77,11 @@ class PullTab(QWidget):
 
     def release(self) -> bool:
         """Return the point to rest; return whether the cloth was stretched."""
-        held = self.back_button.isEnabled()
+        was_stretched = self.back_button.isEnabled()
         self.back_button.setEnabled(False)
         self.map.move_to(1.0, 1.0)
         self.state_text.clear()
-        return held
+        return was_stretched
 
     def showEvent(self, event: QShowEvent) -> None:
         """Compute the map if the cloth has changed while the tab was hidden."""
@@ -92,26 +92,26 @@ class PullTab(QWidget):
         """Compute the map of the present cloth if the tab is visible."""
         scene = self._document.scene
         stage = scene.stage("crimp")
-        known = (
+        key = (
             scene.woven is not None,
             scene.source.settings,
             None if stage is None else stage.settings,
         )
-        if not self.isVisible() or known == self._cloth_key:
+        if not self.isVisible() or key == self._cloth_key:
             return
-        self._cloth_key, self._crossings, found = known, None, None
+        self._cloth_key, self._crossings, result = key, None, None
         hint = _NO_MAP_HINTS[scene.woven is None]
         if scene.woven is not None and isinstance(stage, YarnParameters):
             try:
                 cloth = scene.woven.cloth
                 self._crossings = Interchange(cloth, stage.yarns(cloth))
-                found = stretch_map(self._crossings)
+                result = stretch_map(self._crossings)
                 hint = _HINT + _LINE_HINTS[stage.inextensible]
             except SpacemapError as error:
                 hint = f"The map cannot be computed: {html.escape(str(error))}"
         self.hint.setText(hint)
-        self.map.show_map(found)
-        if found is None:
+        self.map.show_map(result)
+        if result is None:
             self.stop()
         elif self.back_button.isEnabled():
             self.state_text.setText(self._describe_state(*self.map.stretch))
@@ -127,19 +127,24 @@ class PullTab(QWidget):
         assert crossings is not None
         stretch = np.array([[warp], [weft]])
         state = crossings.solve(np.broadcast_to(stretch[..., None], (2, *crossings.shape)))
-        found = crossings.resultants(stretch)
-        words = [f"Warp {100 * (warp - 1):+.2f} %, weft {100 * (weft - 1):+.2f} %"]
-        if found.force.any():
-            words[0] += ": {:.4g} and {:.4g} N/m".format(*found.force[:, 0])
+        forces = crossings.resultants(stretch)
+        sentences = [f"Warp {100 * (warp - 1):+.2f} %, weft {100 * (weft - 1):+.2f} %"]
+        if forces.force.any():
+            sentences[0] += ": {:.4g} and {:.4g} N/m".format(*forces.force[:, 0])
         crimp, height = (values.mean(axis=(1, 2)) for values in (state.crimp, state.height))
-        words.append("Crimp {:.2f} and {:.2f} %".format(*100.0 * crimp))
+        sentences.append("Crimp {:.2f} and {:.2f} %".format(*100.0 * crimp))
         # Peirce's crimp height: of the yarn's axis, from crest to trough.
-        words[-1] += ", heights {:.3g} and {:.3g} mm".format(*2e3 * height)
-        words.append("Yarn strain {:.2f} and {:.2f} %".format(*100.0 * found.strain[:, 0]))
-        if (lost := 1.0 - found.distance[0]) > 1e-6:
-            words.append(f"Crossings are pressed to {100 * (1 - lost):.3g} % of their height")
+        sentences[-1] += ", heights {:.3g} and {:.3g} mm".format(*2e3 * height)
+        sentences.append("Yarn strain {:.2f} and {:.2f} %".format(*100.0 * forces.strain[:, 0]))
+        if (pressing := 1.0 - forces.distance[0]) > 1e-6:
+            sentences.append(
+                f"Crossings are pressed to {100 * (1 - pressing):.3g} % of their height"
+            )
         jams = state.stretch.max(axis=(1, 2)) > stretch[:, 0] + 1e-9
-        for what, families in (("jams", jams), ("is slack", state.slack.any(axis=(1, 2)) & ~jams)):
+        for state_text, families in (
+            ("jams", jams),
+            ("is slack", state.slack.any(axis=(1, 2)) & ~jams),
+        ):
             names = [name for name, is_so in zip(FAMILIES, families, strict=True) if is_so]
-            words += [f"The {name} {what}" for name in names]
-        return ". ".join(words) + "."
+            sentences += [f"The {name} {state_text}" for name in names]
+        return ". ".join(sentences) + "."

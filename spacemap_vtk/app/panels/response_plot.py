@@ -66,8 +66,8 @@ class ResponsePlot(QWidget):
             )
             # Not during a drag: the work would slow it down, and each coarse frame has another
             # response.
-            still = not frame.coarse or self._drawn == before
-            if still and self._drawn != self._requested and not self._rest_timer.isActive():
+            at_rest = not frame.coarse or self._drawn == before
+            if at_rest and self._drawn != self._requested and not self._rest_timer.isActive():
                 self._rest_timer.start()
 
     @property
@@ -149,17 +149,17 @@ class ResponsePlot(QWidget):
                 painter.setPen(QPen(line, 0.6))
                 painter.drawLine(QPointF(frame.left(), y), QPointF(frame.right(), y))
                 painter.setPen(faint)
-                room = QRectF(0, y - 8, frame.left() - 4, 16)
-                painter.drawText(room, Qt.AlignmentFlag.AlignRight, f"{10.0**power:g}")
-        taken = -math.inf
+                rect = QRectF(0, y - 8, frame.left() - 4, 16)
+                painter.drawText(rect, Qt.AlignmentFlag.AlignRight, f"{10.0**power:g}")
+        last_x = -math.inf
         for value in log_ticks(*frequencies[[0, -1]]):
             x = float(self.x_of(value))
-            if x - taken >= _MIN_NUMBER_DISTANCE and x + _MIN_NUMBER_DISTANCE / 2 < self.width():
-                taken = x
-                room = QRectF(
+            if x - last_x >= _MIN_NUMBER_DISTANCE and x + _MIN_NUMBER_DISTANCE / 2 < self.width():
+                last_x = x
+                rect = QRectF(
                     x - _MIN_NUMBER_DISTANCE / 2, frame.bottom() + 2, _MIN_NUMBER_DISTANCE, 16
                 )
-                painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, f"{value:g}")
+                painter.drawText(rect, Qt.AlignmentFlag.AlignHCenter, f"{value:g}")
         painter.setClipRect(frame)
         inside = self.frequencies > 0.0
         for number in np.flatnonzero(inside):

@@ -93,10 +93,10 @@ class StageList(QTreeWidget):
         """Give the stages of certain roles an eye that triggers an action."""
         roles = {section: getattr(cls, "role", "") for section, cls in sections().items()}
         self._eye_actions = {section: eyes[role] for section, role in roles.items() if role in eyes}
-        for seen in eyes.values():
-            seen.toggled.connect(self._show_eyes)
+        for action in eyes.values():
+            action.toggled.connect(self._show_eyes)
 
-    def show_scene(self, scene: Scene, anew: bool = True) -> None:
+    def show_scene(self, scene: Scene, reset: bool = True) -> None:
         """Show the stages of a scene; `anew` resets all, otherwise only the switched ones."""
         # The height shows all rows without scrolling.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
@@ -104,11 +104,11 @@ class StageList(QTreeWidget):
         connected = {stage.section for stage in scene.stages}
         for section, item in self.items.items():
             part = scene.parts[section]
-            on, was = section in connected, self.states.get(section, "off")
-            if anew or not on:
+            on, before = section in connected, self.states.get(section, "off")
+            if reset or not on:
                 item.setText(_TIME, "")
                 item.setText(_RUNS, "")
-            if anew or on != (was not in ("off", "settings")):
+            if reset or on != (before not in ("off", "settings")):
                 stage = isinstance(part, Stage)
                 self.set_state(section, "settings" if not stage else "stale" if on else "off")
         self.show_boxes(scene)
@@ -131,9 +131,9 @@ class StageList(QTreeWidget):
 
     def _show_eyes(self) -> None:
         for section, eye in self._eye_actions.items():
-            item, there = self.items[section], self.states.get(section, "off") != "off"
-            item.setIcon(_EYE, self._eye_icons[eye.isChecked()] if there else QIcon())
-            item.setToolTip(_EYE, eye.toolTip() if there else "")
+            item, is_on = self.items[section], self.states.get(section, "off") != "off"
+            item.setIcon(_EYE, self._eye_icons[eye.isChecked()] if is_on else QIcon())
+            item.setToolTip(_EYE, eye.toolTip() if is_on else "")
 
     def _toggle_eye(self, item: QTreeWidgetItem, column: int) -> None:
         if column == _EYE and not item.icon(_EYE).isNull():
@@ -143,11 +143,11 @@ class StageList(QTreeWidget):
         if section not in self.items or self.states.get(section) == state:
             return
         self.states[section] = state
-        _, words = STATES[state]
+        _, description = STATES[state]
         item = self.items[section]
         item.setIcon(_NAME, self._dot_icons[state])
-        item.setToolTip(_TIME, words)
-        item.setToolTip(_RUNS, words)
+        item.setToolTip(_TIME, description)
+        item.setToolTip(_RUNS, description)
         item.setForeground(_NAME, QBrush(QColor("#808b98")) if state == "off" else QBrush())
 
     def show_run(self, section: str, seconds: float, executions: int) -> None:
@@ -194,11 +194,11 @@ def _eye_icon(opened: bool) -> QIcon:
     return icon
 
 
-def _pixmap(draw: Callable[..., None], *how: Any) -> QPixmap:
+def _pixmap(draw: Callable[..., None], *arguments: Any) -> QPixmap:
     pixmap = QPixmap(96, 96)  # sharp on screens of high resolution, too
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = painter_on(pixmap)
-    draw(painter, *how)
+    draw(painter, *arguments)
     painter.end()
     return pixmap
 

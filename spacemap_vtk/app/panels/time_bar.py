@@ -111,9 +111,9 @@ class TimeBar(QWidget):
         self._tips[self.slider] = f"Time, up to {end}"
         self._show(self.time if at is None else at)
 
-    def go_to(self, at: float, going_on: bool = False) -> None:
+    def go_to(self, at: float, continues: bool = False) -> None:
         self.time_chosen.emit()
-        self._set_time(at, going_on)
+        self._set_time(at, continues)
 
     def go_to_start(self) -> None:
         self.go_to(self._start)
@@ -130,9 +130,9 @@ class TimeBar(QWidget):
     def pause(self) -> None:
         self.play.setChecked(False)
 
-    def _set_time(self, at: float, going_on: bool) -> None:
+    def _set_time(self, at: float, continues: bool) -> None:
         self._show(at)
-        self.time_changed.emit(self.time, going_on)
+        self.time_changed.emit(self.time, continues)
 
     def _show(self, at: float) -> None:
         self.time = at
@@ -169,7 +169,7 @@ class TimeBar(QWidget):
                 self.pause()
                 return
             at = self._start + (at - self._start) % (self._stop - self._start)
-        self._set_time(at, going_on=True)
+        self._set_time(at, continues=True)
 
     def _scrub(self, step: int) -> None:
         at = self._start + step / _STEPS * (self._stop - self._start)

@@ -146,18 +146,18 @@ class PlotCanvas(FigureCanvasQTAgg):
             return
         lines = [self._place_legend(axes, width - _LEFT - _RIGHT) for axes in self.axes]
         top, between = _TOP + _LINE * lines[0], _BETWEEN + _LINE * max(lines[1:], default=0)
-        each = (height - top - _BOTTOM - (count - 1) * between) / count
-        if each <= 0:
+        plot_height = (height - top - _BOTTOM - (count - 1) * between) / count
+        if plot_height <= 0:
             return
         self.figure.subplots_adjust(
             left=_LEFT / width,
             right=1 - _RIGHT / width,
             top=1 - top / height,
             bottom=_BOTTOM / height,
-            hspace=between / each,
+            hspace=between / plot_height,
         )
 
-    def _place_legend(self, axes: Axes, room: int) -> int:
+    def _place_legend(self, axes: Axes, space: int) -> int:
         """Place title and legend side by side or in lines; return the lines below the title."""
         text, ratio = axes.get_title(loc="left"), self.device_pixel_ratio
         renderer = self.get_renderer()
@@ -165,15 +165,15 @@ class PlotCanvas(FigureCanvasQTAgg):
         count = len(axes.get_legend_handles_labels()[1])
         if count < 2:
             return 0
-        taken = title.get_window_extent(renderer).width / ratio + _GAP
-        lines, wide = (
+        title_width = title.get_window_extent(renderer).width / ratio + _GAP
+        lines, legend_width = (
             0,
             _add_legend(axes, count, self._text).get_window_extent(renderer).width / ratio,
         )
-        while taken + wide > room and lines < count:
-            lines, taken = lines + 1, 0.0
+        while title_width + legend_width > space and lines < count:
+            lines, title_width = lines + 1, 0.0
             legend = _add_legend(axes, -(-count // lines), self._text)
-            wide = legend.get_window_extent(renderer).width / ratio
+            legend_width = legend.get_window_extent(renderer).width / ratio
         pad = _PAD + lines * _LINE * 72 / 100
         axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=pad)
         return lines

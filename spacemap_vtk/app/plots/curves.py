@@ -103,7 +103,7 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
             if mover.inputs
             else (yield from _read_curves(type(mover)(**mover.settings), request))
         )
-    linear = None if (moved := scene.stage("mover")) is None else moved.motion
+    linear = None if (mover_stage := scene.stage("mover")) is None else mover_stage.motion
     response = linear if isinstance(linear, Response) else None
     natural = np.zeros(0) if response is None else response.modes.frequencies
     places, weights, note = [], [], "" if response else NO_FREQUENCY_RESPONSE
@@ -114,31 +114,33 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
         except InputError as error:
             note = f"{error.message}."
         yield 0.0
-    begun = 0.0
-    if moved is not None and isinstance(moved, TransientResponse):
-        begun = _STEPPED
+    done = 0.0
+    if mover_stage is not None and isinstance(mover_stage, TransientResponse):
+        done = _STEPPED
         for time in times:  # one at a time, since a step can take long
             model.at(float(time))
-            yield begun * float(time - request.start) / (request.stop - request.start)
+            yield done * float(time - request.start) / (request.stop - request.start)
     motion = np.zeros((3, len(places), len(times), 3))
     energies, potential = np.zeros((len(times), 4)), np.zeros(len(times))
-    known = "kinetic_energy" in scene.arrays
-    work_at_start = float(model.energies(np.zeros(1))[0, 3]) if known else 0.0
+    has_energy = "kinetic_energy" in scene.arrays
+    work_at_start = float(model.energies(np.zeros(1))[0, 3]) if has_energy else 0.0
     # All quantities of one span of times in sequence, so that its states are computed only once.
-    for part in _timed_slices(len(times)):
-        share = begun + (_MOVED - begun) * part.start / len(times)
+    for span in _timed_slices(len(times)):
+        share = done + (_MOVED - done) * span.start / len(times)
         for number, weight in enumerate(weights):
-            motion[:, number, part] = model.history(weight, times[part])
+            motion[:, number, span] = model.history(weight, times[span])
             yield share
-        if known:
-            energies[part] = model.energies(times[part])
-            potential[part] = model.potential(times[part])
+        if has_energy:
+            energies[span] = model.energies(times[span])
+            potential[span] = model.potential(times[span])
             yield share
-    found = balance_energies(energies, potential, work_at_start) if known else None
+    energy_balance = balance_energies(energies, potential, work_at_start) if has_energy else None
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
     answers = yield from _compute_responses(response, weights, frequencies)
     points = np.array(places).reshape(-1, 3)
-    return Curves(request.key, points, times, motion, found, frequencies, answers, natural, note)
+    return Curves(
+        request.key, points, times, motion, energy_balance, frequencies, answers, natural, note
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,17 +210,17 @@ def _read_curves(reader: Stage, request: CurveRequest) -> Generator[float, None,
         data = reader.output.GetPointData()
         fields.append(array_of(data, "displacement", "a plot").copy())
         yield len(fields) / len(times)
-    moved = np.stack(fields)
+    fields_array = np.stack(fields)
     places, curves, note = [], [], "A motion that is read from a file has no energies and no modes."
-    largest = rest[int(np.argmax(np.linalg.norm(moved, axis=2).max(axis=0)))]
+    largest = rest[int(np.argmax(np.linalg.norm(fields_array, axis=2).max(axis=0)))]
     for place in request.points or (largest,):
-        where = locate([place], rest, cells, threads=1)
-        if where.outside:
+        location = locate([place], rest, cells, threads=1)
+        if location.outside:
             note = "A point lies outside the cage."
             continue
-        corners = cells[where.tetrahedron[0]]
+        corners = cells[location.tetrahedron[0]]
         places.append(place)
-        curves.append(np.einsum("c,tcx->tx", where.weights[0], moved[:, corners]))
+        curves.append(np.einsum("c,tcx->tx", location.weights[0], fields_array[:, corners]))
     displacement = np.array(curves).reshape(-1, len(times), 3)
     velocity = np.gradient(displacement, times, axis=1)
     motion = np.stack([displacement, velocity, np.gradient(velocity, times, axis=1)])
@@ -229,12 +231,12 @@ def _read_curves(reader: Stage, request: CurveRequest) -> Generator[float, None,
 
 def _timed_slices(count: int) -> Iterator[slice]:
     """Yield slices of a range, sized so that the work on each takes about `_SLICE_TIME` seconds."""
-    first, size, begun = 0, 1, perf_counter()
+    first, size, begin = 0, 1, perf_counter()
     while first < count:
         yield slice(first, first + size)
         now = perf_counter()
-        first, begun, took = first + size, now, now - begun
-        size = max(1, min(CHUNK, 2 * size, round(size * _SLICE_TIME / max(took, 1e-6))))
+        first, begin, duration = first + size, now, now - begin
+        size = max(1, min(CHUNK, 2 * size, round(size * _SLICE_TIME / max(duration, 1e-6))))
 
 
 def _slices(count: int) -> list[slice]:

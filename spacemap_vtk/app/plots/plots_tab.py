@@ -283,9 +283,9 @@ class PlotsTab(QWidget):
             self.canvas.hide()
 
     def _enable_tools(self) -> None:
-        known = self.curves is not None
+        has_curves = self.curves is not None
         for widget in (self.quantity, self.component, self.save_button):
-            widget.setEnabled(known)
+            widget.setEnabled(has_curves)
         self.saves["frequencies"].setEnabled(
             self.curves is not None and len(self.curves.frequencies) > 0
         )

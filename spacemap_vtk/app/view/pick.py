@@ -48,9 +48,9 @@ class Pick:
         """Yarn and crossing in words; empty on an object."""
         if self.number is None or self.family is None:
             return ""
-        words = "end", "pick"
-        crossed = "" if self.crossed is None else f" × {words[1 - self.family]} {self.crossed}"
-        return f"{words[self.family]} {self.number}{crossed}"
+        names = "end", "pick"
+        crossed = "" if self.crossed is None else f" × {names[1 - self.family]} {self.crossed}"
+        return f"{names[self.family]} {self.number}{crossed}"
 
     @property
     def text(self) -> str:
@@ -61,11 +61,13 @@ class Pick:
 
     def label(self, frame: Frame, span: Span | None) -> tuple[NDArray[np.float64], str]:
         """Return the position in a frame, and a label with name, shown value and position."""
-        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
+        surfaces = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
         # The yarns drawn near the camera may belong to another part of the cloth.
-        found = [(surface, *self._find_nearest(surface, frame.relief)) for surface in drawn]
-        surface, nearest, _ = min(found, key=lambda one: one[2])
-        at = points_of(surface)[nearest].astype(np.float64)
+        nearest_points = [
+            (surface, *self._find_nearest(surface, frame.relief)) for surface in surfaces
+        ]
+        surface, nearest, _ = min(nearest_points, key=lambda entry: entry[2])
+        position = points_of(surface)[nearest].astype(np.float64)
         numbers, value = surface.GetPointData().GetArray(COLOR_VALUES), None
         if numbers is not None:
             value = numbers.GetTuple1(nearest)
@@ -75,28 +77,28 @@ class Pick:
             end, pick = (self.number, self.crossed)[:: 1 - 2 * self.family]
             of_yarns = frame.crossings[self.family - len(frame.crossings)]
             value = float(of_yarns[pick - 1, end - 1])
-        told = ""
+        value_text = ""
         if value is None and surface.GetPointData().HasArray("displacement"):
-            told = _format_displacement(at - self.rest)
+            value_text = _format_displacement(position - self.rest)
         elif value is not None:
             unit, size = scale_unit(frame.color, max(map(abs, span or (value,))))
-            told = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
-        unit, size = scale_unit("displacement", float(np.abs(at).max()))
-        where = ", ".join(f"{c / size:.4g}" for c in at + 0.0)
-        lines = self.name, told.strip(), f"({where}) {unit}"
-        return at, "\n".join(filter(None, lines)).replace("-", "−")
+            value_text = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
+        unit, size = scale_unit("displacement", float(np.abs(position).max()))
+        coordinates = ", ".join(f"{c / size:.4g}" for c in position + 0.0)
+        lines = self.name, value_text.strip(), f"({coordinates}) {unit}"
+        return position, "\n".join(filter(None, lines)).replace("-", "−")
 
-    def _find_nearest(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
+    def _find_nearest(self, surface: vtkPolyData, tolerance: float) -> tuple[int, float]:
         """Find the nearest point of a surface and its distance; keep a cached one within `off`."""
         points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
-        number, far = self._nearest.get(len(points), (0, -np.inf))
+        number, distance = self._nearest.get(len(points), (0, -np.inf))
         rest = points[number] - (0.0 if moved is None else moved.GetTuple3(number))
-        now = float(np.linalg.norm(rest - self.rest))
-        if now <= far + off:
-            return number, now
-        away = ((rest_points(surface) - self.rest) ** 2).sum(axis=1)
-        number = int(away.argmin())
-        self._nearest[len(points)] = number, float(away[number] ** 0.5)
+        present_distance = float(np.linalg.norm(rest - self.rest))
+        if present_distance <= distance + tolerance:
+            return number, present_distance
+        squares = ((rest_points(surface) - self.rest) ** 2).sum(axis=1)
+        number = int(squares.argmin())
+        self._nearest[len(points)] = number, float(squares[number] ** 0.5)
         return self._nearest[len(points)]
 
 

@@ -47,15 +47,15 @@ class Preview(QWidget):
 
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the thumbnail as large as the view allows, with a caption below it."""
-        room, painter = self.rect(), QPainter(self)
+        area, painter = self.rect(), QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         line = 2 * self.fontMetrics().lineSpacing()
-        most = room.size() * (1.0 - 2.0 * _MARGIN) - QSize(0, line)
-        size = self._picture.size().scaled(most, Qt.AspectRatioMode.KeepAspectRatio)
-        place = QRect(room.topLeft(), size)
-        place.moveCenter(room.center())
+        largest = area.size() * (1.0 - 2.0 * _MARGIN) - QSize(0, line)
+        size = self._picture.size().scaled(largest, Qt.AspectRatioMode.KeepAspectRatio)
+        place = QRect(area.topLeft(), size)
+        place.moveCenter(area.center())
         painter.drawPixmap(place, self._picture)
-        below = QRect(room.left(), place.bottom(), room.width(), line)
+        below = QRect(area.left(), place.bottom(), area.width(), line)
         painter.setPen(QColor("#66717e"))
         painter.drawText(below, Qt.AlignmentFlag.AlignCenter, _CAPTION)
         painter.end()

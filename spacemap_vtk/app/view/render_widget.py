@@ -40,14 +40,14 @@ _WHEEL_STEP = 120
 
 def _surface_format() -> QSurfaceFormat:
     """Return the OpenGL format that VTK needs; multisampling is done in VTK's framebuffers."""
-    wanted = QSurfaceFormat()
+    surface_format = QSurfaceFormat()
     # On Wayland Qt may otherwise choose OpenGL ES, which cannot compile VTK's shaders.
-    wanted.setRenderableType(QSurfaceFormat.RenderableType.OpenGL)
-    wanted.setProfile(QSurfaceFormat.OpenGLContextProfile.CoreProfile)
-    wanted.setVersion(3, 2)
-    wanted.setAlphaBufferSize(8)
-    wanted.setDepthBufferSize(8)
-    return wanted
+    surface_format.setRenderableType(QSurfaceFormat.RenderableType.OpenGL)
+    surface_format.setProfile(QSurfaceFormat.OpenGLContextProfile.CoreProfile)
+    surface_format.setVersion(3, 2)
+    surface_format.setAlphaBufferSize(8)
+    surface_format.setDepthBufferSize(8)
+    return surface_format
 
 
 class RenderWidget(QOpenGLWidget):
@@ -142,11 +142,11 @@ class RenderWidget(QOpenGLWidget):
         """Pass the event to VTK."""
         self._press_or_release(event, "Release")
 
-    def _press_or_release(self, event: QMouseEvent, what: str) -> None:
+    def _press_or_release(self, event: QMouseEvent, action: str) -> None:
         button = _BUTTONS.get(event.button())
         if button is not None:
             self._send_position(event)
-            self.interactor.InvokeEvent(f"{button}{what}Event")
+            self.interactor.InvokeEvent(f"{button}{action}Event")
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Pass the event to VTK."""
@@ -175,12 +175,12 @@ class RenderWidget(QOpenGLWidget):
 
     def _send_position(self, event: QMouseEvent | QEnterEvent | QWheelEvent) -> None:
         """Give VTK the mouse position in device pixels from the bottom, and the modifier keys."""
-        scale, at, held = self.devicePixelRatioF(), event.position(), event.modifiers()
+        scale, position, modifiers = self.devicePixelRatioF(), event.position(), event.modifiers()
         self.interactor.SetEventInformation(
-            round(at.x() * scale),
-            round((self.height() - at.y() - 1) * scale),
-            bool(held & Qt.KeyboardModifier.ControlModifier),
-            bool(held & Qt.KeyboardModifier.ShiftModifier),
+            round(position.x() * scale),
+            round((self.height() - position.y() - 1) * scale),
+            bool(modifiers & Qt.KeyboardModifier.ControlModifier),
+            bool(modifiers & Qt.KeyboardModifier.ShiftModifier),
             chr(0),
             int(event.type() == QEvent.Type.MouseButtonDblClick),
             None,

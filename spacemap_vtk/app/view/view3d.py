@@ -169,18 +169,18 @@ class View3D(QWidget):
         return CameraView(self.viewpoint, self.scene_view.scale_width, pixels)
 
     def _observe_camera(self) -> None:
-        me, style = weakref.ref(self), self.canvas.interactor.GetInteractorStyle()
+        reference, style = weakref.ref(self), self.canvas.interactor.GetInteractorStyle()
 
         def tell(style: vtkInteractorStyle, event: str) -> None:
-            here = me()
-            if here is None:
+            view = reference()
+            if view is None:
                 return
-            if here.turntable and style.GetState() == _TURNING and event[0] != "E":
-                keep_upright(here.canvas.camera, here._up_axis, here._stood)
-                here._stood = here.viewpoint
+            if view.turntable and style.GetState() == _TURNING and event[0] != "E":
+                keep_upright(view.canvas.camera, view._up_axis, view._stood)
+                view._stood = view.viewpoint
             if event != "InteractionEvent":
-                here._stood = None
-                here.steer(event == "StartInteractionEvent")
+                view._stood = None
+                view.steer(event == "StartInteractionEvent")
 
         for name in ("StartInteractionEvent", "InteractionEvent", "EndInteractionEvent"):
             style.AddObserver(name, tell)
@@ -212,11 +212,13 @@ class View3D(QWidget):
         """Return whether the present camera may need a new frame."""
         if frame.cloth is not None:
             return True
-        seen = self.seen
-        if frame.coarse_scale == 0.0 or seen is None:
+        camera_view = self.seen
+        if frame.coarse_scale == 0.0 or camera_view is None:
             return False
         # The number of facets was chosen for another view and may be too small or too large.
-        scale = pixels_per_metre(seen.camera, extent_of(frame, loads=False), seen.size[1])
+        scale = pixels_per_metre(
+            camera_view.camera, extent_of(frame, loads=False), camera_view.size[1]
+        )
         return scale > frame.coarse_scale or frame.has_finer_yarns
 
     def _end_camera_move(self) -> None:
@@ -285,9 +287,9 @@ class View3D(QWidget):
         frame, view = self.frame, self._view
         if frame is None or view is None or self._is_scene_closed:
             return
-        wanted = frame.generation, view.clip_normal, view.clip_origin
-        if wanted != self._cut[0]:
-            self._cut = wanted, self._place_handle(cut_of(view, frame.surface))
+        key = frame.generation, view.clip_normal, view.clip_origin
+        if key != self._cut[0]:
+            self._cut = key, self._place_handle(cut_of(view, frame.surface))
         self._suspend_shadows()
         self.look.fabric = view.show != "cage" or frame.cage is None
         self.look.cage = view.show != "fabric"
@@ -298,12 +300,12 @@ class View3D(QWidget):
             self._aimed_for = aimed_for
             self.canvas.front.SetDraw(view.loads)
             self._aim_again()
-        made = [frame.values.get(section) for section in self._sources]
+        sources = [frame.values.get(section) for section in self._sources]
         if (
-            not frame.coarse and made != self._source_state[0]
+            not frame.coarse and sources != self._source_state[0]
         ):  # a new value can change the size much
             size = float(np.ptp(extent_of(frame, False)))
-            before, self._source_state = self._source_state[1], (made, size)
+            before, self._source_state = self._source_state[1], (sources, size)
             if not 0.7 * size < before < 1.4 * size:
                 self._aim_again()
         if frame.values != self._drawn_values and self._is_out_of_view:
@@ -328,12 +330,12 @@ class View3D(QWidget):
         # Imported only here, because it loads VTK's widgets and most users never clip.
         from spacemap_vtk.app.view.clip_handle import ClipHandle
 
-        me = weakref.ref(self)
+        reference = weakref.ref(self)
 
         def moved(done: bool) -> None:
-            here = me()
-            if here is not None and here.handle is not None:
-                here._move_cut(here.handle.cut, done)
+            view = reference()
+            if view is not None and view.handle is not None:
+                view._move_cut(view.handle.cut, done)
 
         return ClipHandle(self.canvas.interactor, moved)
 
@@ -343,8 +345,8 @@ class View3D(QWidget):
         self.scene_view.apply_cut(cut)
         # Rounded to six digits, and only if the plane has moved.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
-        was, far = self.last_cut or np.inf, self.canvas.camera.distance
-        if done and abs(np.subtract((normal, origin), was) / [[1.0], [far]]).max() > 1e-5:
+        before, distance = self.last_cut or np.inf, self.canvas.camera.distance
+        if done and abs(np.subtract((normal, origin), before) / [[1.0], [distance]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
 
     def render(self) -> None:
@@ -426,14 +428,17 @@ class View3D(QWidget):
 
     def viewpoint_for(self, size: tuple[int, int]) -> Viewpoint:
         """Compute the viewpoint from which a picture of another size shows the same, enlarged."""
-        frame, seen = self.frame, self.seen
-        if frame is None or seen is None:
+        frame, camera_view = self.frame, self.seen
+        if frame is None or camera_view is None:
             return self.viewpoint
         # The colour scale is drawn beside the scene, not over it.
-        room = color_bar_share(size) if seen.window_center_x else 0.0
+        bar_share = color_bar_share(size) if camera_view.window_center_x else 0.0
         aspect, other = (
             (1.0 - share) * width / height
-            for share, (width, height) in ((seen.window_center_x, seen.size), (room, size))
+            for share, (width, height) in (
+                (camera_view.window_center_x, camera_view.size),
+                (bar_share, size),
+            )
         )
         shown = visible_cells(frame, self._view or View(), self.look)
         return refit_viewpoint(self.viewpoint, shown, aspect, other)
@@ -504,20 +509,22 @@ class View3D(QWidget):
         if side is not None:
             self.reset_camera(side)
             return
-        found = self.pick(at.x(), at.y())
-        if found is not None:
-            self.add_pick(found, alone=not adding)
-            self.picked.emit(found)
+        point = self.pick(at.x(), at.y())
+        if point is not None:
+            self.add_pick(point, alone=not adding)
+            self.picked.emit(point)
 
     def _side_at(self, at: QPointF) -> str | None:
         """Return the side to look from after a click on an axis at a position in the widget."""
         ratio, height = self.canvas.devicePixelRatioF(), self.canvas.height()
-        way = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
-        if way is None:
+        direction = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
+        if direction is None:
             return None
-        if np.dot(way, self.canvas.camera.GetDirectionOfProjection()) < -0.999:
-            way = -way  # the camera already looks from this side
-        return next(s for s in SIDES if np.array_equal(camera_directions(s, self._up_axis)[0], way))
+        if np.dot(direction, self.canvas.camera.GetDirectionOfProjection()) < -0.999:
+            direction = -direction  # the camera already looks from this side
+        return next(
+            s for s in SIDES if np.array_equal(camera_directions(s, self._up_axis)[0], direction)
+        )
 
     def image(self) -> NDArray[np.uint8]:
         """Draw the view with contact shadows, and return its pixels."""

@@ -80,9 +80,9 @@ class ViewBar(QToolBar):
         self.part_actions: dict[str, QAction] = {}
         #: The same actions by the role of a stage, for the eyes in the list of stages.
         self.eye_actions: dict[str, QAction] = {}
-        for name, words, key, role in _PARTS:
-            tip = f"Show the {words.lower()}" + (f" ({key})" if key else "")
-            shown = action(self, words, self._toggle_part, key, tip, name, checkable=True)
+        for name, label, key, role in _PARTS:
+            tip = f"Show the {label.lower()}" + (f" ({key})" if key else "")
+            shown = action(self, label, self._toggle_part, key, tip, name, checkable=True)
             if name in _WINDOW_PARTS:  # only in the menu, as the bar has no room
                 setattr(view.look, name, QSettings().value(name) != "false")
                 shown.setChecked(getattr(view.look, name))
@@ -103,8 +103,8 @@ class ViewBar(QToolBar):
         group = QActionGroup(self)
         #: Actions and separators of the menu, in groups; those the scene lacks are hidden.
         self.coloring_actions: list[QAction] = []
-        for alike in GROUPS:
-            for name, coloring in alike.items():
+        for colorings in GROUPS:
+            for name, coloring in colorings.items():
                 self.colorings[name] = action(
                     group,
                     coloring.words,
@@ -176,8 +176,8 @@ class ViewBar(QToolBar):
         between = self._label.parentWidget().layout().spacing()
         label = self._label.sizeHint().width() + between
         saved = (0, label, label + mark)
-        whole = self.sizeHint().width() + saved[self._omitted]
-        fitting = [k for k in range(3) if whole - saved[k] <= self.width()]
+        full_width = self.sizeHint().width() + saved[self._omitted]
+        fitting = [k for k in range(3) if full_width - saved[k] <= self.width()]
         left_out = min(fitting, default=2)
         if left_out != self._omitted:
             self._omitted = left_out
@@ -208,16 +208,16 @@ class ViewBar(QToolBar):
         self.colorings[scene.view.color].setChecked(True)
         self.styles[scene.view.style].setChecked(True)
         show = scene.view.show
-        look = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
+        parts = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
         for name, shown in self.part_actions.items():
-            seen = look[name] if name in look else getattr(scene.view, name)
-            shown.setChecked(seen or (name in _WINDOW_PARTS and getattr(self._view.look, name)))
+            is_shown = parts[name] if name in parts else getattr(scene.view, name)
+            shown.setChecked(is_shown or (name in _WINDOW_PARTS and getattr(self._view.look, name)))
         solved = scene.modal in scene.stages
-        held = solved and scene.modal.fixed != ()
+        has_supports = solved and scene.modal.fixed != ()
         supports = self.part_actions["supports"]
-        supports.setEnabled(held)
-        supports.setChecked(held and supports.isChecked())
-        supports.setToolTip("Show the supports (S)" if held else "There are no supports")
+        supports.setEnabled(has_supports)
+        supports.setChecked(has_supports and supports.isChecked())
+        supports.setToolTip("Show the supports (S)" if has_supports else "There are no supports")
         self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.hangs)

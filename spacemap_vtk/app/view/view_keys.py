@@ -69,10 +69,10 @@ class ViewKeys(QObject):
         self._view.refresh()
 
     def _fly_to_mouse(self) -> None:
-        found = self._view.pick(self._mouse.x(), self._mouse.y())
-        if found is None:
+        pick = self._view.pick(self._mouse.x(), self._mouse.y())
+        if pick is None:
             return
-        camera, point = self._view.canvas.camera, np.array(found.position)
+        camera, point = self._view.canvas.camera, np.array(pick.position)
         moved = np.array(camera.GetPosition()) + point - camera.GetFocalPoint()
         camera.SetPosition(*moved.tolist())
         camera.SetFocalPoint(*point.tolist())

@@ -60,7 +60,7 @@ class ParameterRows:
         self._shown: dict[str, str] = {}
 
     def make_sections(
-        self, scene: Scene, values: Mapping[str, Any], held: bool = False
+        self, scene: Scene, values: Mapping[str, Any], dragging: bool = False
     ) -> list[dict[str, Any]]:
         """Make the sections of the page with their rows; keep feasible intervals during a drag."""
         self._parameters.clear()
@@ -69,8 +69,8 @@ class ParameterRows:
             used = part in scene.stages if isinstance(part, Stage) else True
             if not used or (part is scene.animation and not scene.moves):
                 continue
-            settings, found = part.settings, self._feasible.get(section)
-            if found is None or (found[0] != settings and not held):
+            settings, cached = part.settings, self._feasible.get(section)
+            if cached is None or (cached[0] != settings and not dragging):
                 self._feasible[section] = settings, feasible_intervals(part)
             rows = self._rows(section, part, values.get(section, ()))
             if rows:
@@ -100,8 +100,8 @@ class ParameterRows:
         """Show in a row why its value was refused; return whether the row exists."""
         key = key or f"{error.section}.{error.key}"
         allowed = f"; allowed: {error.allowed}" if error.allowed else ""
-        why = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
-        self._refused[key] = text, why
+        reason = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
+        self._refused[key] = text, reason
         return key in self._parameters
 
     def clear_refused(self, key: str = "") -> None:
@@ -110,40 +110,40 @@ class ParameterRows:
         self._refused = kept
 
     def _rows(
-        self, section: str, part: Parameterised, written: Collection[str]
+        self, section: str, part: Parameterised, written_names: Collection[str]
     ) -> list[dict[str, Any]]:
-        found = self.found.get(section, {})
-        feasible, known = self._feasible[section][1], found or automatic_values(part)
+        results = self.found.get(section, {})
+        feasible, values = self._feasible[section][1], results or automatic_values(part)
         rows: list[dict[str, Any]] = []
         for name, parameter in part.parameters.items():
             key, component = f"{section}.{name}", getattr(parameter, "component", None)
             editor = _EDITORS.get(parameter.kind)
-            idle = idle_reason(part, name, found)
-            if editor is None or key in _EXCLUDED or (idle and name not in written):
+            idle = idle_reason(part, name, results)
+            if editor is None or key in _EXCLUDED or (idle and name not in written_names):
                 continue
             if parameter.kind == "series" and not isinstance(component, Real):
                 editor = "text"
             self._parameters[key] = part, parameter
             value = getattr(part, name)
-            in_use = known.get(name) if value is None else value
+            in_use = values.get(name) if value is None else value
             self._shown[key] = "" if in_use is None else parameter.show(in_use)
             interval = feasible.get(name)
             typed, bad = self._refused.get(key, (None, ""))
             note = f"no effect: {idle}" if idle else format_interval(parameter, interval)
-            if name in found and not note and found[name] != value:
-                note = f"in use: {parameter.tell(found[name])}"
+            if name in results and not note and results[name] != value:
+                note = f"in use: {parameter.tell(results[name])}"
             row = {
                 "key": key,
                 "label": parameter.label,
                 "unit": parameter.unit if parameter.kind == "vector" else "",
                 "kind": editor,
                 "text": _text(parameter, value) if typed is None else typed,
-                "automatic": _automatic_hint(parameter, known.get(name)),
+                "automatic": _automatic_hint(parameter, values.get(name)),
                 "help": f"{parameter.help}\n\nAllowed: {parameter.allowed}.",
                 "note": note,
                 "bad": bad,
-                "changed": name in written,
-                "first": bool(bad) or name in written or len(rows) < _SHOWN_AT_FIRST,
+                "changed": name in written_names,
+                "first": bool(bad) or name in written_names or len(rows) < _SHOWN_AT_FIRST,
             }
             if editor == "choice":
                 row["choices"] = list(getattr(parameter, "choices", ()))
@@ -178,7 +178,7 @@ def _text(parameter: Parameter[Any], value: Any) -> str:
     return text.strip('"')
 
 
-def _automatic_hint(parameter: Parameter[Any], known: Any) -> str:
+def _automatic_hint(parameter: Parameter[Any], value: Any) -> str:
     if not parameter.automatic:
         return ""
-    return parameter.automatic if known is None else f"auto: {parameter.tell(known)}"
+    return parameter.automatic if value is None else f"auto: {parameter.tell(value)}"

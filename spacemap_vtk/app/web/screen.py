@@ -55,8 +55,8 @@ class Screen:
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Set the picture's size in CSS pixels, device pixels per CSS pixel, and the theme."""
-        most = _MAX_SIDE / max(width, height, 1.0)
-        self._ratio = min(max(ratio, 0.5), 2.0, max(most, 0.1))
+        max_ratio = _MAX_SIDE / max(width, height, 1.0)
+        self._ratio = min(max(ratio, 0.5), 2.0, max(max_ratio, 0.1))
         size = tuple(max(_MIN_SIDE, round(side * self._ratio)) for side in (width, height))
         self.dark = dark
         self.window.size = size[0], size[1]
@@ -91,12 +91,12 @@ class Screen:
         elif kind == "move":
             width, height = self.window.size
             flat = camera.GetParallelProjection()
-            tall = 2 * (camera.GetParallelScale() if flat else half_height(camera))
+            height_m = 2 * (camera.GetParallelScale() if flat else half_height(camera))
             up = np.array(camera.GetViewUp())
             right = np.cross(camera.GetDirectionOfProjection(), up)
-            by = -(right * x * width / height + up * y) * tall
-            camera.SetPosition(*(camera.GetPosition() + by).tolist())
-            camera.SetFocalPoint(*(camera.GetFocalPoint() + by).tolist())
+            shift = -(right * x * width / height + up * y) * height_m
+            camera.SetPosition(*(camera.GetPosition() + shift).tolist())
+            camera.SetFocalPoint(*(camera.GetFocalPoint() + shift).tolist())
         else:
             zoom_in(camera, min(max(x, 0.1), 10.0))
         self.set_steering(True)

@@ -150,14 +150,14 @@ def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> No
     async def guarded(request: Any, handler: Any) -> Any:
         _, first, *rest = request.path.split("/")
         origin = request.headers.get("Origin")
-        own = origin is None or urlsplit(origin).netloc == request.host
-        known = secrets.compare_digest(first.encode(), token.encode())
+        is_same_origin = origin is None or urlsplit(origin).netloc == request.host
+        has_token = secrets.compare_digest(first.encode(), token.encode())
         given = "/".join(rest).encode()
         ticket = first == "open" and any(
-            secrets.compare_digest(given, each.encode()) for each in tickets
+            secrets.compare_digest(given, valid.encode()) for valid in tickets
         )
         name = urlsplit(f"//{request.host}").hostname or ""
-        if not (own and (known or ticket) and _is_local(name)):
+        if not (is_same_origin and (has_token or ticket) and _is_local(name)):
             raise web.HTTPForbidden(text=_REFUSED, headers=_HEADERS)
         if ticket:
             tickets.clear()  # valid only once
@@ -169,9 +169,9 @@ def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> No
         return response
 
     async def picture(_request: Any) -> Any:
-        drawn = session.screen.picture
+        data = session.screen.picture
         session.fetched.set()
-        return web.Response(body=drawn, content_type="image/jpeg")
+        return web.Response(body=data, content_type="image/jpeg")
 
     async def page(_request: Any) -> Any:
         return web.FileResponse(Path(vue3.www) / "index.html")
@@ -199,7 +199,7 @@ async def _run_server(server: Any, host: str, port: int, token: str) -> None:
     server.cli.set_defaults(
         ws=f"{token}/ws", authKey=token, host=host, nosignalhandlers=True, server=True
     )
-    words, sys.argv = sys.argv, sys.argv[:1]
+    arguments, sys.argv = sys.argv, sys.argv[:1]
     try:
         running = server.start(
             port=port,
@@ -211,7 +211,7 @@ async def _run_server(server: Any, host: str, port: int, token: str) -> None:
             disable_logging=True,
         )
     finally:
-        sys.argv = words
+        sys.argv = arguments
     await running
 
 
@@ -225,10 +225,10 @@ def require_free_port(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
         except (OSError, OverflowError) as error:
-            taken = getattr(error, "errno", 0) == errno.EADDRINUSE
+            in_use = getattr(error, "errno", 0) == errno.EADDRINUSE
             raise InputError(
                 "another program uses this port"
-                if taken
+                if in_use
                 else f"the port cannot be opened ({error})",
                 key="--port",
                 value=port,

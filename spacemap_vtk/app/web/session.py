@@ -79,10 +79,10 @@ class Session:
         if key in self.rows:
             self._set_value(key, bool(on))
 
-    def slide(self, key: str, step: int, held: bool) -> None:
+    def slide(self, key: str, step: int, dragging: bool) -> None:
         """Set the value of a slider, during a drag or at its end."""
         if key in self.rows:
-            self._set_value(key, self.rows.value_at_step(key, int(step)), coarse=held)
+            self._set_value(key, self.rows.value_at_step(key, int(step)), coarse=dragging)
 
     def reset(self, key: str) -> None:
         """Reset a value to its default."""
@@ -93,10 +93,10 @@ class Session:
         """Set the colouring."""
         self._set_value("view.color", name)
 
-    def seek(self, step: int, held: bool) -> None:
+    def seek(self, step: int, dragging: bool) -> None:
         """Show the time at a step of the time slider."""
         span = self.scene.animation
-        self._show_time(span.start + step / TIME_STEPS * (span.stop - span.start), held)
+        self._show_time(span.start + step / TIME_STEPS * (span.stop - span.start), dragging)
 
     def go(self, text: str) -> None:
         """Show a typed time."""
@@ -234,10 +234,10 @@ class Session:
         self._time = at
         self.request_frame(coarse=True)
 
-    def _show_time(self, at: float, held: bool) -> None:
+    def _show_time(self, at: float, dragging: bool) -> None:
         self._time = at
         self.state.failure = ""
-        self.request_frame(coarse=held)
+        self.request_frame(coarse=dragging)
         self._send_time()
 
     def _set_value(
@@ -261,12 +261,12 @@ class Session:
         self._send_state(coarse)
 
     def _show_error(self, error: Exception) -> None:
-        told = one_line(error)
+        text = one_line(error)
         if isinstance(error, SpacemapError):
             error.file = None
             self.rows.mark_refused(error)
-            told = str(error)
-        self.state.failure = told
+            text = str(error)
+        self.state.failure = text
 
     def _follow_camera(self) -> None:
         """Show the picture from the new viewpoint, and refine it when the camera rests."""
@@ -294,10 +294,10 @@ class Session:
             self.fetched.clear()
             self.state.picture = self.screen.version
 
-    def _send_state(self, held: bool = False) -> None:
+    def _send_state(self, dragging: bool = False) -> None:
         """Send the state of the scene to the page."""
         scene = self.scene
-        self.state.sections = self.rows.make_sections(scene, self._values, held)
+        self.state.sections = self.rows.make_sections(scene, self._values, dragging)
         self.state.color = scene.view.color
         self.state.colorings = [
             {"name": name, "label": COLORINGS[name].label} for name in scene.colorings

@@ -76,9 +76,9 @@ class Director(QObject):
 
     def request_frame(self, coarse: bool = False) -> None:
         """Request a frame for the present document and time."""
-        document, scene, shown = self._document, self._document.scene, self._view.frame
+        document, scene, frame = self._document, self._document.scene, self._view.frame
         # Before the first frame of a scene, the camera is still the former scene's.
-        here = shown is not None and shown.generation == self.generation
+        is_same_scene = frame is not None and frame.generation == self.generation
         self._last_request = FrameRequest(
             values=document.values,
             base=document.base,
@@ -87,7 +87,7 @@ class Director(QObject):
             time=self._times.time,
             coarse=coarse,
             swing=self.swing,
-            seen=self._view.seen if here else None,
+            seen=self._view.seen if is_same_scene else None,
         )
         self._follows_camera = False
         self._is_cancelling = False
@@ -144,7 +144,7 @@ class Director(QObject):
         connected = {stage.section for stage in self._document.scene.stages}
         listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
         if connected != listed:
-            self._stages.show_scene(self._document.scene, anew=False)
+            self._stages.show_scene(self._document.scene, reset=False)
         # A change may be the first of a drag, so request a coarse frame now and a fine one soon. A
         # change of the view alone runs no stage and gets a fine frame now.
         before, self._settings = self._settings, _stage_settings(self._document.scene)
@@ -161,9 +161,9 @@ class Director(QObject):
         self._settings = _stage_settings(scene)
         self.request_frame()
 
-    def _request_time(self, _time: float, going_on: bool) -> None:
+    def _request_time(self, _time: float, continues: bool) -> None:
         self._times.waiting = self._times.playing
-        self.request_frame(coarse=going_on)
+        self.request_frame(coarse=continues)
 
     def _request_fine_frame(self) -> None:
         if self._engine.busy or self.is_dragging:
@@ -178,13 +178,13 @@ class Director(QObject):
             self._follows_camera, self._was_superseded = False, True
             self._engine.cancel()
         elif not moving and frame is not None and self._view.needs_new_frame(frame):
-            waits = self.is_dragging or self._times.playing or self.swing is not None
-            asked = (
+            is_animating = self.is_dragging or self._times.playing or self.swing is not None
+            requested_view = (
                 self._last_request.seen
                 if self._follows_camera and self._last_request
                 else frame.camera_view
             )
-            if not waits and self._view.seen not in (asked, frame.camera_view):
+            if not is_animating and self._view.seen not in (requested_view, frame.camera_view):
                 self.request_frame()
                 self._follows_camera = True
 
@@ -272,13 +272,13 @@ class Director(QObject):
 
     def _report_cancellation(self) -> None:
         self._end_notice()
-        frame, asked = self._view.frame, self._last_request
-        if not self._is_cancelling or asked is None:
+        frame, request = self._view.frame, self._last_request
+        if not self._is_cancelling or request is None:
             return
         self._is_cancelling = False
-        if frame is None or frame.generation != asked.generation:
+        if frame is None or frame.generation != request.generation:
             self.run_cancelled.emit("there is no picture of this scene yet")
-        elif (frame.values, frame.time) != (asked.values, asked.time):
+        elif (frame.values, frame.time) != (request.values, request.time):
             self.run_cancelled.emit("the picture is older than the values")
         elif frame.coarse:
             self.run_cancelled.emit("the picture is coarser than the values say")

@@ -115,9 +115,9 @@ class ExportDialog(QDialog):
             # For a name from the file dialog, that dialog has already asked.
             if self.line.text() != self._confirmed_name and not confirm_overwrite(self, self.file):
                 return
-            kept = self.preset.currentText()
-            size = "{} x {}".format(*self.picture_size)
-            QSettings().setValue(_SIZE_KEY, size if kept == _OTHER else kept)
+            preset = self.preset.currentText()
+            size_text = "{} x {}".format(*self.picture_size)
+            QSettings().setValue(_SIZE_KEY, size_text if preset == _OTHER else preset)
         super().accept()
 
     def _add_picture_rows(self, form: QFormLayout, options: PictureOptions) -> None:
@@ -132,11 +132,11 @@ class ExportDialog(QDialog):
         self.preset = QComboBox()
         self.preset.textActivated.connect(self._choose_size)
         self.preset.addItems([*options.sizes, _OTHER])
-        kept = str(QSettings().value(_SIZE_KEY, "Scene"))
-        width, _, height = kept.partition(" x ")
-        own = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
-        self._show_size(own or options.sizes.get(kept, options.sizes["Scene"]))
-        self.preset.setCurrentText(_OTHER if own else kept)
+        stored = str(QSettings().value(_SIZE_KEY, "Scene"))
+        width, _, height = stored.partition(" x ")
+        stored_size = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+        self._show_size(stored_size or options.sizes.get(stored, options.sizes["Scene"]))
+        self.preset.setCurrentText(_OTHER if stored_size else stored)
         self.camera = QComboBox()
         self.camera.addItems(list(_CAMERAS))
         self.camera.currentIndexChanged.connect(self._update_summary)
@@ -188,50 +188,50 @@ class ExportDialog(QDialog):
 
     def _update_summary(self) -> None:
         """Describe the present choice, or explain why it is not possible."""
-        words, bad = "", False
+        text, bad = "", False
         try:
             if self.animation is not None:
-                words = self._read_times(self.animation)
+                text = self._read_times(self.animation)
             if self._picture is not None:
                 self._update_picture_rows(self._picture)
                 for key, box in (("width", self.width_box), ("height", self.height_box)):
                     if box.range_error:
                         raise InputError(box.range_error, key=key)
                 self._picture.check(self.file, self.picture_size, len(self.times) or 1)
-                told = (words, self._picture.note, _CAMERAS[self.camera.currentText()])
-                words = " ".join(filter(None, told))
+                parts = (text, self._picture.note, _CAMERAS[self.camera.currentText()])
+                text = " ".join(filter(None, parts))
         except SpacemapError as error:
-            words, bad = str(error), True
+            text, bad = str(error), True
         mark_bad(self.summary, bad)
         self.save.setEnabled(not bad)
-        self.summary.setText(words)
+        self.summary.setText(text)
 
     def _update_picture_rows(self, options: PictureOptions) -> None:
         if self.sender() in (self.width_box, self.height_box):
             self.preset.setCurrentText(_OTHER)
-        ending, able = self.file.suffix.lower(), endings_with_alpha(options.kind)
-        self.transparent.setEnabled(ending in able)
-        why = f" (only for {', '.join(able)})"
-        self.transparent.setText("Transparent" + ("" if ending in able else why))
+        ending, endings = self.file.suffix.lower(), endings_with_alpha(options.kind)
+        self.transparent.setEnabled(ending in endings)
+        reason = f" (only for {', '.join(endings)})"
+        self.transparent.setText("Transparent" + ("" if ending in endings else reason))
 
     def _read_times(self, animation: Animation) -> str:
         """Read the typed times, and return a sentence that describes them."""
         self.times = []
-        typed = {name: line.text() for name, line in self.lines.items()}
-        duration = typed.pop("duration", None)
-        animation.configure(**typed)
+        texts = {name: line.text() for name, line in self.lines.items()}
+        duration = texts.pop("duration", None)
+        animation.configure(**texts)
         span = animation.stop - animation.start
         if duration is not None and self.sender() is self.lines["duration"]:
-            lasts = parse_quantity(duration, "s")
-            if not 0.0 < lasts < float("inf"):
+            seconds = parse_quantity(duration, "s")
+            if not 0.0 < seconds < float("inf"):
                 raise InputError("the duration must be more than 0 s", key="duration")
-            animation.speed = span / lasts
+            animation.speed = span / seconds
         elif duration is not None and span > 0.0:
             self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
         self.times = animation.frame_times()
-        apart, count = animation.speed / animation.frames_per_second, len(self.times)
-        what = "frame" if self._picture is not None else "time"
-        words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
+        interval, count = animation.speed / animation.frames_per_second, len(self.times)
+        unit = "frame" if self._picture is not None else "time"
+        text = f"{count} {unit}s, {1000 * interval:.4g} ms apart" if count > 1 else f"1 {unit}"
         if animation.speed != 1.0:
-            words += f"; 1 s of film shows {format_quantity(animation.speed, 's')}"
-        return words if self._picture is None else f"{words}."
+            text += f"; 1 s of film shows {format_quantity(animation.speed, 's')}"
+        return text if self._picture is None else f"{text}."

@@ -183,22 +183,22 @@ class Exports(QObject):
         return False
 
     def _propose_path(self, ending: str) -> Path:
-        proposed = last_folder() / self._document.propose_name(ending)
-        kept = QSettings().value(_FOLDER_KEY)
-        return Path(kept) / proposed.name if kept and Path(kept).is_dir() else proposed
+        proposal = last_folder() / self._document.propose_name(ending)
+        folder = QSettings().value(_FOLDER_KEY)
+        return Path(folder) / proposal.name if folder and Path(folder).is_dir() else proposal
 
     def _export_picture(self, kind: str, filters: str, ending: str) -> None:
         if not self._require_idle():
             return
         scene, view = self._document.scene, self._view
         ratio = view.devicePixelRatioF()
-        seen = round(view.width() * ratio), round(view.height() * ratio)
+        view_size = round(view.width() * ratio), round(view.height() * ratio)
 
         def check(path: Path, size: tuple[int, int], frames: int) -> None:
             make_job(kind, _add_frame_number(kind, path))
             choose_level(scene, PictureRequest(size, frames))
 
-        sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
+        sizes = {"Window": view_size, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._propose_path(ending), scene.view.transparent
         notes = []
         if kind == "film" and not scene.moves:
@@ -207,9 +207,11 @@ class Exports(QObject):
             notes.append(
                 "The file shows the scene's motion, not the mode or stretch in the window."
             )
-        drawn = PictureOptions(kind, proposal, filters, sizes, transparent, " ".join(notes), check)
+        options = PictureOptions(
+            kind, proposal, filters, sizes, transparent, " ".join(notes), check
+        )
         animation = scene.animation if kind == "film" else None
-        dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
+        dialog = ExportDialog(self._window, f"Export {kind}", animation, options)
         if not dialog.exec():
             return
         QSettings().setValue(_FOLDER_KEY, str(dialog.file.parent))

@@ -177,27 +177,37 @@ class Pipeline:
         if request.seen is None:
             self._detail = None
             return None
-        new = FacetChooser(request.seen, LEAST_SIDES, quads_in_view(request.seen.size), cloth.plies)
-        wanted = new(points, patches)
+        facets = FacetChooser(
+            request.seen, LEAST_SIDES, quads_in_view(request.seen.size), cloth.plies
+        )
+        wanted_sides = facets(points, patches)
         # Keep the present facets if they are enough, and not far too many, so that a small turn of
         # the camera rebuilds nothing.
-        present = (
+        present_sides = (
             np.full(1, AUTOMATIC_SIDES) if self._detail is None else self._detail(points, patches)
         )
-        few = np.square(present, dtype=float).sum() <= _SPARE * np.square(wanted, dtype=float).sum()
-        if not ((present >= wanted).all() and few):
-            self._detail = new if wanted.max(initial=0) > AUTOMATIC_SIDES else None
+        not_too_many = (
+            np.square(present_sides, dtype=float).sum()
+            <= _SPARE * np.square(wanted_sides, dtype=float).sum()
+        )
+        if not ((present_sides >= wanted_sides).all() and not_too_many):
+            self._detail = facets if wanted_sides.max(initial=0) > AUTOMATIC_SIDES else None
         return self._detail
 
     def _add_near_yarns(
         self, scene: Scene, request: FrameRequest, frame: Frame, sheet: ClothSheet
     ) -> Frame:
         """Add the yarns near the camera to the frame of a sheet."""
-        whole, thin = frame.surface, coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS)
+        full_sheet, coarse_sheet = (
+            frame.surface,
+            coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS),
+        )
         if frame.coarse:
-            frame = replace(frame, surface=thin)
+            frame = replace(frame, surface=coarse_sheet)
         else:
-            frame = replace(frame, preview=replace(frame, surface=thin), camera_view=request.seen)
+            frame = replace(
+                frame, preview=replace(frame, surface=coarse_sheet), camera_view=request.seen
+            )
         if request.seen is None or (frame.coarse and sheet.is_slow):
             return frame
         near = self._near
@@ -206,77 +216,81 @@ class Pipeline:
         cage = None
         if scene.moves:
             cage = scene.deformed_cage if request.swing is None else frame.cage
-        why = near.follow_view(request.seen, cage, request.swing is not None)
+        reason = near.follow_view(request.seen, cage, request.swing is not None)
         if frame.coarse:
-            few = None if why else near.preview(request.time)
-            if few is None or near.part is None:
+            light_yarns = None if reason else near.preview(request.time)
+            if light_yarns is None or near.part is None:
                 return frame
-            few = copied(few)
-            add_color_values(few, frame.color)
-            around = coarsen_sheet(whole, sheet.cells, _MOVING_CELLS, near.part)
-            return replace(frame, yarns=few, surroundings=around)
-        if not why:
+            light_yarns = copied(light_yarns)
+            add_color_values(light_yarns, frame.color)
+            surroundings = coarsen_sheet(full_sheet, sheet.cells, _MOVING_CELLS, near.part)
+            return replace(frame, yarns=light_yarns, surroundings=surroundings)
+        if not reason:
             try:
                 for stage in near.stages:
                     self._update(scene, stage, request.time, WHOLE)
             except SizeError as error:
-                self._near, why = None, str(error)
-        if why or near.part is None:
-            return replace(frame, warnings=(*frame.warnings, why))
+                self._near, reason = None, str(error)
+        if reason or near.part is None:
+            return replace(frame, warnings=(*frame.warnings, reason))
 
         # Reuse unchanged objects, as new ones would be sent to OpenGL again.
-        few = near.preview(request.time)
+        light_yarns = near.preview(request.time)
         key = [near, frame.color, *(stage.executions for stage in near.stages)]
         if self._near_drawn is None or self._near_drawn[0] != key:
-            made = [None if yarns is None else copied(yarns) for yarns in (near.yarns, few)]
-            for yarns in made:
+            surfaces = [
+                None if yarns is None else copied(yarns) for yarns in (near.yarns, light_yarns)
+            ]
+            for yarns in surfaces:
                 if yarns is not None:
                     add_color_values(yarns, frame.color)
-            self._near_drawn = key, made
-        fine, few = self._near_drawn[1]
-        if few is not None and frame.preview is not None:
-            thin = coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
-            frame = replace(frame, preview=replace(frame.preview, yarns=few, surroundings=thin))
-        around = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
-        return replace(frame, yarns=fine, surroundings=around)
+            self._near_drawn = key, surfaces
+        fine_yarns, light_yarns = self._near_drawn[1]
+        if light_yarns is not None and frame.preview is not None:
+            coarse_sheet = coarsen_sheet(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
+            frame = replace(
+                frame, preview=replace(frame.preview, yarns=light_yarns, surroundings=coarse_sheet)
+            )
+        surroundings = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
+        return replace(frame, yarns=fine_yarns, surroundings=surroundings)
 
     def _add_light_frame(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
         """Add a frame with fewer facets, to be drawn while the camera moves."""
-        few = self._coarse_surface(scene, source, coarse=True)
-        if few is None:
+        tessellator = self._coarse_surface(scene, source, coarse=True)
+        if tessellator is None:
             return frame
-        surface = copied(few.update(frame.time).output)
+        surface = copied(tessellator.update(frame.time).output)
         add_color_values(surface, frame.color)
         return replace(frame, preview=replace(frame, surface=surface))
 
     def apply_request(self, request: FrameRequest) -> Scene:
         """Set the values of a request in the scene; values that are equal are not set again."""
-        here = self.scene
-        if here is None or request.generation != self._generation:
-            here, self._first_stale = Scene(request.values, request.base), 0
-            self.scene, self._generation = here, request.generation
+        scene = self.scene
+        if scene is None or request.generation != self._generation:
+            scene, self._first_stale = Scene(request.values, request.base), 0
+            self.scene, self._generation = scene, request.generation
         else:
             # Only stages downstream of a changed value run.
             changed = {k: v for k, v in request.settings.items() if v != self._settings[k]}
-            before = here.stages
-            here.adopt(changed, request.values.keys())
-            if here.stages != before:
+            former_stages = scene.stages
+            scene.adopt(changed, request.values.keys())
+            if scene.stages != former_stages:
                 self._first_stale = 0
-            places = [n for n, stage in enumerate(here.stages) if stage.section in changed]
-            self._first_stale = min([self._first_stale, *places])
+            indices = [n for n, stage in enumerate(scene.stages) if stage.section in changed]
+            self._first_stale = min([self._first_stale, *indices])
         self._settings = request.settings
-        return here
+        return scene
 
     def _choose_sheet(self, scene: Scene) -> ClothSheet | None:
         """Return the sheet that is drawn for a cloth with very many yarns, or None."""
-        found = self._sheet
-        if found is None or not found.is_current(scene):
-            many = choose_level(scene, window=True).has_sheet
-            self._sheet = found = ClothSheet(scene) if many else None
+        sheet = self._sheet
+        if sheet is None or not sheet.is_current(scene):
+            has_sheet = choose_level(scene, window=True).has_sheet
+            self._sheet = sheet = ClothSheet(scene) if has_sheet else None
             self._near = self._near_drawn = None  # these belong to the former scene
-        return found
+        return sheet
 
-    def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
+    def _update(self, scene: Scene, stage: Stage, time_s: float, piece: Piece) -> None:
         cancel.check()
         # Stages that build only the part in view are reported as the stage of the surface.
         listed = stage in scene.stages
@@ -289,13 +303,13 @@ class Pipeline:
         progressed(section, 0.0, "")
         # Only during the update: a permanent observer would keep the window alive with the stage.
         observer = stage.AddObserver("ProgressEvent", tell)
-        begun = time.perf_counter()
+        begin = time.perf_counter()
         try:
-            scene.update_stage(stage, at, piece)
+            scene.update_stage(stage, time_s, piece)
         finally:
             stage.RemoveObserver(observer)
         if listed and stage.executions != before:
-            self._ran(section, time.perf_counter() - begun, stage.executions)
+            self._ran(section, time.perf_counter() - begin, stage.executions)
 
     def _motion_figures(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
         """Return the figures of the motion; during a drag, return the former ones to save time."""
