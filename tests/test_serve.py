@@ -193,7 +193,7 @@ def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
             session.cancel()
             while not state.failure:
                 await asyncio.sleep(0.002)
-            assert state.failure.startswith("Stopped")
+            assert state.failure.startswith("The run was cancelled")
             assert session.screen.frame is shown
             # No row names a file, and what is no row is not taken.
             session.set("weave.draft", "/etc/passwd")
@@ -230,7 +230,7 @@ def test_a_browser_shows_it_live(served):
         assert page.complaints == []
         process.send_signal(signal.SIGINT)
         assert process.wait(20) == 0
-        page.wait_until("document.querySelector('#over') !== null")
+        page.wait_until("document.querySelector('#closed') !== null")
     assert process.stdout is not None
     assert process.stdout.read() == ""
 

@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app.draft.draft_layout import Place  # noqa: E402
+from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
@@ -60,7 +60,7 @@ def test_an_edit_builds_one_scene(
     window.tabs.setCurrentWidget(window.draft)
     wait_until(lambda: settled(window))
     grid, before = window.draft.grid, document.text
-    crossing = QPoint(*grid.current_layout().center(Place("drawdown", 1, 1)))
+    crossing = QPoint(*grid.current_layout().center(GridCell("drawdown", 1, 1)))
     left = Qt.MouseButton.LeftButton
     assert count(lambda: QTest.mouseClick(grid.viewport(), left, pos=crossing)) == 1
     assert document.text != before

@@ -68,9 +68,9 @@ def _fill_layout(
     return layout
 
 
-def tool_button(text: str, tip: str = "", **more: Any) -> QToolButton:
-    """Create a flat button; `more` are properties of Qt."""
-    return QToolButton(text=text, toolTip=tip, autoRaise=True, **more)
+def tool_button(text: str, tip: str = "", **properties: Any) -> QToolButton:
+    """Create a flat button; `properties` are those of Qt."""
+    return QToolButton(text=text, toolTip=tip, autoRaise=True, **properties)
 
 
 def action(

@@ -99,7 +99,7 @@ class DraftGrid(QAbstractScrollArea):
             self.repaint_all()
 
     def zoom(self, larger: bool, anchor: QPointF | None = None) -> None:
-        """Change the size of cells; keep the point `about` at its place."""
+        """Change the size of cells; keep the point `anchor` in place."""
         layout = self.current_layout()
         if layout is None:
             return

@@ -55,7 +55,7 @@ class ParameterRow(QWidget):
 
     def __init__(self, parameter: Parameter[Any], editor: Editor, half_label: str = "") -> None:
         super().__init__()
-        # `beside` is the label of a row that has half the width beside another; otherwise empty.
+        # `half_label` is the label of a row of half the width, beside another row; otherwise empty.
         self.parameter = parameter
         self.editor = editor
         self.note = note(name="note")

@@ -37,8 +37,8 @@ from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, describe_unresol
 from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
 from spacemap_vtk.units import aligned, pretty
 
-_HEADINGS = ("Mode", "Frequency [Hz]", "Damping", "Mass")
-_FREQUENCY, _MASS = _HEADINGS.index("Frequency [Hz]"), _HEADINGS.index("Mass")
+_HEADINGS = ("Mode", "f [Hz]", "Damping", "Mass")
+_FREQUENCY, _MASS = _HEADINGS.index("f [Hz]"), _HEADINGS.index("Mass")
 #: Prefix of a frequency whose mode the cells of the cage are too large to resolve.
 _APPROXIMATE = "≈ "
 _TIPS = (

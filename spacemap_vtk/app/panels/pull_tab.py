@@ -29,7 +29,8 @@ _HINT = "Drag the point to stretch the cloth. Yarns are jammed in the hatched re
 _LINE_HINTS = (
     "Lines of equal force: <b>—</b> warp, <b>--</b> weft.",
     "Along the thick line, warp and weft exchange crimp; beyond it, yarns are pressed together, "
-    "then stretched. Lines of equal strain: <b>—</b> warp, <b>--</b> weft.",
+    "then stretched. Lines of equal strain: <b>—</b> warp, <b>--</b> weft; of equal force if the "
+    "yarns are extensible and have a tension.",
 )
 _NO_MAP_HINTS = (
     "Warp and weft exchange crimp, and yarns keep their length, if the scene has a section "

@@ -162,7 +162,7 @@ class Session:
         self._requested.set()
 
     async def run(self) -> None:
-        """Process jobs one after another, always the latest."""
+        """Process requests one after another, always the latest."""
         while True:
             await self._requested.wait()
             self._requested.clear()

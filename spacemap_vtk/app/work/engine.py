@@ -23,7 +23,7 @@ _REPORT_INTERVAL = 0.1
 
 
 class Engine(QThread):
-    """A thread that turns jobs into frames. A new request replaces one that is still waiting."""
+    """A thread that turns requests into frames. A new request replaces one that is still waiting."""
 
     #: A frame is ready; `take_frame` returns it.
     ready = Signal()
@@ -121,7 +121,7 @@ class Engine(QThread):
         self.waiting_frame = None
 
     def run(self) -> None:
-        """Process jobs one after another; this is the thread's main function."""
+        """Process requests one after another; this is the thread's main function."""
         while True:
             with self._condition:
                 while self._request is None and self.background is None and not self.ending:

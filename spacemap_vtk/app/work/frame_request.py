@@ -9,7 +9,7 @@ from typing import Any
 from spacemap_vtk.draw.camera import CameraView
 
 #: A run that has taken longer, in s, is cancelled when a newer request arrives. Shorter runs are
-#: finished: a drag that sends jobs faster than runs end would otherwise show no frame at all.
+#: finished: a drag that sends requests faster than runs end would otherwise show no frame at all.
 CANCEL_AFTER = 0.5
 
 

@@ -58,7 +58,7 @@ _HEAVY_QUADS = 150_000
 
 
 class Pipeline:
-    """Update one scene at a time for jobs; used only by the engine's thread."""
+    """Update one scene at a time for requests; used only by the engine's thread."""
 
     def __init__(
         self,

@@ -1,27 +1,27 @@
 "use strict";
-// What the page's template has that HTML has not: the picture that the mouse takes hold of, and
-// lines and sliders that leave alone what the user is at.
+// Vue components of the page: the picture, which the mouse turns, and input lines and sliders that do
+// not overwrite what the user is editing.
 window.spacemap = (() => {
   const { inject, onMounted, onUnmounted, ref, watch } = Vue;
 
-  // Let one call go on at a time; of those that come meanwhile `joined` makes one.
-  function paced(call, joined = (_before, now) => now) {
-    let waiting, going = false;
-    return async function ask(value) {
-      waiting = waiting === undefined ? value : joined(waiting, value);
-      if (going) return;
-      going = true;
+  // Run one call at a time; `merge` combines the values that arrive meanwhile into one.
+  function throttle(call, merge = (_waiting, value) => value) {
+    let waiting, running = false;
+    return async function request(value) {
+      waiting = waiting === undefined ? value : merge(waiting, value);
+      if (running) return;
+      running = true;
       while (waiting !== undefined) {
-        const now = waiting;
+        const next = waiting;
         waiting = undefined;
         try {
-          await call(now);
+          await call(next);
         } catch {
-          break; // the program has ended, and the page will say so
+          break; // the program has ended; trame replaces the page
         }
         await new Promise(requestAnimationFrame);
       }
-      going = false;
+      running = false;
     };
   }
 
@@ -29,30 +29,33 @@ window.spacemap = (() => {
     props: { id: String, text: String, hint: String, label: String },
     emits: ["typed"],
     template: `<input ref="line" :id="id" :placeholder="hint" :aria-label="label" autocomplete="off"
-      spellcheck="false" @change="take" @keydown.esc="back" @keydown.enter="$event.target.blur()">`,
+      spellcheck="false" @change="submit" @keydown.esc="restore" @keydown.enter="$event.target.blur()">`,
     setup(props, { emit }) {
       const line = ref(null);
       let shown = "";
-      const back = () => { line.value.value = shown = props.text ?? ""; };
-      const take = () => { shown = line.value.value; emit("typed", shown); };
-      onMounted(back);
+      const restore = () => { line.value.value = shown = props.text ?? ""; };
+      const submit = () => { shown = line.value.value; emit("typed", shown); };
+      onMounted(restore);
       watch(() => props.text, () => {
         const typing = document.activeElement === line.value && line.value.value !== shown;
-        if (!typing) back();
+        if (!typing) restore();
       });
-      return { line, take, back };
+      return { line, submit, restore };
     },
   };
 
   const Slider = {
-    // `slid` is awaited: on a slow line, steps that are late are left out.
-    props: { step: Number, most: Number, label: String, slid: Function },
+    // `send` is awaited, so that a slow connection skips steps.
+    props: { step: Number, most: Number, label: String, send: Function },
     template: `<input ref="slider" type="range" min="0" :max="most" :aria-label="label"
       @input="slide(true)" @change="slide(false)">`,
     setup(props) {
       const slider = ref(null), held = ref(false);
-      const tell = paced(([step, on]) => props.slid(step, on));
-      const slide = on => { held.value = on; tell([Number(slider.value.value), on]); };
+      const send = throttle(([step, dragging]) => props.send(step, dragging));
+      const slide = dragging => {
+        held.value = dragging;
+        send([Number(slider.value.value), dragging]);
+      };
       const show = () => { if (!held.value) slider.value.value = props.step; };
       onMounted(show);
       watch(() => props.step, show);
@@ -63,13 +66,13 @@ window.spacemap = (() => {
   const Picture = {
     props: { version: Number, alt: String },
     template: `<div ref="box" class="picture" tabindex="0" @pointerdown="down" @pointermove="move"
-      @pointerup="up" @pointercancel="up" @wheel.prevent="wheel" @dblclick="whole"
-      @contextmenu.prevent><img ref="image" draggable="false" :alt="alt" v-show="there"></div>`,
+      @pointerup="up" @pointercancel="up" @wheel.prevent="wheel" @dblclick="fitView"
+      @contextmenu.prevent><img ref="image" draggable="false" :alt="alt" v-show="loadedOnce"></div>`,
     setup(props) {
       const trame = inject("trame");
-      const box = ref(null), image = ref(null), there = ref(false);
+      const box = ref(null), image = ref(null), loadedOnce = ref(false);
 
-      // One picture at a time: on a slow line those that are late are left out.
+      // Load one picture at a time, so that a slow connection skips pictures.
       let loaded = 0, loading = false;
       function load() {
         if (loading || !image.value || !props.version || props.version === loaded) return;
@@ -77,18 +80,18 @@ window.spacemap = (() => {
         loaded = props.version;
         image.value.src = `picture.jpg?${loaded}`;
       }
-      function end(good) {
+      function finish(succeeded) {
         loading = false;
-        there.value = there.value || good;
-        if (good) load();
+        loadedOnce.value = loadedOnce.value || succeeded;
+        if (succeeded) load();
       }
       watch(() => props.version, load);
 
-      const steer = paced(moves => trame.trigger("steer", [moves]), (before, now) => {
-        const last = before[before.length - 1], [kind, x, y] = now[0];
-        if (last[0] !== kind) return [...before, ...now];
-        const both = kind === "zoom" ? [kind, last[1] * x, 0] : [kind, last[1] + x, last[2] + y];
-        return [...before.slice(0, -1), both];
+      const steer = throttle(moves => trame.trigger("steer", [moves]), (waiting, moves) => {
+        const last = waiting[waiting.length - 1], [kind, x, y] = moves[0];
+        if (last[0] !== kind) return [...waiting, ...moves];
+        const sum = kind === "zoom" ? [kind, last[1] * x, 0] : [kind, last[1] + x, last[2] + y];
+        return [...waiting.slice(0, -1), sum];
       });
       const fingers = new Map();
       let kind = "turn";
@@ -120,12 +123,12 @@ window.spacemap = (() => {
         const lines = event.deltaMode === 1 ? 30 : 1;
         steer([["zoom", Math.exp(-event.deltaY * lines / 500), 0]]);
       }
-      const whole = () => trame.trigger("aim", []);
+      const fitView = () => trame.trigger("aim", []);
 
       const theme = window.matchMedia("(prefers-color-scheme: dark)");
-      const fit = paced(() => trame.trigger("resize",
+      const resize = throttle(() => trame.trigger("resize",
         [box.value.clientWidth, box.value.clientHeight, window.devicePixelRatio, theme.matches]));
-      const sizes = new ResizeObserver(() => fit(true));
+      const sizes = new ResizeObserver(() => resize(true));
       const press = event => {
         const busy = ["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName);
         if (event.key === " " && !busy) {
@@ -134,19 +137,19 @@ window.spacemap = (() => {
         }
       };
       onMounted(() => {
-        image.value.onload = () => end(true);
-        image.value.onerror = () => end(false);
+        image.value.onload = () => finish(true);
+        image.value.onerror = () => finish(false);
         sizes.observe(box.value);
-        theme.addEventListener("change", fit);
+        theme.addEventListener("change", resize);
         window.addEventListener("keydown", press);
         load();
       });
       onUnmounted(() => {
         sizes.disconnect();
-        theme.removeEventListener("change", fit);
+        theme.removeEventListener("change", resize);
         window.removeEventListener("keydown", press);
       });
-      return { box, image, there, down, move, up, wheel, whole };
+      return { box, image, loadedOnce, down, move, up, wheel, fitView };
     },
   };
 
