@@ -97,7 +97,7 @@ class StageList(QTreeWidget):
             action.toggled.connect(self._show_eyes)
 
     def show_scene(self, scene: Scene, reset: bool = True) -> None:
-        """Show the stages of a scene; `reset` resets all of them, otherwise only the switched ones."""
+        """Show the stages of a scene; without `reset`, only those that were switched change."""
         # The height shows all rows without scrolling.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
         self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)

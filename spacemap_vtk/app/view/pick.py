@@ -89,7 +89,7 @@ class Pick:
         return position, "\n".join(filter(None, lines)).replace("-", "−")
 
     def _find_nearest(self, surface: vtkPolyData, tolerance: float) -> tuple[int, float]:
-        """Find the nearest point of a surface and its distance; reuse a cached one within `tolerance`."""
+        """Find the nearest point of a surface and its distance; `tolerance` allows a cached one."""
         points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
         number, distance = self._nearest.get(len(points), (0, -np.inf))
         rest = points[number] - (0.0 if moved is None else moved.GetTuple3(number))

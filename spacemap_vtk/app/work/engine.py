@@ -23,7 +23,7 @@ _REPORT_INTERVAL = 0.1
 
 
 class Engine(QThread):
-    """A thread that turns requests into frames. A new request replaces one that is still waiting."""
+    """A thread that turns requests into frames; a new request replaces one that waits."""
 
     #: A frame is ready; `take_frame` returns it.
     ready = Signal()
