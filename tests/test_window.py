@@ -189,11 +189,13 @@ def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> No
     image = window.view.image().astype(int)
     window.document.set("modal", "modes", 400)
     window.document.set("cage", "divisions", [22, 22, 4])
-    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
+    wait_until(
+        lambda: window.stages.states["modal"] == "running" and window.cancel_button.isVisible()
+    )
     for _ in range(10):
         QTest.qWait(10)
     assert window.engine.busy  # the window handles its events while the engine works
-    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.engine.busy)
     wait_until(lambda: "picture is older" in window.errors.text)
     window.errors.hide()  # which gives the view its height again

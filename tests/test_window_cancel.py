@@ -69,14 +69,18 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     window = open_window()
     frame = window.view.frame
     window.document.set_many(*HEAVY[stage])
-    wait_until(lambda: window.stages.states[stage] == "running" and window.cancel.isVisible())
+    wait_until(
+        lambda: window.stages.states[stage] == "running" and window.cancel_button.isVisible()
+    )
     QTest.qWait(200)
     begun = time.monotonic()
-    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
-    assert window.running.text().endswith("stopping…")
+    QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
+    assert window.running_label.text().endswith("stopping…")
     wait_until(lambda: not window.engine.busy)
     assert time.monotonic() - begun < slack()
-    wait_until(lambda: window.stages.states[stage] == "stale" and not window.cancel.isVisible())
+    wait_until(
+        lambda: window.stages.states[stage] == "stale" and not window.cancel_button.isVisible()
+    )
     assert window.view.frame is frame
     # What lies below waits, too, and the picture is said to be of before.
     sections = [s.section for s in window.document.scene.stages]
@@ -97,8 +101,10 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
 
 
 def cancel_when_running(window: Any, stage: str) -> None:
-    wait_until(lambda: window.stages.states[stage] == "running" and window.cancel.isVisible())
-    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(
+        lambda: window.stages.states[stage] == "running" and window.cancel_button.isVisible()
+    )
+    QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.engine.busy and window.errors.text)
 
 

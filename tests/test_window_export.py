@@ -39,8 +39,8 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
     if not isinstance(dialog, ExportDialog):
         QTimer.singleShot(50, lambda: fill_dialog(file, width, height, seen))
         return
-    dialog.line.selectAll()
-    QTest.keyClicks(dialog.line, str(file))
+    dialog.file_line.selectAll()
+    QTest.keyClicks(dialog.file_line, str(file))
     dialog.width_box.setValue(width)
     dialog.height_box.setValue(height)
     dialog.camera.setCurrentIndex(seen)
@@ -105,7 +105,7 @@ def test_what_is_cut_by_the_edges_of_the_view_stays_in_the_picture(open_scene: A
     window = open_scene()
     window.tools.cameras["front"].trigger()
     window.view.zoom(4.0)
-    width, height = window.view.seen.size
+    width, height = window.view.camera_view.size
     wide, tall = (
         window.view.viewpoint_for((2 * height, height)),
         window.view.viewpoint_for((height, 2 * height)),
@@ -167,12 +167,12 @@ def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: 
         seen.append((dialog.file, dialog.preset.currentText(), dialog.picture_size))
         dialog.preset.textActivated.emit(preset)
         seen.append(dialog.picture_size)
-        dialog.line.setText(str(tmp_path / name))
+        dialog.file_line.setText(str(tmp_path / name))
         seen.append(dialog.transparent.isEnabled())
         dialog.width_box.setValue(320)
         dialog.height_box.setValue(200)
         dialog.transparent.setChecked(True)
-        dialog.save.click()
+        dialog.save_button.click()
 
     for name, preset in (("a.png", "4K"), ("b.jpg", "1080p")):
         QTimer.singleShot(50, lambda given=(name, preset): fill(*given))
@@ -274,11 +274,11 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
         dialog = QApplication.activeModalWidget()
         proposed.append((dialog.file.name, dialog._picture.filters))
         # What it needs is looked at before it begins.
-        dialog.line.setText(str(tmp_path / "film.mp4"))
+        dialog.file_line.setText(str(tmp_path / "film.mp4"))
         said.append(dialog.summary.text())
-        assert dialog.save.isEnabled() == encoder
-        dialog.line.setText(str(tmp_path / "film.avi"))
-        assert not dialog.save.isEnabled()
+        assert dialog.save_button.isEnabled() == encoder
+        dialog.file_line.setText(str(tmp_path / "film.avi"))
+        assert not dialog.save_button.isEnabled()
         dialog.reject()
 
     QTimer.singleShot(200, look)
@@ -341,13 +341,13 @@ def test_a_series_has_the_times_that_are_typed(
             return
         said.append(dialog.summary.text())
         for name, text in {"frames_per_second": "50", "start": "1 s", "stop": "0.3"}.items():
-            dialog.lines[name].selectAll()
-            QTest.keyClicks(dialog.lines[name], text)
+            dialog.time_lines[name].selectAll()
+            QTest.keyClicks(dialog.time_lines[name], text)
         said.append(dialog.summary.text())
-        assert not dialog.save.isEnabled()
-        dialog.lines["start"].setText("292 ms")
+        assert not dialog.save_button.isEnabled()
+        dialog.time_lines["start"].setText("292 ms")
         said.append(dialog.summary.text())
-        QTest.mouseClick(dialog.save, Qt.MouseButton.LeftButton)
+        QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
 
     QTimer.singleShot(50, fill)
     window.menus.actions["Export data…"].trigger()
@@ -475,19 +475,19 @@ def test_a_size_that_is_typed_keeps_its_digits(open_scene: Any, tmp_path: Path) 
         if not isinstance(dialog, ExportDialog):
             QTimer.singleShot(50, fill)
             return
-        dialog.line.setText(str(tmp_path / "large.png"))
+        dialog.file_line.setText(str(tmp_path / "large.png"))
         line = dialog.width_box.lineEdit()
         dialog.width_box.setFocus()
         for typed in ("99999", "2400"):
             line.selectAll()
             QTest.keyClicks(line, typed)
-            seen.append((line.text(), dialog.summary.text(), dialog.save.isEnabled()))
+            seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
         # What is out of range when the box is left comes to the nearest in range, as is seen.
         line.selectAll()
         QTest.keyClicks(line, "99999")
         # Sent by hand: a window that is not active gives no focus, and takes none away.
         QApplication.sendEvent(dialog.width_box, QFocusEvent(QEvent.Type.FocusOut))
-        seen.append((line.text(), dialog.summary.text(), dialog.save.isEnabled()))
+        seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
         dialog.reject()
 
     QTimer.singleShot(50, fill)

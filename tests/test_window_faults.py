@@ -42,7 +42,7 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
     # The file is named as it was, with its comment.
     assert window.document.text == (SMALL + PUFF).replace('"1 Pa"', '"2 Pa"')
     # Another load: the list is written anew, and leads to the same file.
-    editor.add_load(next(a for a in editor.add.menu().actions() if a.data() == "gravity"))
+    editor.add_load(next(a for a in editor.add_button.menu().actions() if a.data() == "gravity"))
     window.document.save()
     puff, gravity = Scene.read(scene).response.loads
     assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")

@@ -168,17 +168,17 @@ def test_a_new_fabric_shows_at_once_what_is_automatic(open_scene: Any) -> None:
 def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
     window = open_scene()
     loads = editor(window, "response", "loads")
-    for action in loads.add.menu().actions():
+    for action in loads.add_button.menu().actions():
         action.trigger()
         if action.data() == "array":
             # There is no such array, and the window says so.
             wait_until(lambda: window.errors.text)
             assert "force" in window.errors.text
-            loads.cards[-1].remove.click()
+            loads.cards[-1].remove_button.click()
         wait_until(lambda: settled(window))
         assert window.errors.text == ""
     made = [load.action for load in window.document.scene.response.loads]
-    assert made == [a.data() for a in loads.add.menu().actions() if a.data() != "array"]
+    assert made == [a.data() for a in loads.add_button.menu().actions() if a.data() != "array"]
     for card in range(len(loads.cards)):
         for time in ("pulse", "ramp", "table", "harmonic", "periodic", "step"):
             box = loads.cards[card].rows["time"].editor.box
@@ -189,7 +189,7 @@ def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
     type_into(loads.cards[0].rows["pressure"].editor.line, "3 kPa")
     assert window.document.scene.response.loads[0].pressure == 3000.0
     while loads.cards:
-        loads.cards[0].remove.click()
+        loads.cards[0].remove_button.click()
     assert window.document.scene.response.loads == ()
     wait_until(lambda: settled(window))
 

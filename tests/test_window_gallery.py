@@ -119,7 +119,7 @@ def test_what_was_used_lately_is_listed(open_scene: Any, tmp_path: Path) -> None
 
 def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> None:
     splash = Splash("gust")
-    screen = splash.shown
+    screen = splash.label
     assert screen.isVisible()
     seen = screen.grab().toImage()
     assert len({seen.pixel(x, 160) for x in range(0, 480, 3)}) > 20
@@ -138,12 +138,14 @@ def test_the_first_picture_goes_when_the_first_run_is_given_up(
         "[weave]\n[cage]\ndivisions = [24, 24, 2]\norder = 2\n[modal]\nmodes = 400\n[response]\n"
     )
     splash = Splash(str(scene))
-    screen = splash.shown
+    screen = splash.label
     window = open_window(str(scene), wait=False)
     splash.close_after_first_frame(window)
-    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
+    wait_until(
+        lambda: window.stages.states["modal"] == "running" and window.cancel_button.isVisible()
+    )
     assert screen.isVisible()
-    window.cancel.click()
+    window.cancel_button.click()
     wait_until(lambda: not screen.isVisible(), 30)
 
 

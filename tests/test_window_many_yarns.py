@@ -101,10 +101,10 @@ def test_yarns_are_made_where_they_are_seen_near(
     coarse = view.image()
     assert np.abs(fine.mean(axis=(0, 1)) - coarse.mean(axis=(0, 1))).max() < 12
     # Held, turned and let go: another part, made anew.
-    part = window.engine.pipeline._near.part
+    part = window.engine.pipeline._near_yarns.part
     view.canvas.camera.Azimuth(2.0)
     view.steer(False)
-    wait_until(lambda: at_rest(window) and view.frame.camera_view == view.seen)
+    wait_until(lambda: at_rest(window) and view.frame.camera_view == view.camera_view)
     assert view.frame.yarns is not None
     view.zoom(0.125)
     wait_until(lambda: at_rest(window) and view.frame.yarns is None)
@@ -125,7 +125,9 @@ def test_yarns_in_sight_move_as_all_together_do(
         Viewpoint((0.0, 0.0, 0.03), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.0, (300, 300)
     )
     given = {**values, "view": {"color": "velocity"}, "yarns": {}}
-    job = FrameRequest(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
+    job = FrameRequest(
+        given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, camera_view=seen
+    )
 
     def drawn(few: int) -> Frame:
         monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", few)

@@ -85,7 +85,7 @@ def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_scene: Any) ->
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
     wait_until(lambda: "damping_ratio" in window.errors.text)
     # A run that fails ends a swing: the last one that the change has asked for has failed by now.
-    wait_until(lambda: not window.engine.busy and not window.director.rest.isActive())
+    wait_until(lambda: not window.engine.busy and not window.director.rest_timer.isActive())
     # A swing needs no damping: its frames say nothing of it.
     window.tabs.setCurrentWidget(window.modes)
     window.modes.table.cellClicked.emit(1, 0)
@@ -253,12 +253,12 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     wait_until(lambda: settled(window) and "lengths change" in window.status_text.full_text)
     # The first words say it, all is behind the button.
     assert len(window.status_text.full_text.split()) < 25
-    assert window.details.isVisible()
+    assert window.details_button.isVisible()
     # A motion that stays small is not.
     window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
     wait_until(lambda: settled(window) and "turns" not in window.status_text.full_text)
     assert window.status_text.toolTip() == ""
-    assert not window.details.isVisible()
+    assert not window.details_button.isVisible()
 
 
 def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
@@ -267,7 +267,7 @@ def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     assert "⚠" not in window.status_text.full_text
-    assert (window.details.isVisible(), window.details.text()) == (True, "Notes")
+    assert (window.details_button.isVisible(), window.details_button.text()) == (True, "Notes")
     # Its own change is its author's to answer for.
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window) and "⚠" in window.status_text.full_text)
@@ -280,7 +280,7 @@ def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
     # All of it is a click away.
     shown: list[str] = []
     monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))
-    QTest.mouseClick(window.details, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.details_button, Qt.MouseButton.LeftButton)
     assert "elements" in shown[0]
     window.document.history.undo()
     wait_until(lambda: settled(window) and "⚠" not in window.status_text.full_text)

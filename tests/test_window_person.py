@@ -66,10 +66,10 @@ def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
     window.stages.select("weave")
     line = window.properties.rows["pattern"].editor
     line = getattr(line, "line", line)
-    cage = window.view.look.cage
+    cage = window.view.options.cage
     type_into(line, "twill 2/2")
     assert window.document.scene.source.pattern == "twill 2/2"
-    assert window.view.look.cage == cage
+    assert window.view.options.cage == cage
     assert not window.times.playing
 
 

@@ -238,7 +238,7 @@ def test_curves_and_pictures_are_saved(
         ("frequencies", "frequency [Hz]", len(curves.frequencies)),
     ):
         chosen[0] = str(tmp_path / name)
-        window.plots.saves[name].trigger()
+        window.plots.save_actions[name].trigger()
         with open(tmp_path / f"{name}.csv", newline="", encoding="utf-8") as stream:
             table = list(csv.reader(stream))
         assert table[0][0] == head
@@ -248,10 +248,10 @@ def test_curves_and_pictures_are_saved(
     assert float(last["displacement z of point 1 [m]"]) == curves.motion[0, 0, -1, 2]
     assert float(last["total energy [J]"]) == curves.balance.total[-1]
     chosen[0] = str(tmp_path / "plots.png")
-    window.plots.saves["picture"].trigger()
+    window.plots.save_actions["picture"].trigger()
     assert np.asarray(Image.open(chosen[0]).convert("L")).std() > 5
     chosen[0] = str(tmp_path / "plots.xyz")
-    window.plots.saves["picture"].trigger()
+    window.plots.save_actions["picture"].trigger()
     assert ".png" in window.errors.text
     assert not (tmp_path / "plots.xyz").exists()
 
@@ -260,7 +260,7 @@ def test_a_motion_out_of_a_file_is_followed_step_by_step(plots_of: Any) -> None:
     window = plots_of("calculix_fabric")
     curves = window.plots.curves
     assert curves.balance is None
-    assert not window.plots.saves["frequencies"].isEnabled()
+    assert not window.plots.save_actions["frequencies"].isEnabled()
     scene = Scene.read("calculix_fabric")
     time = float(curves.times[len(curves.times) // 2])
     scene.update_stage(scene.motion, time)
@@ -317,12 +317,14 @@ def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
     window = plots_of()
     plots, before = window.plots, window.plots.curves
     window.document.set_many("cage", {"divisions": [24, 24, 2], "order": 2})
-    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
-    window.cancel.click()
+    wait_until(
+        lambda: window.stages.states["modal"] == "running" and window.cancel_button.isVisible()
+    )
+    window.cancel_button.click()
     wait_until(lambda: not window.engine.busy)
     # The engine's scene has the old modes still: what is asked of it would be no answer.
     plots.show_points([])
-    wait_until(lambda: not plots.rest.isActive())
+    wait_until(lambda: not plots.rest_timer.isActive())
     QTest.qWait(500)
     assert plots.curves is before
     assert plots.hint.text() != "Computing…"
@@ -345,7 +347,7 @@ def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path:
     curves = window.plots.curves
     assert "no frequency response" in curves.note
     assert "no frequency response" in window.plots.hint.text()
-    assert not window.plots.saves["frequencies"].isEnabled()
+    assert not window.plots.save_actions["frequencies"].isEnabled()
     found = curves.balance
     gained = -found.potential.min()
     assert found.kinetic.max() > 0.1 * gained > 0
@@ -387,14 +389,17 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     window.tabs.setCurrentWidget(plots)
     # A report of earlier work may still be on its way to the bar.
     wait_until(
-        lambda: plots.bar.isVisible() and max(seen, default=0.0) >= 0.1 <= plots.bar.value() / 100
+        lambda: (
+            plots.progress_bar.isVisible()
+            and max(seen, default=0.0) >= 0.1 <= plots.progress_bar.value() / 100
+        )
     )
     assert seen == sorted(seen)
     assert 0.0 <= seen[0] < seen[-1] <= 1.0
-    assert plots.run.text() == "Cancel"
-    QTest.mouseClick(plots.run, LEFT)
+    assert plots.run_button.text() == "Cancel"
+    QTest.mouseClick(plots.run_button, LEFT)
     assert engine.background is None
-    assert not plots.bar.isVisible()
+    assert not plots.progress_bar.isVisible()
     assert "Cancelled" in plots.hint.text()
     count = len(seen)
     QTest.qWait(400)
@@ -402,8 +407,8 @@ def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
     assert plots.curves is None
 
     monkeypatch.setattr(plots_tab, "compute_curves", compute_curves)
-    assert plots.run.text() == "Compute"
-    QTest.mouseClick(plots.run, LEFT)
+    assert plots.run_button.text() == "Compute"
+    QTest.mouseClick(plots.run_button, LEFT)
     wait_until(lambda: plotted(window))
-    assert not plots.run.isVisible()
-    assert not plots.bar.isVisible()
+    assert not plots.run_button.isVisible()
+    assert not plots.progress_bar.isVisible()

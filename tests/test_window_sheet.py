@@ -181,9 +181,9 @@ def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> N
     window = open_scene(str(strip))
     window.stages.select("modal")
     row, before = window.properties.rows["dead_loads"], equilibrium(window)
-    choices = [action.data() for action in row.editor.add.menu().actions()]
+    choices = [action.data() for action in row.editor.add_button.menu().actions()]
     assert choices == list(DEAD_ACTIONS)
-    row.editor.add.menu().actions()[choices.index("pressure")].trigger()
+    row.editor.add_button.menu().actions()[choices.index("pressure")].trigger()
     (card,) = row.editor.cards
     assert list(card.rows) == ["pressure", "on"]
     assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD_ACTIONS)
@@ -216,10 +216,10 @@ def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip:
     window = open_window(str(strip))
     frame = window.view.frame
     window.document.set("cage", "divisions", [120, 60, 1])
-    wait_until(lambda: window.running.text() == "Modal solver: hanging")
-    wait_until(lambda: 0 < window.bar.value() < 100)
-    assert window.bar.maximum() == 100
-    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: window.running_label.text() == "Modal solver: hanging")
+    wait_until(lambda: 0 < window.progress_bar.value() < 100)
+    assert window.progress_bar.maximum() == 100
+    QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.engine.busy, 30.0)
     wait_until(lambda: window.stages.states["modal"] == "stale")
     assert window.view.frame is frame

@@ -443,7 +443,7 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     wait_until(
         lambda: (
             settled(window)
-            and view.frame.camera_view == view.seen
+            and view.frame.camera_view == view.camera_view
             and not view.frame.has_finer_yarns
         )
     )
@@ -455,7 +455,9 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     view.zoom(60.0)
     wait_until(
         lambda: (
-            settled(window) and view.frame.has_finer_yarns and view.frame.camera_view == view.seen
+            settled(window)
+            and view.frame.has_finer_yarns
+            and view.frame.camera_view == view.camera_view
         )
     )
     near, runs = view.frame, stage.executions
@@ -466,7 +468,7 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     # What is made with a margin serves a small turn, too.
     view.canvas.camera.Azimuth(0.01)
     view.render()
-    wait_until(lambda: settled(window) and view.frame.camera_view == view.seen)
+    wait_until(lambda: settled(window) and view.frame.camera_view == view.camera_view)
     assert stage.executions == runs
     view.zoom(0.016)
     wait_until(lambda: settled(window) and not view.frame.has_finer_yarns)
@@ -501,7 +503,9 @@ def test_the_view_has_the_fibres_of_the_file(
     done, file = [], tmp_path / "cloth.png"
     window.exports.written.connect(done.append)
     panels = view.panels(window.document.scene)
-    window.exports.start("picture", file, size=view.seen.size, panels=panels, place=view.viewpoint)
+    window.exports.start(
+        "picture", file, size=view.camera_view.size, panels=panels, place=view.viewpoint
+    )
     wait_until(lambda: done or window.errors.text)
     with Image.open(file) as image:
         written = np.asarray(image)

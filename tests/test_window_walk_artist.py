@@ -84,10 +84,10 @@ def test_an_artist_makes_a_film_and_an_object(
     def fill_film(dialog: Any) -> None:
         dialog.width_box.setValue(160)
         dialog.height_box.setValue(120)
-        replace_text(dialog.lines["stop"], "20 ms")
-        replace_text(dialog.line, str(film))
+        replace_text(dialog.time_lines["stop"], "20 ms")
+        replace_text(dialog.file_line, str(film))
         assert "frames" in dialog.summary.text()
-        qtbot.mouseClick(dialog.save, LEFT)
+        qtbot.mouseClick(dialog.save_button, LEFT)
 
     fill_in(window.menus.actions["Export film…"], fill_film)
     wait_written(window, film)
@@ -98,8 +98,8 @@ def test_an_artist_makes_a_film_and_an_object(
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(model), ""))
 
     def fill_times(dialog: Any) -> None:
-        replace_text(dialog.lines["stop"], "10 ms")
-        qtbot.mouseClick(dialog.save, LEFT)
+        replace_text(dialog.time_lines["stop"], "10 ms")
+        qtbot.mouseClick(dialog.save_button, LEFT)
 
     fill_in(window.menus.actions["Export data…"], fill_times)
     wait_written(window, model)

@@ -67,8 +67,8 @@ def test_a_clumsy_user_loses_nothing(
     # 6. A cage of far too many cells, cancelled at once.
     window.stages.select("cage")
     type_into(window.properties.rows["divisions"].editor.components[0].line, "40")
-    wait_until(window.cancel.isVisible)
-    qtbot.mouseClick(window.cancel, LEFT)
+    wait_until(window.cancel_button.isVisible)
+    qtbot.mouseClick(window.cancel_button, LEFT)
     wait_until(lambda: "The run was cancelled" in window.errors.text)
     assert "older than the values" in window.errors.text
     undo()

@@ -92,8 +92,8 @@ def test_a_researcher_compares_cages(
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
 
     def fill_times(dialog: Any) -> None:
-        replace_text(dialog.lines["stop"], "20 ms")
-        qtbot.mouseClick(dialog.save, LEFT)
+        replace_text(dialog.time_lines["stop"], "20 ms")
+        qtbot.mouseClick(dialog.save_button, LEFT)
 
     fill_in(window.menus.actions["Export data…"], fill_times)
     wait_written(window, file)

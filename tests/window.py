@@ -57,7 +57,7 @@ def settled(window: Any) -> bool:
         # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
         # "busy": the thread hands the frame over first.
         and window.engine.waiting_frame is None
-        and not director.rest.isActive()
+        and not director.rest_timer.isActive()
     )
 
 

@@ -84,10 +84,10 @@ class MainWindow(QMainWindow):
         self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
-        self.look = ViewOptions(axes_clickable=True)
+        self.view_options = ViewOptions(axes_clickable=True)
         #: The last value of ``view.show`` that showed both fabric and cage.
         self._shown_together = "both"
-        self.view = View3D(self.look)
+        self.view = View3D(self.view_options)
         self.times = TimeBar()
         self.stages = StageList()
         self.properties = Properties(self.document)
@@ -237,16 +237,22 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.status_text = ElidedLabel()
         self.status_text.linkActivated.connect(self._switch_stage)
-        self.details = tool_button("Details", "Show all warnings")
-        self.details.clicked.connect(self._show_details)
-        self.details.hide()
-        self.bar, self.running = QProgressBar(), QLabel()
-        self.bar.setFixedWidth(160)
-        self.cancel = QPushButton("Cancel")
-        self.cancel.clicked.connect(self.director.cancel)
+        self.details_button = tool_button("Details", "Show all warnings")
+        self.details_button.clicked.connect(self._show_details)
+        self.details_button.hide()
+        self.progress_bar, self.running_label = QProgressBar(), QLabel()
+        self.progress_bar.setFixedWidth(160)
+        self.cancel_button = QPushButton("Cancel")
+        self.cancel_button.clicked.connect(self.director.cancel)
         status = self.statusBar()
         status.addWidget(self.status_text, 1)
-        for widget in (self.details, self.running, self.bar, self.cancel, self.exports.progress):
+        for widget in (
+            self.details_button,
+            self.running_label,
+            self.progress_bar,
+            self.cancel_button,
+            self.exports.progress,
+        ):
             status.addPermanentWidget(widget)
         self._show_progress("", 0.0, "")
 
@@ -411,7 +417,7 @@ class MainWindow(QMainWindow):
         self.view.preview.begin(thumbnails.file_of(example) if example else None)
         self.status_text.show_text("")  # clear the text about the former scene
         self.status_text.setToolTip("")
-        self.details.hide()
+        self.details_button.hide()
         # Do not show the properties of a stage that the new scene does not use.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.select(self.document.scene.source.section)
@@ -482,14 +488,16 @@ class MainWindow(QMainWindow):
         # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
         # interpreted as HTML.
         self.status_text.setToolTip(details.replace("<", "‹"))
-        self.details.setText("Details" if is_warning_shown else "Notes")
-        self.details.setVisible(bool(details))
+        self.details_button.setText("Details" if is_warning_shown else "Notes")
+        self.details_button.setVisible(bool(details))
 
     def _show_details(self) -> None:
         """Show all warnings until the next click."""
         paragraphs = (html.escape(line) for line in self.status_text.toolTip().splitlines())
         page = "".join(f"<p>{line}</p>" for line in paragraphs)
-        QWhatsThis.showText(self.details.mapToGlobal(QPoint(0, 0)), page, self.details)
+        QWhatsThis.showText(
+            self.details_button.mapToGlobal(QPoint(0, 0)), page, self.details_button
+        )
 
     def _show_pull(self, pull: Pull | None) -> None:
         if pull is not None:
@@ -503,14 +511,14 @@ class MainWindow(QMainWindow):
         self.times.go_to(time, continues)
 
     def _show_progress(self, section: str, share: float, step: str) -> None:
-        for widget in (self.bar, self.cancel, self.running):
+        for widget in (self.progress_bar, self.cancel_button, self.running_label):
             widget.setVisible(bool(section))
         if section:
             stage = words_of(sections()[section].__name__)
-            self.running.setText(f"{stage}: {step}" if step else stage)
+            self.running_label.setText(f"{stage}: {step}" if step else stage)
             # A stage that reports no progress gets a busy indicator.
-            self.bar.setRange(0, 100 if share > 0.0 else 0)
-            self.bar.setValue(min(int(share * 100), _MAX_PROGRESS))
+            self.progress_bar.setRange(0, 100 if share > 0.0 else 0)
+            self.progress_bar.setValue(min(int(share * 100), _MAX_PROGRESS))
 
 
 def _shorten_warning(warning: str) -> str:

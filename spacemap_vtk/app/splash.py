@@ -32,7 +32,7 @@ class Splash:
         # The label is exposed in the first pass of the event loop and painted in the second.
         self.app.processEvents()
         self.app.processEvents()
-        self.shown: QLabel | None = label
+        self.label: QLabel | None = label
 
     def close_after_first_frame(self, window: Any) -> None:
         """Close when the window has drawn its first picture, or has failed to."""
@@ -40,9 +40,9 @@ class Splash:
             signal.connect(self.close)
 
     def close(self, *_: Any) -> None:
-        if self.shown is not None:
-            self.shown.close()
-            self.shown = None
+        if self.label is not None:
+            self.label.close()
+            self.label = None
 
 
 def _make_card(name: str) -> QPixmap:

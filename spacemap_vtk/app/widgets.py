@@ -113,8 +113,8 @@ class CountBox(QSpinBox):
     #: Emits why the typed number is out of range, and an empty text once it is in range.
     range_error_changed = Signal(str)
 
-    def __init__(self, **look: Any) -> None:
-        super().__init__(**look)
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
         self.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
         self.lineEdit().textEdited.connect(lambda: self.range_error_changed.emit(self.range_error))
 

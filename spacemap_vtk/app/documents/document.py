@@ -74,7 +74,7 @@ class Document(QObject):
         #: wait, and a newer one replaces the waiting one. Each change costs a tenth of a frame.
         self.congested: Callable[[], bool] = lambda: False
         self._waiting: _Change | None = None
-        self._delay = single_shot(self, self.apply_waiting_change, _MAX_DELAY)
+        self._delay_timer = single_shot(self, self.apply_waiting_change, _MAX_DELAY)
         self._parse("")
         self._scene = Scene({}, self.base)
         self._saved_settings = self._settings()
@@ -241,8 +241,8 @@ class Document(QObject):
             self.apply_waiting_change()
         if burst and self.congested() and self._is_valid(section, written):
             self._waiting = change
-            if not self._delay.isActive():
-                self._delay.start()
+            if not self._delay_timer.isActive():
+                self._delay_timer.start()
             return
         waiting, self._waiting = self._waiting, None
         if all(self.value_in_file(section, k) == v for k, v in written.items()):

@@ -140,7 +140,7 @@ class FileCommands(QObject):
             (width, height),
             view.panels(scene),
             view.viewpoint,
-            wireframe=view.look.wireframe,
+            wireframe=view.options.wireframe,
         )
         before = scene.view.settings
         try:

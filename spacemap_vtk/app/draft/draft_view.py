@@ -52,9 +52,9 @@ class DraftGrid(QAbstractScrollArea):
         self.colored = True
         #: Colour for painting the strips.
         self.color = QColor("#2d6a8e")
-        self._fits = True
+        self._fits_view = True
         self._stroke: Stroke | None = None
-        self._last: GridCell | None = None
+        self._last_cell: GridCell | None = None
         self._highlighted: GridCell | None = None
         self._picture: QImage | None = None
         self.setFrameShape(QFrame.Shape.NoFrame)
@@ -85,14 +85,14 @@ class DraftGrid(QAbstractScrollArea):
             self._stroke = self._highlighted = None
         if before is None or shown is None or _grid_sizes(before) != _grid_sizes(shown):
             self._highlighted = None
-            if self._fits:
+            if self._fits_view:
                 self.fit()
         self._update_scroll_range()
         self.repaint_all()
 
     def fit(self) -> None:
         """Choose the size of cells so that the whole draft is visible."""
-        self._fits = True
+        self._fits_view = True
         if self.shown is not None:
             self.cell = fit_cell_size(self.shown, self._viewport_size(), SIZES[0], 24)
             self._update_scroll_range()
@@ -103,7 +103,7 @@ class DraftGrid(QAbstractScrollArea):
         layout = self.current_layout()
         if layout is None:
             return
-        self._fits = False
+        self._fits_view = False
         sizes = [size for size in SIZES if (size > self.cell if larger else size < self.cell)]
         if not sizes:
             return
@@ -201,7 +201,7 @@ class DraftGrid(QAbstractScrollArea):
             return
         second = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
         self._stroke = Stroke(self.shown, grid_cell, bool(keys & second), self.color)
-        self._last = grid_cell
+        self._last_cell = grid_cell
         self._apply_stroke(grid_cell)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
@@ -210,15 +210,15 @@ class DraftGrid(QAbstractScrollArea):
             self._highlight(self._cell_at(event.position()))
             return
         grid_cell = self._cell_at(event.position(), self._stroke.panel)
-        if grid_cell is None or self._last is None:
+        if grid_cell is None or self._last_cell is None:
             return
         # Fill in the cells that a fast mouse has skipped.
-        steps = max(abs(grid_cell.x - self._last.x), abs(grid_cell.y - self._last.y))
+        steps = max(abs(grid_cell.x - self._last_cell.x), abs(grid_cell.y - self._last_cell.y))
         for step in range(1, steps + 1):
-            x = round(self._last.x + (grid_cell.x - self._last.x) * step / steps)
-            y = round(self._last.y + (grid_cell.y - self._last.y) * step / steps)
+            x = round(self._last_cell.x + (grid_cell.x - self._last_cell.x) * step / steps)
+            y = round(self._last_cell.y + (grid_cell.y - self._last_cell.y) * step / steps)
             self._apply_stroke(GridCell(grid_cell.panel, x, y))
-        self._last = grid_cell
+        self._last_cell = grid_cell
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a stroke."""
@@ -299,7 +299,7 @@ class DraftGrid(QAbstractScrollArea):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the draft again if the whole draft was shown."""
         super().resizeEvent(event)
-        if self._fits:
+        if self._fits_view:
             self.fit()
         self._update_scroll_range()
         self.repaint_all()

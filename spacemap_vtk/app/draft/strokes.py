@@ -36,10 +36,10 @@ class Stroke:
         self._color = color.red(), color.green(), color.blue()
         # A new mark replaces the present one of its end or pick, unless `several`.
         if grid_cell.panel == "drawdown":
-            self._wanted = not shown.drawdown[grid_cell.y - 1, grid_cell.x - 1]
+            self._sets_marks = not shown.drawdown[grid_cell.y - 1, grid_cell.x - 1]
         elif grid_cell.panel not in ("warp", "weft"):
             row, number, _ = _marks_of(shown, grid_cell)
-            self._wanted = number not in row
+            self._sets_marks = number not in row
         several = several or grid_cell.panel == "tieup" or shown.loom.liftplan is not None
         self._several = several
 
@@ -49,16 +49,16 @@ class Stroke:
             return self._paint(shown, grid_cell)
         if self.panel == "drawdown":
             index = grid_cell.y - 1, grid_cell.x - 1
-            if shown.drawdown[index] == self._wanted:
+            if shown.drawdown[index] == self._sets_marks:
                 return shown
             drawdown = shown.drawdown.copy()
-            drawdown[index] = self._wanted
+            drawdown[index] = self._sets_marks
             return replace(shown, drawdown=drawdown)
         row, number, changed = _marks_of(shown, grid_cell)
         marks = row
-        if self._wanted and not self._several:
+        if self._sets_marks and not self._several:
             marks = (number,)
-        elif (number in row) != self._wanted:
+        elif (number in row) != self._sets_marks:
             marks = shown.loom.toggled(row, number)
         return shown if marks == row else shown.with_loom(changed(marks))
 

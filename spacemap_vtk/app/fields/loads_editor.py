@@ -48,15 +48,15 @@ class LoadsEditor(Editor):
         super().__init__(parameter)
         self.cards: list[_LoadCard] = []
         self._tables: list[dict[str, Any]] = []
-        self.add = QToolButton(text="Add load ▾")
-        self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        menu = QMenu(self.add)
+        self.add_button = QToolButton(text="Add load ▾")
+        self.add_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(self.add_button)
         self._declared = parameter
         for action in parameter.actions:
             menu.addAction(action.replace("_", " ").capitalize()).setData(action)
         menu.triggered.connect(self.add_load)
-        self.add.setMenu(menu)
-        self._layout = column(self, self.add)
+        self.add_button.setMenu(menu)
+        self._layout = column(self, self.add_button)
 
     def show_value(self, value: Any) -> None:
         tables = [load._values for load in value]
@@ -116,9 +116,9 @@ class _LoadCard(QFrame):
         ignore_wheel(self.action)
         for action in declared.actions:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
-        self.remove = tool_button("✕", "Remove this load")
-        self.remove.clicked.connect(lambda: self.edited.emit(number, None, 0))
-        head = row(None, QLabel(f"{number + 1}."), (self.action, 1), self.remove)
+        self.remove_button = tool_button("✕", "Remove this load")
+        self.remove_button.clicked.connect(lambda: self.edited.emit(number, None, 0))
+        head = row(None, QLabel(f"{number + 1}."), (self.action, 1), self.remove_button)
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             parameter = Load.parameters[name]

@@ -111,22 +111,22 @@ class _SectionDrawings(QScrollArea):
         self.setWidget(self.picture)
         self._cuts: Sequence[CrossSection] = ()
         self._colors: Colors = ()
-        self._soon = single_shot(self, self._draw, 60)
+        self._draw_timer = single_shot(self, self._draw, 60)
 
     def show_cuts(self, cuts: Sequence[CrossSection] = (), colors: Colors = ()) -> None:
         self._cuts, self._colors = cuts, colors
         self.setVisible(bool(cuts))
-        self._soon.start()
+        self._draw_timer.start()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         if event.size().width() != event.oldSize().width():
-            self._soon.start()
+            self._draw_timer.start()
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange:
-            self._soon.start()
+            self._draw_timer.start()
 
     def _draw(self) -> None:
         if not self._cuts or not self.isVisible():

@@ -129,7 +129,7 @@ class ModesTab(QWidget):
         self._masses_key: Any = None
         #: Index of the animated mode, or None.
         self.mode: int | None = None
-        self._begun = 0.0
+        self._started_at = 0.0
         self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._tick)
         self.table.cellClicked.connect(self._start_animation)
@@ -271,7 +271,7 @@ class ModesTab(QWidget):
 
     def _start_animation(self, row: int, _column: int) -> None:
         self._set_mode(row)
-        self._begun = time.perf_counter()
+        self._started_at = time.perf_counter()
         self.back_button.setEnabled(True)
         self._timer.start()
 
@@ -282,7 +282,7 @@ class ModesTab(QWidget):
 
     def _tick(self) -> None:
         if self.mode is not None:
-            phase = (time.perf_counter() - self._begun) / _PERIOD
+            phase = (time.perf_counter() - self._started_at) / _PERIOD
             value = self.amplitude.value()
             angle = math.radians(value) if self._uses_angles else None
             self.swing_changed.emit(Swing(self.mode, value / 100, phase, angle))

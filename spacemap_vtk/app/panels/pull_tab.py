@@ -63,13 +63,13 @@ class PullTab(QWidget):
         )
         self._crossings: Interchange | None = None
         self._cloth_key: Any = None
-        self.rest = single_shot(self, self._update_map, _REST_TIME)
+        self.rest_timer = single_shot(self, self._update_map, _REST_TIME)
         self.hint.linkActivated.connect(document.switch)
         self.map.dragged.connect(self._show_stretch)
         self.map.dragging.connect(self.dragging)
         self.map.reset_requested.connect(self.stop)
         for signal in (document.changed, document.replaced):
-            signal.connect(self.rest.start)
+            signal.connect(self.rest_timer.start)
 
     def stop(self) -> None:
         """Show the motion again."""

@@ -41,7 +41,7 @@ class TimeBar(QWidget):
         self.waiting = False
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
-        self._adopted: dict[str, Any] | None = None
+        self._animation_settings: dict[str, Any] | None = None
         self.play = tool_button("▶", "Play (Space)", checkable=True)
         self.play.toggled.connect(self._toggle_playing)
         self.first = tool_button("|◀", "Go to start (Home)")
@@ -102,9 +102,9 @@ class TimeBar(QWidget):
             if self.speed.findText(speed) < 0:
                 self.speed.addItem(speed)
             self.speed.setCurrentText(speed)
-        elif self._adopted == animation.settings:
+        elif self._animation_settings == animation.settings:
             return
-        self._adopted = animation.settings
+        self._animation_settings = animation.settings
         self._step = animation.speed / animation.frames_per_second
         end = format_quantity(self._stop, "s", 6)
         self.end_label.setText(f"of {end}")

@@ -70,7 +70,7 @@ class PlotsTab(QWidget):
         self.curves: Curves | None = None
         self._key = ""
         self._time = 0.0
-        self._moved = False
+        self._has_motion = False
         #: Values of the scene that was drawn last.
         self._drawn: dict[str, Any] = {}
         #: Created when the tab is first shown, because importing matplotlib takes time.
@@ -83,7 +83,7 @@ class PlotsTab(QWidget):
         self.clear_button = QPushButton("Clear points")
         self.save_button = QPushButton("Save")
         menu = QMenu(self)
-        self.saves = {
+        self.save_actions = {
             "picture": menu.addAction("Picture…", self.save_picture),
             "times": menu.addAction("Curves over time…", self.save_times),
             "frequencies": menu.addAction("Frequency response…", self.save_frequencies),
@@ -95,18 +95,20 @@ class PlotsTab(QWidget):
         first = row(None, (self.quantity, 1), (self.component, 1))
         second = row(None, (self.clear_button, 1), (self.save_button, 1))
         #: Progress of the curves, with a button that cancels or starts the computation.
-        self.bar, self.run = QProgressBar(), QPushButton("Cancel")
-        self.run.clicked.connect(self._cancel_or_compute)
-        third = row(None, (self.bar, 1), self.run)
+        self.progress_bar, self.run_button = QProgressBar(), QPushButton("Cancel")
+        self.run_button.clicked.connect(self._cancel_or_compute)
+        third = row(None, (self.progress_bar, 1), self.run_button)
         self._layout = column(self, first, second, None, third, self.hint, margins=(6, 6, 6, 6))
         self._show_progress("")
-        self.rest = single_shot(self, self._request, _REST_TIME)
+        self.rest_timer = single_shot(self, self._request, _REST_TIME)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._choose_component)
         document.changed.connect(self._update_hint)
         document.replaced.connect(self._clear_curves)
         engine.background_ready.connect(self._receive)
-        engine.background_progressed.connect(lambda share: self.bar.setValue(int(100 * share)))
+        engine.background_progressed.connect(
+            lambda share: self.progress_bar.setValue(int(100 * share))
+        )
         self._enable_tools()
 
     def show_points(self, points: list[Pick]) -> None:
@@ -118,15 +120,19 @@ class PlotsTab(QWidget):
         if frame.mode is not None:
             return
         self._time = frame.time
-        self._moved = frame.cage is not None
+        self._has_motion = frame.cage is not None
         self._drawn = frame.values
         if self.canvas is not None and self.isVisible():
             self.canvas.set_time(frame.time)
-        if self.isVisible() and not self.rest.isActive() and self.make_request().key != self._key:
+        if (
+            self.isVisible()
+            and not self.rest_timer.isActive()
+            and self.make_request().key != self._key
+        ):
             self._request_later()
 
     def stop(self) -> None:
-        self.rest.stop()
+        self.rest_timer.stop()
         self._engine.start_background(None)
 
     def save_picture(self) -> None:
@@ -182,7 +188,7 @@ class PlotsTab(QWidget):
 
     def _request_later(self) -> None:
         if self.isVisible():
-            self.rest.start()
+            self.rest_timer.start()
 
     def make_request(self) -> CurveRequest:
         animation = self._document.scene.animation
@@ -196,12 +202,12 @@ class PlotsTab(QWidget):
         if not self.isVisible() or request.key == self._key:
             return
         if self._engine.busy:
-            self.rest.start()
+            self.rest_timer.start()
             return
         if self._drawn != self._document.values:
             return  # the last run failed or was cancelled, so the engine has older values
         self._key = request.key
-        if self._moved:
+        if self._has_motion:
             self.hint.setText("Computing…")
             self._show_progress("Cancel")
             self._engine.start_background(partial(compute_curves, request=request))
@@ -210,13 +216,13 @@ class PlotsTab(QWidget):
 
     def _show_progress(self, button: str) -> None:
         """Show the button, with the progress bar if it is "Cancel"; an empty text hides both."""
-        self.bar.setValue(0)
-        self.bar.setVisible(button == "Cancel")
-        self.run.setText(button)
-        self.run.setVisible(bool(button))
+        self.progress_bar.setValue(0)
+        self.progress_bar.setVisible(button == "Cancel")
+        self.run_button.setText(button)
+        self.run_button.setVisible(bool(button))
 
     def _cancel_or_compute(self) -> None:
-        if self.run.text() == "Cancel":
+        if self.run_button.text() == "Cancel":
             self._engine.start_background(None)
             self._show_progress("Compute")
             self.hint.setText("Cancelled. Click Compute, or change the scene.")
@@ -227,7 +233,7 @@ class PlotsTab(QWidget):
     def _receive(self, result: Any) -> None:
         if not (isinstance(result, Curves | BaseException | None) and self.isVisible()):
             return  # the result was requested by another tab
-        if isinstance(result, Curves) and self.run.text() == "Compute":
+        if isinstance(result, Curves) and self.run_button.text() == "Compute":
             return  # the computation ended at the moment when it was cancelled
         self._show_progress("")
         if isinstance(result, BaseException):
@@ -286,7 +292,7 @@ class PlotsTab(QWidget):
         has_curves = self.curves is not None
         for widget in (self.quantity, self.component, self.save_button):
             widget.setEnabled(has_curves)
-        self.saves["frequencies"].setEnabled(
+        self.save_actions["frequencies"].setEnabled(
             self.curves is not None and len(self.curves.frequencies) > 0
         )
 

@@ -25,18 +25,18 @@ class Preview(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
         self._picture = QPixmap()
-        self._appear = single_shot(self, self._show, _DELAY)
+        self._delay_timer = single_shot(self, self._show, _DELAY)
 
     def begin(self, file: Path | None) -> None:
         """Show a thumbnail after a delay, unless `end` is called first; None shows nothing."""
         self.end()
         self._picture = QPixmap() if file is None else QPixmap(str(file))
         if not self._picture.isNull():
-            self._appear.start()
+            self._delay_timer.start()
 
     def end(self) -> None:
         """Hide the thumbnail: the scene is drawn, or will not be."""
-        self._appear.stop()
+        self._delay_timer.stop()
         self.hide()
 
     def _show(self) -> None:

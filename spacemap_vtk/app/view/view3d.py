@@ -67,9 +67,9 @@ class View3D(QWidget):
     #: Whether the camera has started to move; False when it has come to rest.
     camera_moving = Signal(bool)
 
-    def __init__(self, look: ViewOptions) -> None:
+    def __init__(self, options: ViewOptions) -> None:
         super().__init__()
-        self.look = look
+        self.options = options
         self.frame: Frame | None = None
         self.canvas = Canvas(self)
         layout = QVBoxLayout(self)
@@ -93,7 +93,7 @@ class View3D(QWidget):
         #: Handle that moves the clip plane; created with the first cut.
         self.handle: ClipHandle | None = None
         #: View settings of the scene, and the same with the background of the window's theme.
-        self._given: View | None = None
+        self._scene_settings: View | None = None
         self._view: View | None = None
         self._dark = False
         #: Whether the frame belongs to a scene that has been closed.
@@ -101,10 +101,10 @@ class View3D(QWidget):
         self._cut: tuple[object, Cut | None] = None, None
         #: Picked points in the order of picking; see `picks_changed`.
         self.picks: list[Pick] = []
-        self._pressed: QPointF | None = None
+        self._press_position: QPointF | None = None
         self._closed = False
         #: The last camera preset, and the viewpoint it gave.
-        self._aimed: tuple[str | None, Viewpoint] | None = None
+        self._preset: tuple[str | None, Viewpoint] | None = None
         self._rest_timer = single_shot(self, self._end_camera_move, _REST_TIME)
         self._shadow_timer = single_shot(self, self._draw_shadows, _REST_TIME)
         #: Camera and size of the last drawing.
@@ -114,9 +114,9 @@ class View3D(QWidget):
         #: Whether the up axis stays up while the mouse turns the view, and the viewpoint before the
         #: last move.
         self.turntable = False
-        self._stood: Viewpoint | None = None
+        self._last_viewpoint: Viewpoint | None = None
         #: Whether the last picture showed something moving, and whether such pictures are quick.
-        self._moved, self._quick = False, True
+        self._was_moving, self._is_quick = False, True
         self.canvas.painting.connect(self._prepare_drawing)
         self._observe_camera()
         #: Sections of a scene file that belong to sources.
@@ -159,9 +159,9 @@ class View3D(QWidget):
         self.render()
 
     @property
-    def seen(self) -> CameraView | None:
+    def camera_view(self) -> CameraView | None:
         """Camera and size of the view; None before the first frame."""
-        if self._aimed is None:
+        if self._preset is None:
             return None
         ratio = self.canvas.devicePixelRatioF()
         width, height = self.canvas.width(), self.canvas.height()
@@ -176,10 +176,10 @@ class View3D(QWidget):
             if view is None:
                 return
             if view.turntable and style.GetState() == _TURNING and event[0] != "E":
-                keep_upright(view.canvas.camera, view._up_axis, view._stood)
-                view._stood = view.viewpoint
+                keep_upright(view.canvas.camera, view._up_axis, view._last_viewpoint)
+                view._last_viewpoint = view.viewpoint
             if event != "InteractionEvent":
-                view._stood = None
+                view._last_viewpoint = None
                 view.steer(event == "StartInteractionEvent")
 
         for name in ("StartInteractionEvent", "InteractionEvent", "EndInteractionEvent"):
@@ -212,7 +212,7 @@ class View3D(QWidget):
         """Return whether the present camera may need a new frame."""
         if frame.cloth is not None:
             return True
-        camera_view = self.seen
+        camera_view = self.camera_view
         if frame.coarse_scale == 0.0 or camera_view is None:
             return False
         # The number of facets was chosen for another view and may be too small or too large.
@@ -223,7 +223,7 @@ class View3D(QWidget):
 
     def _end_camera_move(self) -> None:
         self.steering, frame = False, self.frame
-        if frame is not None and (frame.cloth is None or frame.camera_view == self.seen):
+        if frame is not None and (frame.cloth is None or frame.camera_view == self.camera_view):
             self.scene_view.set_moving(False)
             self._draw_shadows()
         # Otherwise a new frame for this camera will be requested.
@@ -255,35 +255,35 @@ class View3D(QWidget):
         # only if pictures are quick, and with fewer search steps.
         renderer, took = self.canvas.renderer, self.canvas.draw_time
         moving = self.steering or (self.frame is not None and self.frame.coarse)
-        if moving and self._moved:
-            self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
-        self._moved = moving
+        if moving and self._was_moving:
+            self._is_quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
+        self._was_moving = moving
         self.scene_view.surface.set_samples(1 if moving else FINE_SAMPLES)
-        renderer.SetUseFXAA(self._quick or not moving)
+        renderer.SetUseFXAA(self._is_quick or not moving)
         renderer.GetFXAAOptions().SetEndpointSearchIterations(4 if moving else 12)
 
     def set_view(self, view: View) -> None:
         """Show the present frame with the settings of a scene's section ``[view]``."""
-        if self._given is None:
+        if self._scene_settings is None:
             self._fit_sizes(
                 view.within(self._dark)
             )  # for the background, as there may never be a frame
-        elif view.settings != self._given.settings:
+        elif view.settings != self._scene_settings.settings:
             self._set_view_settings(view)
             self.refresh()
 
     def set_dark(self, dark: bool) -> None:
         """Set a dark or light background, used if neither the scene nor its style has one."""
         self._dark = dark
-        self._set_view_settings(self._given)
+        self._set_view_settings(self._scene_settings)
         self.refresh()
 
     def _set_view_settings(self, view: View | None) -> None:
-        self._given, self._view = view, (view or View()).within(self._dark)
+        self._scene_settings, self._view = view, (view or View()).within(self._dark)
         self._fit_sizes(self._view)
 
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame with the settings of `look` and of the scene."""
+        """Show the present frame with the settings of `options` and of the scene."""
         frame, view = self.frame, self._view
         if frame is None or view is None or self._is_scene_closed:
             return
@@ -291,9 +291,11 @@ class View3D(QWidget):
         if key != self._cut[0]:
             self._cut = key, self._place_handle(cut_of(view, frame.surface))
         self._suspend_shadows()
-        self.look.fabric = view.show != "cage" or frame.cage is None
-        self.look.cage = view.show != "fabric"
-        self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
+        self.options.fabric = view.show != "cage" or frame.cage is None
+        self.options.cage = view.show != "fabric"
+        self.scene_view.show(
+            frame, view, self.options, self.scene_view.span_of(frame), self._cut[1]
+        )
         self.scene_view.set_moving(self.steering)
         aimed_for = self.scene_view.scale_width, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
@@ -352,8 +354,8 @@ class View3D(QWidget):
     def render(self) -> None:
         """Ask Qt to draw the view soon."""
         if not self._closed:
-            if self.seen != self._last_drawn and not self._held:
-                self._last_drawn = self.seen
+            if self.camera_view != self._last_drawn and not self._held:
+                self._last_drawn = self.camera_view
                 self.steer(False)
             self.canvas.renderer.ResetCameraClippingRange()
             # Not canvas.render(): the widget would be drawn again when Qt paints it.
@@ -366,7 +368,7 @@ class View3D(QWidget):
             return
         width, height = max(1, self.canvas.width()), max(1, self.canvas.height())
         camera = self.canvas.camera
-        flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
+        flat, was_flat = name == FLAT, self._preset is not None and self._preset[0] == FLAT
         aim_camera(
             camera,
             points,
@@ -381,7 +383,7 @@ class View3D(QWidget):
         if not flat:
             # A parallel projection with this scale shows as much as the perspective.
             camera.SetParallelScale(half_height(camera))
-        self._aimed = name, self.viewpoint
+        self._preset = name, self.viewpoint
         self.render()
 
     def zoom(self, factor: float) -> None:
@@ -397,9 +399,9 @@ class View3D(QWidget):
 
     def _aim_again(self) -> None:
         """Aim the camera again for the present size, unless the user has moved it."""
-        if self._aimed is None or self.frame is None:
+        if self._preset is None or self.frame is None:
             return
-        (name, before), now = self._aimed, self.viewpoint
+        (name, before), now = self._preset, self.viewpoint
         if before[:3] == now[:3]:
             self.reset_camera(name)
 
@@ -407,7 +409,7 @@ class View3D(QWidget):
     def _is_out_of_view(self) -> bool:
         """Whether the whole scene lies outside one side of the picture."""
         points = self._extent
-        if self._aimed is None or points is None:
+        if self._preset is None or points is None:
             return False
         aspect = max(1, self.canvas.width()) / max(1, self.canvas.height())
         x, y, _, w = project_points(self.canvas.camera, points, aspect).T
@@ -428,7 +430,7 @@ class View3D(QWidget):
 
     def viewpoint_for(self, size: tuple[int, int]) -> Viewpoint:
         """Compute the viewpoint from which a picture of another size shows the same, enlarged."""
-        frame, camera_view = self.frame, self.seen
+        frame, camera_view = self.frame, self.camera_view
         if frame is None or camera_view is None:
             return self.viewpoint
         # The colour scale is drawn beside the scene, not over it.
@@ -440,20 +442,20 @@ class View3D(QWidget):
                 (bar_share, size),
             )
         )
-        shown = visible_cells(frame, self._view or View(), self.look)
+        shown = visible_cells(frame, self._view or View(), self.options)
         return refit_viewpoint(self.viewpoint, shown, aspect, other)
 
     @property
     def settings(self) -> dict[str, Any]:
         """Settings of a scene's section ``[view]`` that give the look of this view."""
-        view, look = self._view or View(), self.look
-        triad, bar = look.triad or view.triad, look.scale_bar or view.scale_bar
+        view, options = self._view or View(), self.options
+        triad, bar = options.triad or view.triad, options.scale_bar or view.scale_bar
         return {**view.settings, "triad": triad, "scale_bar": bar}
 
     def panels(self, scene: Scene) -> list[str]:
         """Return the panels of a picture that shows the same parts as this view."""
-        fabric = self.look.fabric or not scene.moves
-        return ["both" if fabric and self.look.cage else "fabric" if fabric else "cage"]
+        fabric = self.options.fabric or not scene.moves
+        return ["both" if fabric and self.options.cage else "fabric" if fabric else "cage"]
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Add a picked point and mark it; `alone` removes the others."""
@@ -545,13 +547,13 @@ class View3D(QWidget):
         """Distinguish clicks from drags; VTK receives both."""
         if event.type() == QEvent.Type.MouseButtonPress:
             if event.button() == Qt.MouseButton.LeftButton:
-                self._pressed = event.position()
-        elif event.type() == QEvent.Type.MouseButtonRelease and self._pressed is not None:
-            at, start = event.position(), self._pressed
-            self._pressed = None
+                self._press_position = event.position()
+        elif event.type() == QEvent.Type.MouseButtonRelease and self._press_position is not None:
+            at, start = event.position(), self._press_position
+            self._press_position = None
             if (at - start).manhattanLength() <= _MAX_CLICK_MOVE:
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
-        elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
+        elif event.type() == QEvent.Type.MouseMove and self._press_position is None:
             tip = f"Look from the {side}" if (side := self._side_at(event.position())) else ""
             if tip != self.canvas.toolTip():
                 self.canvas.setToolTip(tip)

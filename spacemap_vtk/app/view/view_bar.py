@@ -84,8 +84,8 @@ class ViewBar(QToolBar):
             tip = f"Show the {label.lower()}" + (f" ({key})" if key else "")
             shown = action(self, label, self._toggle_part, key, tip, name, checkable=True)
             if name in _WINDOW_PARTS:  # only in the menu, as the bar has no room
-                setattr(view.look, name, QSettings().value(name) != "false")
-                shown.setChecked(getattr(view.look, name))
+                setattr(view.options, name, QSettings().value(name) != "false")
+                shown.setChecked(getattr(view.options, name))
             else:
                 self.addAction(shown)
                 self.eye_actions[role] = shown
@@ -211,7 +211,9 @@ class ViewBar(QToolBar):
         parts = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
         for name, shown in self.part_actions.items():
             is_shown = parts[name] if name in parts else getattr(scene.view, name)
-            shown.setChecked(is_shown or (name in _WINDOW_PARTS and getattr(self._view.look, name)))
+            shown.setChecked(
+                is_shown or (name in _WINDOW_PARTS and getattr(self._view.options, name))
+            )
         solved = scene.modal in scene.stages
         has_supports = solved and scene.modal.fixed != ()
         supports = self.part_actions["supports"]
@@ -247,7 +249,7 @@ class ViewBar(QToolBar):
         name = self.sender().data()
         if name in _WINDOW_PARTS:
             QSettings().setValue(name, "true" if on else "false")
-            setattr(self._view.look, name, on)
+            setattr(self._view.options, name, on)
             self._view.refresh()
         if name not in _WINDOW_PARTS or (name in self._required and not on):
             self.setting_changed.emit(name, on)

@@ -65,7 +65,7 @@ class ViewKeys(QObject):
         self.appearance_actions[-1].setEnabled(bool(picks))
 
     def _toggle_wireframe(self) -> None:
-        self._view.look.wireframe = self.wireframe.isChecked()
+        self._view.options.wireframe = self.wireframe.isChecked()
         self._view.refresh()
 
     def _fly_to_mouse(self) -> None:

@@ -40,7 +40,7 @@ class Screen:
         self._ratio = 1.0
         self._view = View()
         #: The last camera preset, and the viewpoint it gave.
-        self._aimed: tuple[str | None, Viewpoint] | None = None
+        self._preset: tuple[str | None, Viewpoint] | None = None
         self._drawn: tuple[int, bytes] = 0, b""
 
     def show_frame(self, frame: Frame, view: View) -> None:
@@ -63,8 +63,8 @@ class Screen:
         self.window.render_window.SetSize(*size)
         self.window.render_window.SetDPI(round(72 * self._ratio))
         self._refresh()
-        if self._aimed is not None and self._aimed[1][:3] == self._place[:3]:
-            self.aim(self._aimed[0])
+        if self._preset is not None and self._preset[1][:3] == self._place[:3]:
+            self.aim(self._preset[0])
 
     def aim(self, name: str | None) -> None:
         """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
@@ -78,7 +78,7 @@ class Screen:
         camera.SetParallelProjection(flat)
         if name != FLAT:
             camera.SetParallelScale(half_height(camera))
-        self._aimed = name, self._place
+        self._preset = name, self._place
         self.version += 1
 
     def steer(self, kind: str, x: float, y: float) -> None:
@@ -110,11 +110,11 @@ class Screen:
             self.version += 1
 
     @property
-    def seen(self) -> CameraView | None:
+    def camera_view(self) -> CameraView | None:
         """Camera and size of the picture; None before the first frame."""
         return (
             None
-            if self._aimed is None
+            if self._preset is None
             else CameraView(self._place, self.scene_view.scale_width, self.window.size)
         )
 
@@ -146,10 +146,10 @@ class Screen:
         width, height = self.window.size
         units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
         self.scene_view.fit(view, units, self._ratio, self._ratio * view.line_scale)
-        look = ViewOptions(fabric=view.show != "cage", cage=frame.cage is not None)
-        look.cage = look.cage and view.show != "fabric"
+        options = ViewOptions(fabric=view.show != "cage", cage=frame.cage is not None)
+        options.cage = options.cage and view.show != "fabric"
         cut = cut_of(view, frame.surface)
-        self.scene_view.show(frame, view, look, self.scene_view.span_of(frame), cut)
+        self.scene_view.show(frame, view, options, self.scene_view.span_of(frame), cut)
         self.scene_view.set_moving(self.steering)
         self.version += 1
 

@@ -150,7 +150,7 @@ class Session:
             generation=0,
             time=self._time,
             coarse=coarse,
-            seen=self.screen.seen,
+            camera_view=self.screen.camera_view,
         )
         if self._begun is not None:
             begun, request = self._begun
@@ -285,7 +285,7 @@ class Session:
             self._send_picture()
         if frame is None or self.state.playing or self._request is not None or self._begun:
             return
-        if frame.cloth is not None and frame.camera_view != self.screen.seen:
+        if frame.cloth is not None and frame.camera_view != self.screen.camera_view:
             self.request_frame()
             self._follows_camera = True
 

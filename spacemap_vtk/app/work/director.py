@@ -58,8 +58,8 @@ class Director(QObject):
         #: because the camera has moved on.
         self._follows_camera = self._was_superseded = False
         self._settings: dict[str, dict[str, Any]] = {}
-        self.rest = single_shot(self, self._request_fine_frame, _REST_TIME)
-        self._notice = single_shot(self, self._show_running, _NOTICE_DELAY)
+        self.rest_timer = single_shot(self, self._request_fine_frame, _REST_TIME)
+        self._notice_timer = single_shot(self, self._show_running, _NOTICE_DELAY)
         document.congested = lambda: engine.congested
         document.changed.connect(self._update_after_change)
         document.replaced.connect(self._start_scene)
@@ -87,17 +87,17 @@ class Director(QObject):
             time=self._times.time,
             coarse=coarse,
             swing=self.swing,
-            seen=self._view.seen if is_same_scene else None,
+            camera_view=self._view.camera_view if is_same_scene else None,
         )
         self._follows_camera = False
         self._is_cancelling = False
         self._engine.request(self._last_request)
-        if not self._notice.isActive():
-            self._notice.start()
+        if not self._notice_timer.isActive():
+            self._notice_timer.start()
         if coarse:
-            self.rest.start()
+            self.rest_timer.start()
         else:
-            self.rest.stop()
+            self.rest_timer.stop()
 
     def show_mode(self, swing: Swing | None) -> None:
         """Show a mode instead of the motion; None returns to the motion."""
@@ -124,7 +124,7 @@ class Director(QObject):
     def cancel(self) -> None:
         """Cancel the run and keep the last picture."""
         self._times.pause()
-        self.rest.stop()
+        self.rest_timer.stop()
         self._is_cancelling, self._was_superseded = True, False
         self._engine.cancel()
         if self._running:
@@ -134,8 +134,8 @@ class Director(QObject):
 
     def stop(self) -> None:
         """Stop the engine for good."""
-        self.rest.stop()
-        self._notice.stop()
+        self.rest_timer.stop()
+        self._notice_timer.stop()
         self._times.pause()
         self._engine.finish()
 
@@ -167,7 +167,7 @@ class Director(QObject):
 
     def _request_fine_frame(self) -> None:
         if self._engine.busy or self.is_dragging:
-            self.rest.start()
+            self.rest_timer.start()
         elif not self._times.playing and not isinstance(self.swing, Swing):
             self.request_frame(coarse=False)
 
@@ -180,11 +180,14 @@ class Director(QObject):
         elif not moving and frame is not None and self._view.needs_new_frame(frame):
             is_animating = self.is_dragging or self._times.playing or self.swing is not None
             requested_view = (
-                self._last_request.seen
+                self._last_request.camera_view
                 if self._follows_camera and self._last_request
                 else frame.camera_view
             )
-            if not is_animating and self._view.seen not in (requested_view, frame.camera_view):
+            if not is_animating and self._view.camera_view not in (
+                requested_view,
+                frame.camera_view,
+            ):
                 self.request_frame()
                 self._follows_camera = True
 
@@ -203,7 +206,7 @@ class Director(QObject):
                 continue
             waits = stage.section == "surface" and (frame.coarse or frame.mode is not None)
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
-        self._end_notice()
+        self._end_notice_timer()
         if not frame.coarse:
             self._stages.write_runs()
         before = self._view.frame
@@ -224,18 +227,18 @@ class Director(QObject):
         if self._engine.busy and self._running:
             self._stages.set_state(self._running, "running")
             self.progress.emit(self._running, self._progress, self._step)
-            self._notice.start()
+            self._notice_timer.start()
         else:
-            self._end_notice()
+            self._end_notice_timer()
 
-    def _end_notice(self) -> None:
+    def _end_notice_timer(self) -> None:
         self._running = ""
         self.progress.emit("", 0.0, "")
         if self._engine.busy:
             # The next run has started. In a drag, the delay is counted for each run, not for all.
-            self._notice.start()
+            self._notice_timer.start()
         else:
-            self._notice.stop()
+            self._notice_timer.stop()
 
     def _show_failure(self, error: BaseException, request: FrameRequest) -> None:
         self._times.waiting = False
@@ -243,10 +246,10 @@ class Director(QObject):
             return  # the request belongs to a closed scene
         if request is self._last_request:
             # Only for the latest request: a newer one still needs its fine frame.
-            self.rest.stop()
+            self.rest_timer.stop()
         self._times.pause()
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
-        self._end_notice()
+        self._end_notice_timer()
         self.failed.emit(error)
         if self.swing is None or request.swing is not None:
             # A run from before a swing may fail when the swing has begun, and must not end it.
@@ -257,10 +260,10 @@ class Director(QObject):
         if self._was_superseded:  # only the view had changed, so the stages are still up to date
             self._was_superseded = False
             self._stages.set_state("surface", "fresh")
-            self._end_notice()
+            self._end_notice_timer()
             return
         self._show_ended(self._running or self._document.scene.stages[0].section, "stale")
-        self._end_notice()
+        self._end_notice_timer()
 
     def _show_ended(self, section: str, state: str) -> None:
         """Show the state of a stage whose run ended early; the stages after it become stale."""
@@ -271,7 +274,7 @@ class Director(QObject):
                 below = True
 
     def _report_cancellation(self) -> None:
-        self._end_notice()
+        self._end_notice_timer()
         frame, request = self._view.frame, self._last_request
         if not self._is_cancelling or request is None:
             return

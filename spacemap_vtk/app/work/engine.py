@@ -47,7 +47,7 @@ class Engine(QThread):
         self._request: FrameRequest | None = None
         self.waiting_frame: Frame | None = None
         self.ending = False
-        self._begun: float | None = None
+        self._started_at: float | None = None
         self._running_values: dict[str, Any] = {}
         self.background: Generator[float | None, None, Any] | None = None
         self._reported = 0.0
@@ -64,8 +64,8 @@ class Engine(QThread):
             self._request = request
             # A run for another time of the same scene continues: the new request needs its results.
             late = (
-                self._begun is not None
-                and time.perf_counter() - self._begun > CANCEL_AFTER
+                self._started_at is not None
+                and time.perf_counter() - self._started_at > CANCEL_AFTER
                 and self._running_values != request.values
             )
             self._condition.notify()
@@ -91,13 +91,13 @@ class Engine(QThread):
     @property
     def busy(self) -> bool:
         """Whether a request is waiting or running."""
-        return self._request is not None or self._begun is not None
+        return self._request is not None or self._started_at is not None
 
     @property
     def congested(self) -> bool:
         """Whether a request waits for a run that will end soon; newer changes can then wait too."""
         with self._condition:
-            begun = self._begun
+            begun = self._started_at
             return (
                 self._request is not None
                 and begun is not None
@@ -131,7 +131,7 @@ class Engine(QThread):
                 request, self._request = self._request, None
                 background = self.background
                 if request is not None:
-                    self._begun = time.perf_counter()
+                    self._started_at = time.perf_counter()
                     self._running_values = request.values
                     # The token is made here, under the condition that `cancel` also holds, and not
                     # when the run starts: a cancellation between the two would be lost.
@@ -141,7 +141,7 @@ class Engine(QThread):
                 continue
             self.run_request(request)
             with self._condition:
-                self._begun = None
+                self._started_at = None
                 idle = self._request is None
             if idle:
                 self.idle.emit()

@@ -69,7 +69,7 @@ class ExportDialog(QDialog):
         self._confirmed_name = ""
         #: Chosen times in s; empty if the dialog asks for none.
         self.times: list[float] = []
-        self.lines: dict[str, QLineEdit] = {}
+        self.time_lines: dict[str, QLineEdit] = {}
         form = QFormLayout(self)
         form.setContentsMargins(16, 16, 16, 12)
         self.summary = note("", "note")
@@ -78,7 +78,7 @@ class ExportDialog(QDialog):
         buttons = QDialogButtonBox(box.Save | box.Cancel)
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
-        self.save = buttons.button(box.Save)
+        self.save_button = buttons.button(box.Save)
         if options is not None:
             self._add_picture_rows(form, options)
         #: Times of the film as typed; None if the dialog does not ask for them.
@@ -92,7 +92,7 @@ class ExportDialog(QDialog):
     @property
     def file(self) -> Path:
         """The file to write."""
-        return Path(self.line.text())
+        return Path(self.file_line.text())
 
     @property
     def picture_size(self) -> tuple[int, int]:
@@ -113,7 +113,9 @@ class ExportDialog(QDialog):
         """Accept the dialog, after asking about an existing file."""
         if self._picture is not None:
             # For a name from the file dialog, that dialog has already asked.
-            if self.line.text() != self._confirmed_name and not confirm_overwrite(self, self.file):
+            if self.file_line.text() != self._confirmed_name and not confirm_overwrite(
+                self, self.file
+            ):
                 return
             preset = self.preset.currentText()
             size_text = "{} x {}".format(*self.picture_size)
@@ -121,8 +123,8 @@ class ExportDialog(QDialog):
         super().accept()
 
     def _add_picture_rows(self, form: QFormLayout, options: PictureOptions) -> None:
-        self.line = QLineEdit(str(options.proposal), minimumWidth=340)
-        self.line.textChanged.connect(self._update_summary)
+        self.file_line = QLineEdit(str(options.proposal), minimumWidth=340)
+        self.file_line.textChanged.connect(self._update_summary)
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
         self.width_box, self.height_box = (
@@ -141,7 +143,7 @@ class ExportDialog(QDialog):
         self.camera.addItems(list(_CAMERAS))
         self.camera.currentIndexChanged.connect(self._update_summary)
         self.transparent = QCheckBox("Transparent", checked=options.transparent)
-        form.addRow("File", row(None, (self.line, 1), browse))
+        form.addRow("File", row(None, (self.file_line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
         form.addRow("Size", row(None, self.preset, *sizes, None))
         form.addRow("View", self.camera)
@@ -162,19 +164,19 @@ class ExportDialog(QDialog):
             line = QLineEdit(shown, toolTip=parameter.help)
             line.textChanged.connect(self._update_summary)
             form.addRow(label, line)
-            self.lines[name] = line
+            self.time_lines[name] = line
         if self._picture is not None:
             tip = "Length of the film; if longer than the motion, it plays in slow motion"
-            self.lines["duration"] = line = QLineEdit(toolTip=tip)
+            self.time_lines["duration"] = line = QLineEdit(toolTip=tip)
             line.textEdited.connect(self._update_summary)
             form.insertRow(form.rowCount() - 1, "Duration", line)
 
     def _browse(self) -> None:
         assert self._picture is not None
-        text, filters = self.line.text(), self._picture.filters
+        text, filters = self.file_line.text(), self._picture.filters
         self._confirmed_name, _ = QFileDialog.getSaveFileName(self, "Export", text, filters)
         if self._confirmed_name:
-            self.line.setText(self._confirmed_name)
+            self.file_line.setText(self._confirmed_name)
 
     def _choose_size(self, name: str) -> None:
         assert self._picture is not None
@@ -203,7 +205,7 @@ class ExportDialog(QDialog):
         except SpacemapError as error:
             text, bad = str(error), True
         mark_bad(self.summary, bad)
-        self.save.setEnabled(not bad)
+        self.save_button.setEnabled(not bad)
         self.summary.setText(text)
 
     def _update_picture_rows(self, options: PictureOptions) -> None:
@@ -217,17 +219,17 @@ class ExportDialog(QDialog):
     def _read_times(self, animation: Animation) -> str:
         """Read the typed times, and return a sentence that describes them."""
         self.times = []
-        texts = {name: line.text() for name, line in self.lines.items()}
+        texts = {name: line.text() for name, line in self.time_lines.items()}
         duration = texts.pop("duration", None)
         animation.configure(**texts)
         span = animation.stop - animation.start
-        if duration is not None and self.sender() is self.lines["duration"]:
+        if duration is not None and self.sender() is self.time_lines["duration"]:
             seconds = parse_quantity(duration, "s")
             if not 0.0 < seconds < float("inf"):
                 raise InputError("the duration must be more than 0 s", key="duration")
             animation.speed = span / seconds
         elif duration is not None and span > 0.0:
-            self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
+            self.time_lines["duration"].setText(format_quantity(span / animation.speed, "s"))
         self.times = animation.frame_times()
         interval, count = animation.speed / animation.frames_per_second, len(self.times)
         unit = "frame" if self._picture is not None else "time"

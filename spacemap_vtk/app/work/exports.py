@@ -227,7 +227,7 @@ class Exports(QObject):
             more["view"] |= {key: shown[key] for key in _WINDOW_KEYS}
             fields["panels"] = view.panels(scene)
             fields["place"] = view.viewpoint_for(size)
-            fields["wireframe"] = view.look.wireframe
+            fields["wireframe"] = view.options.wireframe
         self.start(kind, dialog.file, more, **fields)
 
     def _show_progress(self, done: int, of: int) -> None:

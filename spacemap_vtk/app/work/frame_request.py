@@ -55,4 +55,4 @@ class FrameRequest:
     #: Mode or stretch to show instead of the motion.
     swing: Swing | Pull | None = field(default=None)
     #: Camera and size of the view; None before the camera is aimed.
-    seen: CameraView | None = None
+    camera_view: CameraView | None = None

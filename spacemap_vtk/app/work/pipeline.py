@@ -65,7 +65,7 @@ class Pipeline:
         ran: Callable[[str, float, int], None],
         progressed: Callable[[str, float, str], None],
     ) -> None:
-        self._ran, self._progressed = ran, progressed
+        self._report_run, self._report_progress = ran, progressed
         self._generation = -1
         #: The scene with the values of the last request.
         self.scene: Scene | None = None
@@ -73,11 +73,11 @@ class Pipeline:
         # Index of the first stage that must run again even if the time is unchanged.
         self._first_stale = 0
         #: Bytes that drawing the last surface takes.
-        self._drawn = 0
-        self._coarse = PatchTessellator()
+        self._drawn_bytes = 0
+        self._coarse_tessellator = PatchTessellator()
         #: Last analysed motion with the stage that reconstructs its rotations, and its figures.
         self._analysed: tuple[Motion | None, Stage | None] = None, None
-        self._figures: dict[str, Any] | None = None
+        self._motion_values: dict[str, Any] | None = None
         self._swing = vtkTrivialProducer()
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
@@ -86,7 +86,7 @@ class Pipeline:
         self._detail: FacetChooser | None = None
         self._enough_scale = 0.0
         self._sheet: ClothSheet | None = None
-        self._near: NearYarns | None = None
+        self._near_yarns: NearYarns | None = None
         #: Key of the last drawing of the near yarns, and their fine and coarse surfaces.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
         #: Cancels the present run. The caller sets a new token for each request.
@@ -131,14 +131,14 @@ class Pipeline:
             drawn = sheet.deform_with(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
-            self._coarse.choose(AUTOMATIC_SIDES, fibres)
+            self._coarse_tessellator.choose(AUTOMATIC_SIDES, fibres)
             numbers = None if coarse or swing is not None else DrawnCloth.of(scene)
             follows = numbers is not None and numbers.follows_camera
             detail = self._choose_detail(numbers, source, request) if numbers and follows else None
             scene.surface.choose(AUTOMATIC_SIDES, fibres, detail)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
-            if surface is self._coarse:
+            if surface is self._coarse_tessellator:
                 surface.update(request.time)
             else:
                 self._update(scene, surface, request.time, WHOLE)
@@ -148,7 +148,7 @@ class Pipeline:
         frame = replace(
             frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings),
             values=request.values,
-            coarse=coarse and (surface is self._coarse or sheet is not None),
+            coarse=coarse and (surface is self._coarse_tessellator or sheet is not None),
             mode=None if swing is None else getattr(swing, "mode", -1),
             generation=request.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
@@ -159,7 +159,7 @@ class Pipeline:
         if follows:
             frame = replace(
                 frame,
-                camera_view=request.seen,
+                camera_view=request.camera_view,
                 coarse_scale=self._enough_scale,
                 has_finer_yarns=detail is not None,
             )
@@ -174,11 +174,11 @@ class Pipeline:
         grid = source.GetOutputDataObject(0)
         points, patches = points_of(grid), cells_of(grid, VTK_BEZIER_QUADRILATERAL, "patches")
         self._enough_scale = coarse_scale(cloth.plies, points, patches)
-        if request.seen is None:
+        if request.camera_view is None:
             self._detail = None
             return None
         facets = FacetChooser(
-            request.seen, LEAST_SIDES, quads_in_view(request.seen.size), cloth.plies
+            request.camera_view, LEAST_SIDES, quads_in_view(request.camera_view.size), cloth.plies
         )
         wanted_sides = facets(points, patches)
         # Keep the present facets if they are enough, and not far too many, so that a small turn of
@@ -206,17 +206,17 @@ class Pipeline:
             frame = replace(frame, surface=coarse_sheet)
         else:
             frame = replace(
-                frame, preview=replace(frame, surface=coarse_sheet), camera_view=request.seen
+                frame, preview=replace(frame, surface=coarse_sheet), camera_view=request.camera_view
             )
-        if request.seen is None or (frame.coarse and sheet.is_slow):
+        if request.camera_view is None or (frame.coarse and sheet.is_slow):
             return frame
-        near = self._near
+        near = self._near_yarns
         if near is None or not near.is_current(scene, sheet):
-            self._near = near = NearYarns(scene, sheet)
+            self._near_yarns = near = NearYarns(scene, sheet)
         cage = None
         if scene.moves:
             cage = scene.deformed_cage if request.swing is None else frame.cage
-        reason = near.follow_view(request.seen, cage, request.swing is not None)
+        reason = near.follow_view(request.camera_view, cage, request.swing is not None)
         if frame.coarse:
             light_yarns = None if reason else near.preview(request.time)
             if light_yarns is None or near.part is None:
@@ -230,7 +230,7 @@ class Pipeline:
                 for stage in near.stages:
                     self._update(scene, stage, request.time, WHOLE)
             except SizeError as error:
-                self._near, reason = None, str(error)
+                self._near_yarns, reason = None, str(error)
         if reason or near.part is None:
             return replace(frame, warnings=(*frame.warnings, reason))
 
@@ -287,7 +287,7 @@ class Pipeline:
         if sheet is None or not sheet.is_current(scene):
             has_sheet = choose_level(scene, window=True).has_sheet
             self._sheet = sheet = ClothSheet(scene) if has_sheet else None
-            self._near = self._near_drawn = None  # these belong to the former scene
+            self._near_yarns = self._near_drawn = None  # these belong to the former scene
         return sheet
 
     def _update(self, scene: Scene, stage: Stage, time_s: float, piece: Piece) -> None:
@@ -295,7 +295,7 @@ class Pipeline:
         # Stages that build only the part in view are reported as the stage of the surface.
         listed = stage in scene.stages
         section, before = stage.section if listed else scene.surface.section, stage.executions
-        progressed = self._progressed
+        progressed = self._report_progress
 
         def tell(caller: Stage, event: str) -> None:
             progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
@@ -309,26 +309,26 @@ class Pipeline:
         finally:
             stage.RemoveObserver(observer)
         if listed and stage.executions != before:
-            self._ran(section, time.perf_counter() - begin, stage.executions)
+            self._report_run(section, time.perf_counter() - begin, stage.executions)
 
     def _motion_figures(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
         """Return the figures of the motion; during a drag, return the former ones to save time."""
         mover = scene.stage("mover")
         now = (mover and mover.motion), scene.stage("rotation")
         if not coarse and now != self._analysed:
-            self._analysed, self._figures = now, report.last_motion(scene)
-        return self._figures
+            self._analysed, self._motion_values = now, report.last_motion(scene)
+        return self._motion_values
 
     def _require_memory(self, surface: vtkPolyData) -> None:
         """Raise an error if a surface needs too much memory in addition to the one drawn last."""
         size = DRAWN_POINT * surface.GetNumberOfPoints()
-        if size > self._drawn:
+        if size > self._drawn_bytes:
             require(
-                size - self._drawn,
+                size - self._drawn_bytes,
                 f"to draw {surface.GetNumberOfCells()} polygons",
                 cure="Lower surface.subdivisions, or use fewer ends and picks.",
             )
-        self._drawn = size
+        self._drawn_bytes = size
 
     def _coarse_surface(self, scene: Scene, source: Stage, coarse: bool) -> PatchTessellator | None:
         """Connect and return the coarse tessellator; None if the scene's own is as coarse."""
@@ -338,9 +338,9 @@ class Pipeline:
             subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
         if subdivisions >= scene.surface.sides and source is not self._swing_warp:
             return None
-        self._coarse.subdivisions = min(subdivisions, scene.surface.sides)
-        self._coarse.SetInputConnection(source.GetOutputPort())
-        return self._coarse
+        self._coarse_tessellator.subdivisions = min(subdivisions, scene.surface.sides)
+        self._coarse_tessellator.SetInputConnection(source.GetOutputPort())
+        return self._coarse_tessellator
 
     def _connect_swing(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
