@@ -310,7 +310,7 @@ class Parameter(Generic[T]):
         str
             One paragraph.
         """
-        when = f" Counts where {self.counts}." if self.counts else ""
+        when = f" Used only if {self.counts}." if self.counts else ""
         return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.usually}."
 
     @property
@@ -527,7 +527,7 @@ def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
         )
         lines.append(f"    {parameter.help}")
         if parameter.counts:
-            lines.append(f"    Counts where {parameter.counts}.")
+            lines.append(f"    Used only if {parameter.counts}.")
         lines.append(f"    Allowed: {parameter.allowed}.")
     first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
     at = first.start() if first else len(doc)

@@ -307,7 +307,7 @@ def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]
     assert list(values) == list(sections())
     for section, cls in sections().items():
         assert cls(**values[section]).settings == cls().settings
-    assert 'Counts where method is "carved".' in " ".join(" ".join(lines).split())
+    assert 'Used only if method is "carved".' in " ".join(" ".join(lines).split())
 
 
 def test_what_a_scene_gives_can_be_automatic_again(

@@ -32,8 +32,8 @@ def test_what_vtk_ends_with_is_told() -> None:
     _, said = process.communicate()
     assert process.returncode == 1
     assert said.splitlines()[-1] == (
-        "spacemap: memory has run out: this shell allows 1 GiB to a process (ended by SIGABRT). "
-        'Raise the limit: "ulimit -v unlimited".'
+        "spacemap: memory has run out: this shell limits a process to 1 GiB (ended by SIGABRT). "
+        'Raise the limit with "ulimit -v unlimited".'
     )
 
 

@@ -81,7 +81,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "nowhere.toml", "-o", "a.png"], ["nowhere.toml", "no such file"]),
         (["render", "plian_weave", "-o", "a.png"], ['Did you mean "plain_weave"?']),
         (["render", "plain_weave", "-o", "a.xyz"], ["a.xyz", ".png (picture)"]),
-        (["render", "plain_weave", "-o", "a"], ["names no format", ".png"]),
+        (["render", "plain_weave", "-o", "a"], ["needs an ending", ".png"]),
         (["render", "plain_weave", "-o", "no/such/a.png"], ["no/such", "mkdir"]),
         (["render", "plain_weave"], ["--output"]),
         (["render", "plain_weave", "-o", "a.png", "--size", "big"], ["--size", "1920x1080"]),
@@ -112,7 +112,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["storyboard", "plain_weave", "-o", "a.png", "--times", ""], ["--times"]),
         (
             ["render", "plain_weave", "-o", "a.png", "--time", "0", "--time", "1"],
-            ["--time is given more than once", '"spacemap figure"'],
+            ["--time can be given only once", '"spacemap figure"'],
         ),
         (["render", "plain_weave", "-o", "a.png", "--time", "0,1"], ["several", "spacemap figure"]),
         (
@@ -131,7 +131,10 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         ),
         (["scenes", "nothing"], ["nothing", "plain_weave"]),
         (["scenes", "plian_weave"], ['Did you mean "plain_weave"?']),
-        (["render", "plain_weave", "-o", "a.png", "b.png"], ['"b.png" is more', "render --help"]),
+        (
+            ["render", "plain_weave", "-o", "a.png", "b.png"],
+            ['does not accept "b.png"', "render --help"],
+        ),
         (["render", "plain_weave", "-o"], ["-o requires", "render --help"]),
         (["render", "plain_weave", "-o", "a.png", "--bogus"], ["--bogus", "render --help"]),
         (["render", "-o", "a.png"], ["needs SCENE"]),
@@ -139,7 +142,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             ["render", __file__, "-o", "a.png"],
             [
                 __file__,
-                "by its ending",
+                "the ending is not that of a scene, draft or mesh",
                 ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtu, .vtp, .vtkhdf, .vtk",
             ],
         ),
@@ -206,7 +209,7 @@ end_header
         ("a.vtu", b"\x00\x01\x02\xff", ["damaged", "Write the file again"]),
         ("a.obj", b"\x00\x01\x02\xff", ["no points"]),
         ("a.glb", b"\x00\x01\x02\xff", ["no binary glTF"]),
-        ("a.vtk", b"\x00\x01\x02\xff", ["no legacy .vtk file"]),
+        ("a.vtk", b"\x00\x01\x02\xff", ["not a legacy .vtk file"]),
         ("a.wif", b"\x00\x01\x02\xff", ["line 1", "WIF"]),
         ("a.wif", b"", ["line 1", "WIF"]),
         ("a.toml", b"\x00\x01\x02\xff", ["line 1 has a byte 0xff", "UTF-8"]),
@@ -238,13 +241,16 @@ def test_a_broken_file_is_named_once(
     [
         ("[object]\nfile = 'a.vtu'", ["object.file: ", "a.vtu: damaged"]),
         ("[object]\nfile = '.'", ["object.file: ", "a folder"]),
-        ("[object]\nfile = 'a.bin'", ["object.file: ", "a.bin: no mesh, by its ending", ".stl"]),
+        (
+            "[object]\nfile = 'a.bin'",
+            ["object.file: ", "a.bin: the ending is not that of a mesh", ".stl"],
+        ),
         ("[object]\nfile = 'tri.ply'\ntexture = 'a.vtu'", ["object.texture: ", "no picture"]),
         ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif, "]),
         ("[cage]\nmethod = 'file'", ["cage.file: ", "needs a file"]),
         ("[cage]\nmethod = 'file'\nfile = 'no.vtu'", ["cage.file: ", "no.vtu: no such file"]),
         ("[cage]\nmethod = 'file'\nfile = 'tri.ply'", ["cage.file: ", "no volume mesh", "tetwild"]),
-        ("[motion]\nfile = 'a.pvd'", ["motion.file: ", "a.pvd: no ParaView collection"]),
+        ("[motion]\nfile = 'a.pvd'", ["motion.file: ", "a.pvd: not a ParaView collection"]),
         ("[modal]\nfixed = 'mask(foo)'", ["modal.fixed: ", '"foo"']),
         (
             "[response]\ninitial_velocity_array = 'foo'",
@@ -288,9 +294,7 @@ def test_what_cannot_be_printed_is_told_once() -> None:
     with open("/dev/full", "wb") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, env=kept, text=True)
     assert done.returncode == 1
-    assert done.stderr == (
-        "spacemap: what is printed could not be written: no space left on device\n"
-    )
+    assert done.stderr == ("spacemap: the output could not be printed: no space left on device\n")
 
 
 def test_closed_streams_spoil_nothing(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_drafts_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "a.toml: not a draft" in refused(capsys, "convert", "a.toml", str(second))
     first.write_text("@@StartDTX\n")
     assert "the file has no Threading" in refused(capsys, "convert", str(first), str(second))
-    assert 'format ".png" is not known here' in refused(capsys, "convert", str(real), "a.png")
+    assert 'unsupported format ".png"' in refused(capsys, "convert", str(real), "a.png")
     assert second.read_bytes() == before
 
 

@@ -233,7 +233,7 @@ def test_what_is_taken_back_is_gone() -> None:
 
 def test_a_file_holds_what_there_is() -> None:
     for decorator, holds in ((reads, "surfaces"), (writes, ("mesh",))):
-        with pytest.raises(UnknownNameError, match="no file holds that; allowed: "):
+        with pytest.raises(UnknownNameError, match="unknown kind of data; allowed: "):
             decorator(".abc", label="Alphabet", holds=holds)
 
 

@@ -253,12 +253,12 @@ def test_empty_and_missing_series(tmp_path: Path) -> None:
     for file, words in (
         (empty, "no time steps"),
         (tmp_path / "none.pvd", "no such file"),
-        (tmp_path / "x_*.vtu", "no file is named like that"),
+        (tmp_path / "x_*.vtu", "no file matches this pattern"),
         (None, "no file is named"),
     ):
         with pytest.raises(InputError, match=words):
             MotionReader(file=file).update()
     gone = as_pvd(tmp_path)
     (tmp_path / "s1.vtu").unlink()
-    with pytest.raises(InputError, match=r"motion.pvd names .*s1.vtu, which is not there"):
+    with pytest.raises(InputError, match=r"motion.pvd refers to .*s1.vtu, which does not exist"):
         MotionReader(file=gone).update()

@@ -185,10 +185,10 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
     for more, said in (
         (["--tolerance", "1e-20"], "no number of targets"),
         (["--tolerance", "0mm"], "a length above 0"),
-        (["--modes", "--tolerance", "1mm"], "nothing is left out of modes"),
+        (["--modes", "--tolerance", "1mm"], "modes are written without a tolerance"),
         (["--times", "0.1,0.05"], "times that ascend"),
-        (["--times", "0,0.05", "--fps", "3"], "--times: beside --fps"),
-        (["--to", "1", "--what", "surface"], "--to: a .vtp holds one moment"),
+        (["--times", "0,0.05", "--fps", "3"], "--times: cannot be combined with --fps"),
+        (["--to", "1", "--what", "surface"], "--to: a .vtp file stores one time"),
     ):
         output = file.with_suffix(".vtp") if "surface" in more else file
         with pytest.raises(SystemExit, match="2"):

@@ -372,7 +372,7 @@ def test_a_library_in_c_prints_nothing(tmp_path: Path, capfd: pytest.CaptureFixt
     content = (tmp_path / "a.tif").read_bytes()
     at = content.index(b"x\x9c")
     (tmp_path / "a.tif").write_bytes(content[:at] + b"zz" + content[at + 2 :])
-    with pytest.raises(InputError, match="no picture, or a damaged one"):
+    with pytest.raises(InputError, match="not a picture, or damaged"):
         read_draft(tmp_path / "a.tif")
     assert capfd.readouterr() == ("", "")
 
@@ -407,7 +407,7 @@ def test_cells_of_points_that_are_not_there(tmp_path: Path, kind: str) -> None:
     else:
         content = texts[kind].encode()
     text = refused(tmp_path, content, f".{kind}")
-    assert "a cell names point" in text or "f 1 2 9" in text
+    assert "a cell refers to point" in text or "f 1 2 9" in text
 
 
 def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:

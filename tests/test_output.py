@@ -233,7 +233,7 @@ def test_a_film_that_is_stopped_leaves_its_frames(
     folder = tmp_path / f"{name}.frames"
     count = len(list(folder.glob("*.png")))
     assert said == (
-        f"spacemap: {count} frames are kept in {folder}: the same command goes on from there\n"
+        f"spacemap: {count} frames are kept in {folder}; the same command continues from there\n"
         + "spacemap: stopped\n" * (number == signal.SIGINT)
     )
     assert list(tmp_path.iterdir()) == [folder]
@@ -309,7 +309,9 @@ def test_a_file_larger_than_allowed_says_so(name: str, tmp_path: Path) -> None:
         text=True,
     )
     assert done.returncode == 1
-    assert f"{tmp_path / name}: could not be written: no file may be so large" in done.stderr
+    assert (
+        f"{tmp_path / name}: could not be written: the file is larger than allowed" in done.stderr
+    )
     assert done.stderr.count("\n") == 1
     assert [(path, path.read_bytes()) for path in tmp_path.iterdir()] == [
         (tmp_path / name, PRECIOUS)
@@ -326,21 +328,21 @@ def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
 
 
 def test_where_root_may_write_and_cannot_is_told_before_any_work() -> None:
-    with pytest.raises(InputError, match="the folder /proc: nothing can be made in it"):
+    with pytest.raises(InputError, match="the folder /proc: it cannot be written to"):
         check_output(Path("/proc/x.png"), {".png": "picture"})
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("folder.png", "a folder of that name is in the way"),
-        ("pipe.png", "a device or a pipe of that name is in the way"),
-        ("link.png", "a link to .*precious.png is in the way. Remove it, or write to what"),
-        ("none.png", "a link to nowhere is in the way"),
-        ("full.png", "a link to /dev/full is in the way"),
+        ("folder.png", "a folder of that name exists"),
+        ("pipe.png", "a device or pipe of that name exists"),
+        ("link.png", "is a link to .*precious.png. Remove the link, or write to its"),
+        ("none.png", "is a link to nowhere"),
+        ("full.png", "is a link to /dev/full"),
         (f"{'a' * 252}.png", "file name too long. Choose another name"),
-        ("a\nb.png", "no file is named with control characters"),
-        ("a\udcffb.png", "or with bytes that are no UTF-8"),
+        ("a\nb.png", "without control characters"),
+        ("a\udcffb.png", "must be UTF-8"),
         ("precious.png/a.png", "precious.png is a file, not a folder"),
     ],
 )
@@ -438,7 +440,7 @@ def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("number", "said"),
     [
-        (errno.EDQUOT, "your quota of this disk is used up. Make room"),
+        (errno.EDQUOT, "your quota on this disk is used up. Free some space"),
         (errno.EACCES, "permission denied. Choose another folder"),
         (errno.EIO, "input/output error"),
     ],

@@ -97,7 +97,7 @@ def test_colours_alone(tmp_path: Path) -> None:
 def test_what_is_no_colour_is_told(tmp_path: Path, word: str) -> None:
     library = f"newmtl left\nKd {word} 0 0\nnewmtl right one\nKd 0 0.5 1\n"
     source = updated(file=two_squares(tmp_path, library))
-    assert f'"Kd {word} 0 0" is no colour' in source.warnings[0]
+    assert f'"Kd {word} 0 0" is not a colour' in source.warnings[0]
 
 
 def test_what_is_missing_is_told(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     assert "gone.png: no such file" in source.warnings[0]
     (tmp_path / "two.mtl").unlink()
     source = updated(file=tmp_path / "two.obj")
-    assert "two.mtl, which has the materials, is not there" in source.warnings[0]
+    assert "two.mtl does not exist: the object is drawn without materials" in source.warnings[0]
 
 
 def test_a_repeated_picture(tmp_path: Path) -> None:

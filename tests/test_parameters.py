@@ -271,8 +271,8 @@ def test_a_parameter_says_when_it_counts() -> None:
     assert Thing.turn.counts == 'kind is not "file"'
     assert Thing.about.counts == "turn is given"
     assert Thing.speed.counts == "slow is false and turn is auto"
-    assert 'Counts where kind is "box".' in (Thing.__doc__ or "")
-    assert 'Counts where kind is "box".' in (Thing.edge.__doc__ or "")
+    assert 'Used only if kind is "box".' in (Thing.__doc__ or "")
+    assert 'Used only if kind is "box".' in (Thing.edge.__doc__ or "")
     thing = Thing()
     assert (thing.idle("kind"), thing.idle("edge"), thing.idle("turn")) == ("", "", "")
     assert thing.idle("about") == "turn is auto"

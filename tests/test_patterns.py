@@ -184,7 +184,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             read_draft(tmp_path / f"none{ending}")
     file = tmp_path / "text.png"
     file.write_text("10\n01\n")
-    with pytest.raises(InputError, match="no picture, or a damaged one"):
+    with pytest.raises(InputError, match="not a picture, or damaged"):
         read_draft(file)
     Image.new("1", (5000, 5000)).save(file)
     with pytest.raises(SizeError, match="5000 x 5000"):

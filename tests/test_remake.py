@@ -35,15 +35,15 @@ def test_a_file_is_made_anew_from_the_files_it_was_made_of(tmp_path: Path, capsy
     assert run("export", scene, "-o", file, "-q", "--set", "weave.ends=4") == 0
     assert run("info", file) == 0
     said = capsys.readouterr().out
-    assert f"made by spacemap_vtk {__version__}\nas by spacemap export a.toml" in said
-    assert re.search(r"from drafts/a\.txt, sha256 [0-9a-f]{16}…", said)
+    assert f"made by spacemap_vtk {__version__}\ncommand: spacemap export a.toml" in said
+    assert re.search(r"input: drafts/a\.txt, sha256 [0-9a-f]{16}…", said)
     assert run("again", file) == 0
     said = capsys.readouterr().out
     assert f"reads {draft}\nwrites {other}\n" in said
     assert other.read_bytes() == file.read_bytes()
     # What is there stays, unless someone says so; with other values it is another.
     assert run("again", file) == 2
-    assert "a-again.vtp is there already. Name an --output" in capsys.readouterr().err
+    assert "a-again.vtp exists. Choose another --output" in capsys.readouterr().err
     assert run("again", file, "--force", "--set", "weave.ends=5", "-q") == 0
     assert pv.read(other).n_cells > pv.read(file).n_cells
     assert run("again", file, "--check") == 0
@@ -59,7 +59,7 @@ def test_a_file_is_made_anew_from_the_files_it_was_made_of(tmp_path: Path, capsy
     assert run("again", moved, "--check", "-q", "--folder", tmp_path) == 2
     assert "has changed since" in capsys.readouterr().err
     assert run("again", scene) == 2
-    assert "does not say how it was made" in capsys.readouterr().err
+    assert "does not state how it was made" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
 def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
     times = tuple(asked.get("times", (0.1,) if asked["what"] == "picture" else ()))
     said = describe_record(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
-    words = shlex.split(said.removeprefix("as by spacemap "))
+    words = shlex.split(said.removeprefix("command: spacemap "))
     _, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     assert "a b.toml" in bound.args
     assert Path("a b.png") in bound.kwargs.values()

@@ -242,7 +242,7 @@ def test_a_picture_is_no_program(monkeypatch):
     ("text", "told"),
     [
         ("[weave]\nends = " + "[" * 50_000, "brackets in brackets"),
-        (f"[{'.'.join('a' * 50_000)}]\n", "a key of more than 16 names"),
+        (f"[{'.'.join('a' * 50_000)}]\n", "a key has more than 16 names"),
         (f"[weave]\nends = {'9' * 50_000}", "thousands of digits"),
         ("#" * (2**24 + 1), "more than 16777216 bytes"),
     ],

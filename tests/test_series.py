@@ -145,10 +145,10 @@ def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_
     write(scene, tmp_path / "cloth.pvd")
     write(scene, tmp_path / "cloth.pvd", times=[0.01])
     assert content(tmp_path).keys() == {"cloth.pvd", "cloth/cloth_0000.vtp"}
-    with pytest.raises(InputError, match=r"cloth, in place of those of .*cloth\.pvd\. Choose"):
+    with pytest.raises(InputError, match=r"cloth, which has the files of .*cloth\.pvd\. Choose"):
         make_data_job(tmp_path / "cloth.pvtp")
     (tmp_path / "cloth" / "mine").touch()
-    with pytest.raises(InputError, match=r"where others are\. Choose another name"):
+    with pytest.raises(InputError, match=r"which has other files\. Choose another name"):
         make_data_job(tmp_path / "cloth.pvd")
 
 

@@ -79,7 +79,7 @@ def test_a_clumsy_user_loses_nothing(
     wrong.write_text("Where the scenes come from.\n")
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(wrong), ""))
     qtbot.mouseClick(window.gallery.open_button, LEFT)
-    wait_until(lambda: "neither a scene nor a draft nor a mesh" in window.errors.text)
+    wait_until(lambda: "the ending is not that of a scene, draft or mesh" in window.errors.text)
     assert window.document.source.stem == "plain_weave"
 
     # 8. A double click opens a scene once.

@@ -9,12 +9,15 @@ from cyclopts import Parameter
 Shell = Literal["bash", "zsh", "fish"]
 
 
-def completion(shell: Annotated[Shell, Parameter(help="The shell.")], /) -> None:
-    """Print what makes bash, zsh or fish complete words: commands, options, scenes, keys, files.
+def completion(shell: Annotated[Shell, Parameter(help="Shell.")], /) -> None:
+    """Print the completion script for bash, zsh or fish.
 
-    bash: spacemap completion bash > ~/.local/share/bash-completion/completions/spacemap;
-    zsh: spacemap completion zsh > _cyclopts_spacemap, in a folder of $fpath;
-    fish: spacemap completion fish > ~/.config/fish/completions/spacemap.fish.
+    It completes commands, options, scenes, keys and file names. To install it (for zsh, in a
+    folder of $fpath):
+
+        spacemap completion bash > ~/.local/share/bash-completion/completions/spacemap
+        spacemap completion zsh > _cyclopts_spacemap
+        spacemap completion fish > ~/.config/fish/completions/spacemap.fish
     """
     from spacemap_vtk.cli.main import app
 

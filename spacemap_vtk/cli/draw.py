@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
+    PICTURE,
     ColorBy,
     Fps,
     From,
@@ -68,30 +69,41 @@ def render(
     raytrace: Annotated[
         bool,
         flag(
-            "Trace rays of light from fibre to fibre (slow; needs the extra [raytrace]): for "
-            "close-ups, with --set view.zoom=6."
+            "Trace rays of light between the fibres, for close-ups (slow; needs the extra "
+            "[raytrace]).",
+            group=PICTURE,
         ),
     ] = False,
     samples: Annotated[
         int | None,
         Parameter(
-            help="Rays for each pixel, with --raytrace; by default 64. Noise falls with them."
+            help="Rays per pixel with --raytrace; more give less noise. Default: 64.",
+            group=PICTURE,
         ),
     ] = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a scene, a draft or a mesh at one time."""
+    """Draw a picture of a scene, a draft or a mesh.
+
+    For example:
+
+        spacemap render plain_weave -o cloth.png
+        spacemap render plain_weave -o cloth.png --time 40ms --color displacement
+        spacemap render drape -o drape.png --size 1920x1080 --style paper
+    """
     if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
-            "no number of rays" if raytrace else "nothing is traced",
+            "the number of rays is out of range" if raytrace else "needs --raytrace",
             key="--samples",
             value=samples,
             allowed=f"1 to {MOST_SAMPLES}, with --raytrace",
         )
     job = PictureJob(output, samples=(samples or SAMPLES) if raytrace else 0)
-    signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
-    chosen = open_scene(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
+    annotations = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
+    chosen = open_scene(
+        scene, set_, time=time, size=size, color=color, style=style, annotations=annotations
+    )
     run_job(job, chosen, "Drawing", quiet)
 
 
@@ -114,28 +126,36 @@ def animate(
     workers: Annotated[
         int | None,
         Parameter(
-            help="Processes that draw side by side; by default one for each core, as far as memory "
-            "and the work go."
+            help="Number of processes. Default: one for each core, as far as memory allows and the "
+            "work is worth it."
         ),
     ] = None,
-    again: Annotated[bool, flag("Draw again what is there of a film that was stopped.")] = False,
+    again: Annotated[
+        bool, flag("Draw all frames again, also those kept from a stopped film.")
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
     """Make a film of a scene, or numbered frames.
 
-    The section [animation] says which times it shows, and how many frames a second. Without
-    --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie]. Numbered
-    frames appear all together, when the last is drawn.
+    The scene's section [animation] sets the times and the frames per second. Without --size, a GIF
+    has half the scene's size. An .mp4 needs the extra [movie]. Numbered frames appear together when
+    the last one is drawn.
 
-    A film that is stopped, by Ctrl-C or because the machine goes down, leaves its frames in a
-    folder beside it, as film.mp4.frames: the same command goes on from there. Frames of another
-    scene, or of other settings, are never used. The folder goes when the film is whole.
+    For example:
+
+        spacemap animate plain_weave -o cloth.gif
+        spacemap animate drape -o drape.mp4 --size 1280x720 --set animation.stop=2s
+        spacemap animate plain_weave -o frames/%04d.png --color velocity
+
+    A stopped film (by Ctrl-C, or because the machine goes down) leaves its frames in a folder next
+    to it, for example film.mp4.frames. The same command continues from there; frames of another
+    scene or of other settings are never used. The folder is removed when the film is complete.
     """
     with name_options():
         job = FilmJob(output, workers=workers, again=again)
-    signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
-    chosen = open_scene(scene, set_, size=size, color=color, style=style, signs=signs)
+    annotations = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
+    chosen = open_scene(scene, set_, size=size, color=color, style=style, annotations=annotations)
     if size:
         job = replace(job, size=chosen.view.size)
     try:
@@ -146,8 +166,8 @@ def animate(
         kept = FrameFolder(output)
         if kept.count and not isinstance(error, BusyError):
             print(
-                f"spacemap: {kept.count} frames are kept in {kept.folder}: the same command goes "
-                "on from there",
+                f"spacemap: {kept.count} frames are kept in {kept.folder}; the same command "
+                "continues from there",
                 file=sys.stderr,
             )
         raise
@@ -160,24 +180,30 @@ def storyboard(
     output: PictureFile,
     times: Annotated[
         tuple[str, ...],
-        times_option("by default over the first mode's period", "--times", "--time"),
+        times_option("one period of the first mode", "--times", "--time"),
     ] = (),
     motions: Annotated[
         str | None,
         Parameter(
-            help="What moves it, in a row each, by the same loads, damping and start: response "
-            "(by modes), rotation (modes, their turning rebuilt), transient (by steps), separated "
-            "by commas; by default as the scene says."
+            help="Methods of motion to compare, separated by commas, one row each: response "
+            "(modes), rotation (modes with rotations restored), transient (time steps). Default: "
+            "that of the scene."
         ),
     ] = None,
     size: Size = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a motion as the paper's figure 6 does.
+    """Draw the motion of a scene as a row of pictures, as in figure 6 of the paper.
 
-    The cage (a) above, the fabric (b) below, time to the right. With --motions the same scene moved
-    in several ways, one below the other.
+    The cage (a) is above, the fabric (b) below; time runs to the right. --motions compares several
+    methods for the same loads, damping and initial state.
+
+    For example:
+
+        spacemap storyboard plain_weave -o storyboard.png
+        spacemap storyboard plain_weave -o storyboard.png --times 0,20ms,40ms
+        spacemap storyboard plain_weave -o methods.png --motions response,rotation
     """
     names = () if motions is None else [word.strip() for word in motions.split(",")]
     with name_options():
@@ -196,8 +222,8 @@ def export(
     what: Annotated[
         str | None,
         Parameter(
-            help=f"{', '.join(registry.DATA)}; by default what the ending stands for first: "
-            "patches for .vtu.",
+            help=f"Data to write: {', '.join(registry.DATA)}. Default: the first kind listed for "
+            "the ending above.",
             completer=completers.data_kinds,
         ),
     ] = None,
@@ -205,7 +231,7 @@ def export(
     color: ColorBy = None,
     times: Annotated[
         tuple[str, ...],
-        times_option("by default those of a film, see the section [animation]"),
+        times_option("those of the film, from the section [animation]"),
     ] = (),
     start: From = None,
     stop: To = None,
@@ -213,55 +239,69 @@ def export(
     tolerance: Annotated[
         str | None,
         Parameter(
-            help="How far the surface in an .html, .glb or .usdc may be from its motion, as in "
-            "0.01mm; by default a fiftieth of the thinnest yarn. The less, the larger the file."
+            help="Largest error of the moving surface in an .html, .glb or .usdc, for example "
+            "0.01mm; smaller values give larger files. Default: 1/50 of the thinnest yarn."
         ),
     ] = None,
     curves: Annotated[
         str | None,
         Parameter(
-            help="What a .usdc has as curves with widths, for a renderer's hair: yarns (default), "
-            "plies, fibres, or a number of fibres for each yarn."
+            help="Curves in a .usdc, for hair shaders: yarns, plies, fibres, or the number of "
+            "fibres per yarn. Default: yarns."
         ),
     ] = None,
     subdivisions: Annotated[
         int | None,
         Parameter(
-            help="Of each patch of the surface in a .glb or .usdc that moves; by default as the "
-            "scene says, or fewer where there would be more than half a million points."
+            help="Facets along each side of a patch in a moving .glb or .usdc. Default: that of "
+            "the scene, or fewer if there were more than half a million points."
         ),
     ] = None,
     pieces: Annotated[
         int | None,
         Parameter(
-            help="Parts that a .pvtp or .pvtu is made and written in, yarns by yarns, so that all "
-            "need not fit into memory; 4 by default."
+            help="Number of pieces in which a .pvtp or .pvtu is computed and written, so that it "
+            "need not fit into memory. Default: 4."
         ),
     ] = None,
-    modes: Annotated[bool, flag("Mode shapes in place of the motion: --what modes.")] = False,
+    modes: Annotated[
+        bool, flag("Write mode shapes instead of the motion; same as --what modes.")
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
     """Write a scene's data for other programs.
 
-    The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, the
-    draft, or the surface with its motion: the output's ending tells which.
+    The ending of the output selects the data: Bézier patches, the cage with its motion, the surface
+    (still or moving), the draft, and others. --color adds the shown quantity as an array.
 
-    Where a series is written, it is of the film's times, or of --times, or --from, --to and --fps:
-    a .pvd lists files in a folder beside, a .vtkhdf has all in itself, cloth_%04d.vtp (or .stl,
-    .ply, .glb ...) is a file for each time. It appears when the last is written, and nothing of it
-    where it is stopped. What --color shows rides along as an array.
+    For example:
 
-    An .html is a page of its own, opened by a double click, that turns, plays and scrubs; colours
-    of stress and the like change there, with their scale. A .glb plays in presentations and
-    Blender. Their motion is a sum of few shapes (morph targets), as many as the tolerance asks for;
-    how many, how near and how large the file is are told. With --modes it has a shape and a swing
-    for each mode; --set modal.modes=12 for fewer.
+        spacemap export plain_weave -o cloth.stl --time 40ms
+        spacemap export plain_weave -o cloth.html --color stress
+        spacemap export plain_weave -o modes.glb --modes --set modal.modes=12
+        spacemap export plain_weave -o cloth.pvd --from 0 --to 1s --fps 10
+        spacemap export plain_weave -o cloth_%04d.ply --times 0,20ms,40ms
 
-    A .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder beside, as ParaView does.
+    Series of times: a .pvd lists files in a folder next to it, a .vtkhdf stores all times,
+    cloth_%04d.vtp (or .stl, .ply, .glb, ...) is one file for each time. By default the times are
+    those of the film. The files appear when the last one is written; a stopped export leaves none.
+
+    Moving surfaces: an .html is a page that opens by a double click, where the surface can be
+    turned and played; a .glb plays in presentations and in Blender. The motion is a sum of a few
+    shapes (morph targets), as many as --tolerance requires. With --modes, each mode is an
+    animation of its own.
+
+    Pieces: a .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder next to it, as
+    in ParaView.
     """
     if pieces is not None and pieces < 1:
-        raise InputError("no number of pieces", key="--pieces", value=pieces, allowed="1 or more")
+        raise InputError(
+            "the number of pieces is out of range",
+            key="--pieces",
+            value=pieces,
+            allowed="1 or more",
+        )
     with name_options():
         job = make_data_job(output, "modes" if modes else what or "", pieces=pieces or 0)
     chosen = open_scene(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
@@ -289,18 +329,21 @@ def convert(
     /,
     *,
     trim: Annotated[
-        bool, flag("Cut off ends in no heddle at the sides, picks without a shed before and after.")
+        bool, flag("Cut off ends in no heddle at the sides, and picks in no shed at both ends.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a weaver's draft into another format.
+    """Convert a weaver's draft to another format.
 
-    Threading, tie-up, treadling or liftplan, colours, spacings and thicknesses go from one file to
-    the other unchanged; what the new format cannot hold is told. Nothing is drawn, so that drafts
-    without room for their yarns are converted, too. A scene as a draft: "spacemap export SCENE
-    -o cloth.wif".
+    Threading, tie-up, treadling or liftplan, colours, spacings and thicknesses stay unchanged; a
+    warning names what the new format cannot store. Drafts whose yarns do not fit are converted too.
+    To write a scene as a draft, use "spacemap export SCENE -o cloth.wif".
 
-    "spacemap convert cloth.dtx cloth.wif", "spacemap convert drawdown.png cloth.dtx"
+    For example:
+
+        spacemap convert cloth.dtx cloth.wif
+        spacemap convert drawdown.png cloth.dtx
+        spacemap convert wide.wif cloth.wif --trim
     """
     from spacemap_vtk.io.drafts.draft_file import read_draft
 
@@ -312,7 +355,7 @@ def convert(
         raise InputError(
             f"{draft}: not a draft",
             allowed=", ".join(known),
-            cure='Of a scene "spacemap export" makes a draft.',
+            cure='To write a scene as a draft, use "spacemap export".',
         )
     found = read_draft(registry.require_file(draft, ", ".join(known)), trim)
     with atomic_file(output) as file:
@@ -324,34 +367,36 @@ def convert(
 
 def _check_times(job: Job, options: list[str]) -> None:
     if not job.is_series:
-        lasting = [each for each in registry.writers() if each.times or "moving" in each.holds]
+        series = [each for each in registry.writers() if each.times or "moving" in each.holds]
         raise InputError(
-            f"a {job.output.suffix} holds one moment of {job.kind}",
+            f"a {job.output.suffix} file stores one time of {job.kind}",
             key=options[0],
-            allowed=", ".join(ending for each in lasting for ending in each.endings)
+            allowed=", ".join(ending for each in series for ending in each.endings)
             + f", or numbered files such as {job.output.stem}_%04d{job.output.suffix}",
-            cure="Or choose the moment with --time.",
+            cure="Choose one time with --time.",
         )
     if options[0] == "--times" and len(options) > 1:
         raise InputError(
-            f"beside {options[1]}", key="--times", cure="Give either the times or their range."
+            f"cannot be combined with {options[1]}",
+            key="--times",
+            cure="Give either the times or their range.",
         )
 
 
 def _with_tolerance(job: Job, text: str) -> Job:
     if not isinstance(job, MovingJob):
-        raise InputError(f"nothing is left out of {job.kind}", key="tolerance", value=text)
+        raise InputError(f"{job.kind} are written without a tolerance", key="tolerance", value=text)
     with suppress(InputError):
         return replace(job, tolerance=parse_quantity(text, "m"))
     raise InputError(
-        "not a tolerance", key="tolerance", value=text, allowed="a length above 0, as in 0.01mm"
+        "must be a length", key="tolerance", value=text, allowed="above 0, for example 0.01mm"
     )
 
 
 def _with_curves(job: Job, curves: str) -> Job:
     if not (isinstance(job, MovingJob) and job.holds_curves):
         raise InputError(
-            f"{job.output.name} holds no curves to choose", key="curves", allowed="of a .usdc"
+            f"{job.output.name} cannot store curves", key="curves", allowed=".usdc or .usda"
         )
     return replace(job, curves=curves)
 
@@ -359,9 +404,9 @@ def _with_curves(job: Job, curves: str) -> Job:
 def _with_subdivisions(job: Job, subdivisions: int) -> Job:
     if not isinstance(job, (MovingJob, ModesJob)):
         raise InputError(
-            f"{job.kind} has those of the scene",
+            f"{job.kind} uses the subdivisions of the scene",
             key="subdivisions",
             value=subdivisions,
-            cure=f"Say --set surface.subdivisions={subdivisions}.",
+            cure=f"Use --set surface.subdivisions={subdivisions}.",
         )
     return replace(job, subdivisions=subdivisions)

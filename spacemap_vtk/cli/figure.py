@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
+    PICTURE,
     ColorBy,
     Paired,
     Quiet,
@@ -28,8 +29,10 @@ from spacemap_vtk.jobs import FigureJob
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.units import parse_quantity
 
-#: Accepted widths of a page in m; accepted dots per inch.
-_WIDTH_RANGE, _DPI_RANGE = (0.04, 1.2), (30.0, 1200.0)
+#: Allowed widths of a page, in m.
+_WIDTH_RANGE = 0.04, 1.2
+#: Allowed resolutions, in dots per inch.
+_DPI_RANGE = 30.0, 1200.0
 
 
 def figure(
@@ -40,14 +43,15 @@ def figure(
     panels: Annotated[
         str | None,
         Parameter(
-            help="What stands on the page, from above, separated by commas: pictures, draft, "
-            "cloth, section. By default pictures of what moves, and all else of a still cloth."
+            help="Parts of the page from top to bottom, separated by commas: pictures, draft, "
+            "cloth, section. Default: pictures of a moving scene; draft, cloth and section of a "
+            "still one."
         ),
     ] = None,
     times: Annotated[
         tuple[str, ...],
         times_option(
-            "by default the beginning, a quarter and a half of the first mode's swing",
+            "the start, a quarter and a half of the first mode's period",
             *("--times", "--time"),
         ),
     ] = (),
@@ -55,44 +59,59 @@ def figure(
     paired: Paired = False,
     color: ColorBy = None,
     style: Style = None,
-    cage: Annotated[bool, flag("Cages in a row over the pictures.")] = False,
-    columns: Annotated[int | None, Parameter(help="Pictures in a row.")] = None,
+    cage: Annotated[
+        bool, flag("Draw the cages in a row above the pictures.", group=PICTURE)
+    ] = False,
+    columns: Annotated[int | None, Parameter(help="Number of pictures in a row.")] = None,
     end: Annotated[
-        int | None, Parameter(help="The end that is cut along, from 1; by default in the middle.")
+        int | None,
+        Parameter(
+            help="End along which the section is cut, counted from 1. Default: the middle one."
+        ),
     ] = None,
     pick: Annotated[
-        int | None, Parameter(help="The pick that is cut along, from 1; by default in the middle.")
+        int | None,
+        Parameter(
+            help="Pick along which the section is cut, counted from 1. Default: the middle one."
+        ),
     ] = None,
     width: Annotated[
-        str, Parameter(help="Of the page: 180mm is two columns of many journals, 88mm is one.")
+        str,
+        Parameter(help="Width of the page; many journals use 88mm for one column, 180mm for two."),
     ] = "180mm",
-    dpi: Annotated[float, Parameter(help="Dots per inch of its pictures.")] = 300.0,
-    dark: Annotated[bool, flag("Light ink on dark paper.")] = False,
-    transparent: Annotated[
-        bool, flag("No paper: what the figure is laid on shows through.")
-    ] = False,
+    dpi: Annotated[float, Parameter(help="Resolution of the pictures, in dots per inch.")] = 300.0,
+    dark: Annotated[bool, flag("Draw light lines on a dark page.")] = False,
+    transparent: Annotated[bool, flag("Make the background transparent.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Lay out a page: pictures, draft and cloth, Peirce's sections.
+    """Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.
 
-    Pictures are seen from one place and have one scale of colours; a key below has the axes, a
-    round length (without perspective, or in the plane of the camera's focus) and the colours.
-    Sections and drafts are drawn from the cloth's own curves and matrices, and stay lines and
-    letters in an .svg or a .pdf.
+    All pictures share one camera and one colour scale; a legend below has the axes, a scale bar
+    (without perspective, or for the plane of the camera's focus) and the colours. Sections and
+    drafts are lines and text in an .svg or .pdf.
 
-    A swing at three times, coloured: "spacemap figure plain_weave -o swing.pdf"
+    A motion at three times, coloured:
 
-    A weaver's draft beside its cloth, and Peirce's sections with their dimensions:
-    "spacemap figure cloth.wif -o cloth.svg"
+        spacemap figure plain_weave -o swing.pdf
 
-    The sections alone, along the third end and the fifth pick, for one column:
-    "spacemap figure satin_8_3 -o section.pdf --panels section --end 3 --pick 5 --width 88mm"
+    A draft next to its cloth, and Peirce's sections with their dimensions:
 
-    Cages over fabrics at four times, for a dark slide: "spacemap figure plain_weave -o slide.png
-    --cage --times 0,20ms,40ms,60ms --dark --transparent"
+        spacemap figure cloth.wif -o cloth.svg
 
-    Three dampings (rows) at three times (columns): "spacemap figure plain_weave -o damping.pdf
-    --set response.alpha=0,5,50 --times 20ms,60ms,100ms --color displacement"
+    Only the sections along the third end and the fifth pick, for one column:
+
+        spacemap figure satin_8_3 -o section.pdf --panels section --end 3 \\
+            --pick 5 --width 88mm
+
+    Cages above fabrics at four times, for a dark slide:
+
+        spacemap figure plain_weave -o slide.png --cage --dark --transparent \\
+            --times 0,20ms,40ms,60ms
+
+    Three dampings (rows) at three times (columns):
+
+        spacemap figure plain_weave -o damping.pdf --color displacement \\
+            --set response.alpha=0,5,50 --times 20ms,60ms,100ms
     """
     chosen = open_scene(scene, color=color, style=style)
     lists = []
@@ -102,7 +121,9 @@ def figure(
         else:
             chosen.set(assignment)
     if not _DPI_RANGE[0] <= dpi <= _DPI_RANGE[1]:
-        raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
+        raise InputError(
+            "the resolution is out of range", key="--dpi", value=dpi, allowed="30 to 1200"
+        )
     from spacemap_vtk.draw.figure.figure_page import FigurePage
 
     page = FigurePage(
@@ -130,5 +151,5 @@ def _parse_width(text: str) -> float:
         if _WIDTH_RANGE[0] <= (found := parse_quantity(text, "m")) <= _WIDTH_RANGE[1]:
             return found
     raise InputError(
-        "no width of a page", key="--width", value=text, allowed="40mm to 1200mm, with its unit"
+        "must be the width of a page", key="--width", value=text, allowed="40mm to 1200mm"
     )

@@ -18,6 +18,7 @@ from types import FrameType
 from cyclopts import (
     App,
     CycloptsError,
+    Group,
     MissingArgumentError,
     RepeatArgumentError,
     UnknownOptionError,
@@ -35,37 +36,49 @@ app = App(
     help=f"""Deform woven fabric by space mapping: pictures, films, data and figures.
 
     SCENE is {describe_scene_files()}, or the
-    name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
-    their unit: "0.3 mm".
+    name of a built-in scene (see "spacemap scenes"). Numbers without a unit are in SI units; a
+    unit can be given, for example "0.3 mm".
 
-    Begin with "spacemap render plain_weave -o cloth.png", or with "spacemap gui".
+    For example:
 
-    Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
+        spacemap render plain_weave -o cloth.png
+        spacemap animate plain_weave -o cloth.gif
+        spacemap gui
 
-    Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
+    Solved modes are kept in the user's cache folder; with --no-cache it is neither read nor
+    written.
+
+    Exit status: 0 success, 2 invalid input, 1 any other failure.
     """,
+    group_parameters=Group.create_default_parameters("Options"),
 )
 COMMANDS = {
-    "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
+    "render": ("draw:render", "Draw a picture of a scene, a draft or a mesh."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
-    "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
-    "figure": ("figure:figure", "Lay out a page: pictures, draft and cloth, Peirce's sections."),
-    "sweep": ("sweep:sweep", "Run a scene over lists of values: table and contact sheet."),
+    "storyboard": (
+        "draw:storyboard",
+        "Draw the motion of a scene as a row of pictures, as in figure 6 of the paper.",
+    ),
+    "figure": (
+        "figure:figure",
+        "Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.",
+    ),
+    "sweep": ("sweep:sweep", "Run a scene for lists of values, with a table and a contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
-    "convert": ("draw:convert", "Turn a weaver's draft into another format."),
-    "again": ("remake:remake", "Make a file anew from what it says of itself."),
+    "convert": ("draw:convert", "Convert a weaver's draft to another format."),
+    "again": ("remake:remake", "Repeat the command that made a file."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
-    "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),
+    "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "info": (
         "reports:info",
-        "Print the figures of a fabric or an object, and of a file its origin.",
+        "Print the figures of a fabric or an object, and how a file was made.",
     ),
     "validate": ("reports:validate", "Check a scene without drawing it."),
-    "scenes": ("reports:scenes", "List the scenes that come with the program."),
-    "materials": ("reports:materials", "List the measured fabrics a cage can be made of."),
-    "keys": ("reports:keys", "Explain the sections and keys of a scene file."),
-    "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
-    "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
+    "scenes": ("reports:scenes", "List the built-in scenes."),
+    "materials": ("reports:materials", "List the measured fabrics that a cage can be made of."),
+    "keys": ("reports:keys", "Explain the sections and keys of scene files."),
+    "completion": ("completion:completion", "Print the completion script for bash, zsh or fish."),
+    "gui": ("window:gui", "Open the window, to see a scene move and to change it."),
 }
 for _name, (_function, _help) in COMMANDS.items():
     # By name, so that a command's module is imported when it is called, not for other commands.
@@ -126,7 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if isinstance(error, OSError) and error.filename is None and error.errno in _STREAM_ERRORS:
             if not isinstance(error, BrokenPipeError):  # the reader has closed the pipe on purpose
-                _print_error(f"what is printed could not be written: {str(error.strerror).lower()}")
+                _print_error(f"the output could not be printed: {str(error.strerror).lower()}")
             _discard_output()
         elif isinstance(error, OSError) and error.filename is not None and error.strerror:
             _print_error(f"{os.fsdecode(error.filename)}: {error.strerror.lower()}")
@@ -170,8 +183,8 @@ def survive_memory_limit() -> None:
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if -code in (signal.SIGABRT, signal.SIGSEGV, signal.SIGTRAP):
         _print_error(
-            f"memory has run out: this shell allows {most / 2**30:.3g} GiB to a process (ended by "
-            f'{signal.Signals(-code).name}). Raise the limit: "ulimit -v unlimited".'
+            f"memory has run out: this shell limits a process to {most / 2**30:.3g} GiB (ended by "
+            f'{signal.Signals(-code).name}). Raise the limit with "ulimit -v unlimited".'
         )
         code = 1
     if code < 0:
@@ -185,7 +198,7 @@ def _raise_interrupts() -> Iterator[None]:
     """Turn an error that Ctrl-C caused in Python code called by VTK into KeyboardInterrupt."""
     heard = []
 
-    def hear(number: int, frame: FrameType | None) -> None:
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
         heard.append(number)
         signal.default_int_handler(number, frame)
 
@@ -193,7 +206,7 @@ def _raise_interrupts() -> Iterator[None]:
     hears = usual and threading.current_thread() is threading.main_thread()
     shown = sys.excepthook
     if hears:
-        signal.signal(signal.SIGINT, hear)
+        signal.signal(signal.SIGINT, on_interrupt)
         # Since Python 3.13 VTK prints the interrupt and then fails.
         sys.excepthook = lambda kind, *rest: None if heard else shown(kind, *rest)
     try:
@@ -217,15 +230,15 @@ def _usage_message(error: CycloptsError) -> str:
     command = " ".join(["spacemap", *(error.command_chain or ())])
     text, argument = str(error), error.argument
     if isinstance(error, UnusedCliTokensError):
-        text = f'"{" ".join(error.unused_tokens or ())}" is more than "{command}" takes.'
+        text = f'"{command}" does not accept "{" ".join(error.unused_tokens or ())}".'
     elif isinstance(error, MissingArgumentError) and argument and not error.keyword:
         text = f'"{command}" needs {argument.name}.'
     elif isinstance(error, RepeatArgumentError):
-        text = f'{error.token.keyword} is given more than once, and "{command}" takes one.'
+        text = f"{error.token.keyword} can be given only once."
         if error.token.keyword == "--time":
             text += f" {SEVERAL_TIMES_HINT}"
     elif isinstance(error, UnknownOptionError) and error.token.keyword == "--times":
-        text = f'"{command}" knows no --times. {SEVERAL_TIMES_HINT}'
+        text = f'"{command}" does not support --times. {SEVERAL_TIMES_HINT}'
     return f'{text} See "{command} --help".'
 
 

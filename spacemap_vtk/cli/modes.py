@@ -39,7 +39,7 @@ def modes(
     plot: Annotated[
         Path | None,
         Parameter(
-            help=f"Also draw a sheet of the first mode shapes: {describe_writers('picture')}."
+            help=f"Also draw the first mode shapes, into a file: {describe_writers('picture')}."
         ),
     ] = None,
     set_: Set = (),
@@ -48,11 +48,15 @@ def modes(
 ) -> None:
     """Print the vibration modes of a scene's cage.
 
-    For each its frequency, damping ratio, and the mass it moves: the effective masses along x, y
-    and z are shares of the mass that can move, and a column Σ adds them up. Where the modes hold
-    less than 90 % along an axis with a load, take more of them. Of what hangs (modal.gravity) it
-    tells how far down, of a sheet its shadow, and of one on a disc (held by one sphere) Cusick's
-    drape coefficient.
+    For each mode: its frequency, damping ratio and effective mass along x, y and z, in percent of
+    the mass that can move; the columns Σ are cumulative. If Σ stays below 90 % along an axis with
+    a load, raise modal.modes. For a hanging scene (modal.gravity), also the sag; for a sheet, its
+    shadow area and, on a disc (held by one sphere), Cusick's drape coefficient.
+
+    For example:
+
+        spacemap modes plain_weave
+        spacemap modes plain_weave --set modal.modes=20 --plot modes.png
     """
     sheet = None if plot is None else ShapesJob(plot)
     chosen = open_scene(scene, set_)
@@ -68,10 +72,10 @@ def modes(
         print_json(figures)
         return
     table = number_table(
-        ("mode", "f [Hz]", "ratio", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
+        ("mode", "f [Hz]", "damping", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
-        caption="x, y, z: effective mass in % of what can move; Σ: with those above it",
+        caption="x, y, z: effective mass in % of the mass that can move; Σ: cumulative",
         min_width=72,  # width of the caption
     )
     frequencies = aligned(mode["frequency_hz"] for mode in figures["modes"])
@@ -86,8 +90,8 @@ def modes(
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
     print_plain(table)
-    told = (*sheet_figures(figures), *hung_figures(figures["hung"]))
-    print_labelled((figure.label, figure.told) for figure in told)
+    more = (*sheet_figures(figures), *hung_figures(figures["hung"]))
+    print_labelled((figure.label, figure.told) for figure in more)
     print_warnings(chosen, quiet)
 
 
@@ -97,32 +101,38 @@ def plot(
     *,
     output: Annotated[
         Path,
-        output_option(f"A {describe_writers('plot')} file; of --biaxial a .csv table, too."),
+        output_option(f"A {describe_writers('plot')} file; with --biaxial also a .csv table."),
     ],
     point: Annotated[
         str | None,
         Parameter(
-            help="Position at rest, as in 1mm,0,0.2mm; by default where the first mode moves most."
+            help="Position at rest, for example 1mm,0,0.2mm. Default: where the first mode moves "
+            "most."
         ),
     ] = None,
     quantity: Annotated[
-        Literal["displacement", "velocity", "acceleration"], Parameter(help="What is plotted.")
+        Literal["displacement", "velocity", "acceleration"], Parameter(help="Quantity to plot.")
     ] = "displacement",
     biaxial: Annotated[
         bool,
         flag(
-            "In place of these the cloth's tensile tests, from its yarns (section yarns): "
-            "force per width against extension, of a strip whose other direction is free, along "
-            "the warp and along the weft, and of both pulled alike."
+            "Plot tensile tests of the cloth instead, computed from its yarns (section [yarns]): "
+            "force per width against extension, along the warp and the weft of a free strip, and "
+            "for equal extension of both."
         ),
     ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Plot how a point moves over time, and its frequency response.
+    """Plot the motion of a point and its frequency response.
 
-    The time goes from 0 to response.duration. The frequency response is that to all loads of the
-    scene as sines in phase. A motion by steps has none: in its place are the energies.
+    The time axis runs from 0 to response.duration. The frequency response is to all loads of the
+    scene as sines in phase. For a motion by time steps, the energies are plotted instead.
+
+    For example:
+
+        spacemap plot plain_weave -o motion.pdf
+        spacemap plot plain_weave -o motion.png --point 0,0,0 --quantity velocity
     """
     job: Job = BiaxialJob(output) if biaxial else PlotJob(output, _parse_point(point), quantity)
     chosen = open_scene(scene, set_)
@@ -138,8 +148,8 @@ def _parse_point(text: str | None) -> list[float]:
         if len(place) == 3 and all(map(math.isfinite, place)):
             return place
     raise InputError(
-        "not a point",
+        "must be a point",
         key="--point",
         value=text,
-        allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
+        allowed="three lengths x,y,z in m or with a unit, for example 1mm,0,0.2mm",
     )

@@ -1,4 +1,4 @@
-"""Shared code of the commands: options, opening a scene, running a job, printing."""
+"""Code shared by the commands: options, opening a scene, running a job, printing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from spacemap_vtk.cli import completers
 from spacemap_vtk.errors import InputError, printable
@@ -26,6 +26,13 @@ if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
 
+#: Groups of options in the help of a command, in this order after its own options.
+PICTURE = Group.create_ordered("Picture")
+TIMES = Group.create_ordered("Times")
+SCENE = Group.create_ordered("Scene")
+MESSAGES = Group.create_ordered("Messages")
+
+
 def flag(help: str, *names: str, **more: Any) -> Parameter:
     """Declare an option that is off, or empty, by default and has no negative form."""
     return Parameter(name=names or None, negative="", help=help, show_default=False, **more)
@@ -39,96 +46,111 @@ def output_option(help: str) -> Parameter:
 SceneFile = Annotated[
     str,
     Parameter(
-        help='Scene file, or name of a scene (see "spacemap scenes").',
+        help='Scene file, or name of a built-in scene (see "spacemap scenes").',
         completer=completers.scenes_and_files,
     ),
 ]
 SceneName = Annotated[
     str,
     Parameter(
-        help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes").',
+        help='Scene file, draft, mesh, or name of a built-in scene (see "spacemap scenes").',
         completer=completers.scenes_and_files,
     ),
 ]
 Set = Annotated[
     tuple[str, ...],
     flag(
-        'Change a value of the scene, as in --set weave.ends=20 (see "spacemap keys"); '
-        "auto makes one automatic. Can be given again.",
+        "Change a value of the scene, for example --set weave.ends=20; the value auto makes it "
+        'automatic. Repeat the option for several keys (see "spacemap keys").',
         "--set",
         completer=completers.assignments,
+        group=SCENE,
     ),
 ]
 SetLists = Annotated[
     tuple[str, ...],
     flag(
-        "The values that a key goes through, with commas between them, as in "
-        "--set weave.ends=5,7,9, a run or a picture for each; a single one is set in all. Can be "
-        "given again.",
+        "Value of a key, or several values separated by commas, for example "
+        "--set weave.ends=5,7,9: one run or picture for each. Repeat the option for several keys "
+        '(see "spacemap keys").',
         "--set",
         completer=completers.assignments,
+        group=SCENE,
     ),
 ]
 Paired = Annotated[
     bool,
     flag(
-        "Pair the lists: the first value of each together, then the second, and so on. "
-        "Without, every value of one goes with every value of the others.",
+        "Pair the lists: the first values of all lists together, then the second ones, and so on. "
+        "By default, every combination of the values is run.",
         "--zip",
+        group=SCENE,
     ),
 ]
 Time = Annotated[
-    str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
+    str | None,
+    Parameter(help="Time in s, for example 0.4 or 400ms. Default: that of the scene.", group=TIMES),
 ]
 #: Hint to the commands that accept several times.
 SEVERAL_TIMES_HINT = (
-    'Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap storyboard", and '
-    'written by "spacemap export".'
+    'For several times, as in --times 0,20ms, use "spacemap figure", "spacemap storyboard" or '
+    '"spacemap export".'
 )
 Size = Annotated[
     str | None,
-    Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
+    Parameter(
+        help="Width and height in pixels, for example 1920x1080. Default: that of the scene.",
+        group=PICTURE,
+    ),
 ]
 
 
 def times_option(default: str, *names: str) -> Parameter:
     """Declare an option for times, given as one list or repeatedly."""
-    return flag(f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.", *names)
+    text = f"Times in s, separated by commas, for example 0,20ms,0.04. Default: {default}."
+    return flag(text, *names, group=TIMES)
 
 
 Fps = Annotated[
     str | None,
-    Parameter(name="--fps", help="Frames for each second of a film; by default the scene's."),
+    Parameter(
+        name="--fps", help="Frames per second of the film. Default: that of the scene.", group=TIMES
+    ),
 ]
 From = Annotated[
-    str | None, Parameter(name="--from", help="First time in s; by default the scene's.")
+    str | None,
+    Parameter(name="--from", help="First time in s. Default: that of the scene.", group=TIMES),
 ]
 To = Annotated[
-    str | None, Parameter(name="--to", help="Time in s at which it ends; by default the scene's.")
+    str | None,
+    Parameter(name="--to", help="End time in s. Default: that of the scene.", group=TIMES),
 ]
 ColorBy = Annotated[
     str | None,
     Parameter(
         name="--color",
-        help=f"What the colours show: {', '.join(COLORINGS)}.",
+        help=f"Quantity shown by the colours: {', '.join(COLORINGS)}.",
         completer=completers.color_names,
+        group=PICTURE,
     ),
 ]
 Style = Annotated[
     str | None,
     Parameter(
         name="--style",
-        help=f"What it looks like: {', '.join(STYLES)}.",
+        help=f"Style of the picture: {', '.join(STYLES)}.",
         completer=completers.style_names,
+        group=PICTURE,
     ),
 ]
 ScaleBar = Annotated[
-    bool, flag("A bar of a round length; with perspective that in the plane of the focus.")
+    bool,
+    flag("Draw a scale bar; with perspective, for the plane of the camera's focus.", group=PICTURE),
 ]
-Triad = Annotated[bool, flag("The axes.")]
-TimeStamp = Annotated[bool, flag("The time of what is shown.")]
-Quiet = Annotated[bool, flag("No progress, no warnings.", "--quiet", "-q")]
-Json = Annotated[bool, flag("Print JSON, for programs.", "--json")]
+Triad = Annotated[bool, flag("Draw the coordinate axes.", group=PICTURE)]
+TimeStamp = Annotated[bool, flag("Draw the time.", group=PICTURE)]
+Quiet = Annotated[bool, flag("Print no progress and no warnings.", "--quiet", "-q", group=MESSAGES)]
+Json = Annotated[bool, flag("Print JSON, for other programs.", "--json", group=MESSAGES)]
 
 
 def open_scene(
@@ -142,7 +164,7 @@ def open_scene(
     start: str | None = None,
     stop: str | None = None,
     fps: str | None = None,
-    signs: Mapping[str, bool] | None = None,
+    annotations: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
     # Imported here, because they import VTK, which no command's help needs.
@@ -154,7 +176,11 @@ def open_scene(
         scene.set(assignment)
     if time is not None and "," in time:
         raise InputError(
-            "several times", key="--time", value=time, allowed="one", cure=SEVERAL_TIMES_HINT
+            "must be a single time",
+            key="--time",
+            value=time,
+            allowed="one",
+            cure=SEVERAL_TIMES_HINT,
         )
     for option, section, key, value in (
         ("--time", "view", "time", time),
@@ -170,7 +196,7 @@ def open_scene(
             except InputError as error:
                 error.section, error.key = None, option  # the user wrote the option, not the key
                 raise
-    for key, given in (signs or {}).items():
+    for key, given in (annotations or {}).items():
         if given:
             scene.assign("view", key, True)
     if size is not None:
@@ -180,10 +206,10 @@ def open_scene(
             # Use the form of the command line, where a size is not a list.
             side: Any = type(scene.view).parameters["size"]
             raise InputError(
-                "not a size in pixels",
+                "must be a size in pixels",
                 key="--size",
                 value=size,
-                allowed=f"width x height, as in 1920x1080, each {side.component.allowed}",
+                allowed=f"width x height, for example 1920x1080, each {side.component.allowed}",
             ) from error
     for text in elsewhere(scene):
         scene.warn(text)
@@ -194,10 +220,10 @@ def parse_times(given: Sequence[str], option: str = "--times") -> list[float]:
     """Parse the times of an option that may be given repeatedly."""
     text = ",".join(given)
     refused = InputError(
-        "not a list of times",
+        "must be a list of times",
         key=option,
         value=text,
-        allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
+        allowed="up to 100 times of at least 0 s, for example 0,20ms,0.04",
     )
     try:
         times = [parse_quantity(word, "s") for word in text.split(",")] if given else []
@@ -250,7 +276,7 @@ def print_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
 
 
 def number_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
-    """Return a table of numbers; its first columns are words."""
+    """Return a table of numbers whose first columns are words."""
     from rich import box
     from rich.table import Table
 
@@ -271,11 +297,11 @@ def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
     print_plain(table)
 
 
-def print_plain(what: Any) -> None:
+def print_plain(table: Any) -> None:
     """Print a table or a title without interpreting brackets as markup."""
     from rich.console import Console
 
-    Console(markup=False).print(what, highlight=False)
+    Console(markup=False).print(table, highlight=False)
 
 
 def print_json(figures: Any) -> None:
@@ -315,14 +341,14 @@ def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[
     )
     task = bar.add_task(what, total=1, stage="")
 
-    def tell(stage: Stage, event: str) -> None:
+    def show_stage(stage: Stage, event: str) -> None:
         words = [type(stage).__name__]
         if event == "ProgressEvent":
             words += [stage.GetProgressText() or "", f"{stage.GetProgress():.0%}"]
         bar.update(task, stage="" if event == "EndEvent" else " ".join(filter(None, words)))
 
     observers = [
-        (stage, stage.AddObserver(event, tell))
+        (stage, stage.AddObserver(event, show_stage))
         for stage in (scene.stages if scene else ())
         for event in ("StartEvent", "ProgressEvent", "EndEvent")
     ]

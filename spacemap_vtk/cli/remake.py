@@ -1,4 +1,4 @@
-"""The command that makes a file again from its record, and the description of a record."""
+"""The command ``again``, which repeats the command that made a file."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from spacemap_vtk.jobs import JOBS, DataJob, job_from_json
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: Fields of picture and film jobs that only the window sets; there are no options for them.
-_WINDOW_FIELDS = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
+_WINDOW_FIELDS = {"place": "the camera", "panels": "the panels", "framed": "the view of the film"}
 
 
 def remake(
     file: Annotated[
         Path,
         Parameter(
-            help='What "spacemap" has written, but .stl, .dtx and .txt, which have no room for it.'
+            help="Picture, film or data file made by this program; not .stl, .dtx and .txt, which "
+            "cannot store how they were made."
         ),
     ],
     /,
@@ -34,69 +35,74 @@ def remake(
     output: Annotated[
         Path | None,
         output_option(
-            "What is written; by default beside the file, as cloth-again.png of cloth.png."
+            "Output file. Default: next to the file, for example cloth-again.png for cloth.png."
         ),
     ] = None,
     set_: Set = (),
     check: Annotated[
         bool,
         flag(
-            "Write nothing, but compare what comes with the file; exit status 1 where it differs."
+            "Write nothing, but compare the new result with the file; exit status 1 if they differ."
         ),
     ] = False,
     folder: Annotated[
         Path | None,
         Parameter(
-            help="Where the scene's file lay, from which the files that it reads are found; by "
-            "default here, or where the file is."
+            help="Folder of the scene file, from which its input files are found. Default: this "
+            "folder, or that of the file."
         ),
     ] = None,
-    force: Annotated[bool, flag("Without --output: write over what is there.")] = False,
+    force: Annotated[bool, flag("Without --output: overwrite an existing file.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a file anew from what it says of itself.
+    """Repeat the command that made a file.
 
-    Pictures, films and data hold the scene that they are of, as it was run, and what was asked for;
-    "spacemap info FILE" shows it. The files that a scene reads (a draft, a mesh) are not in there,
-    but their digests are: what is missing, or has changed, is refused. Nothing else is read. With
-    --set the same is made of another scene.
+    Pictures, films and data files store the scene, as it was run, and the command;
+    "spacemap info FILE" prints them. Of the scene's input files (a draft, a mesh) they store only
+    the digests: a missing or changed input file is an error. No other file is read. With --set,
+    the command is repeated for a changed scene.
 
-    "spacemap again cloth.png --check", "spacemap again cloth.glb -o more.glb --set weave.ends=20"
+    For example:
+
+        spacemap again cloth.png --check
+        spacemap again cloth.glb -o more.glb --set weave.ends=20
     """
     from spacemap_vtk.scenes.origin import places, scene_of
 
     record = provenance.read_record(registry.require_file(file))
     if record is None:
         raise InputError(
-            f"{file}: it does not say how it was made",
+            f"{file} does not state how it was made",
             allowed=f"a file made by this program: {', '.join(provenance.record_endings())}",
         )
     target = output or file.with_name(f"{file.stem}-again{file.suffix}")
-    if output is None and not check and not force and (there := _existing_output(target)):
-        raise InputError(f"{there} is there already", cure="Name an --output, or give --force.")
+    if output is None and not check and not force and (existing := _existing_output(target)):
+        raise InputError(f"{existing} exists", cure="Choose another --output, or use --force.")
     scene, inputs = scene_of(record, places(file, folder))
     if not quiet:
         for line in (*describe_record(record, file), *(f"reads {path}" for path in inputs)):
             print(printable(line, "\n"))
         print("writes nothing" if check else f"writes {target}", flush=True)
     if target.resolve() in [path.resolve() for path in inputs]:
-        raise InputError(f"{target} is read for it", key="--output", cure="Choose another name.")
+        raise InputError(
+            f"{target} is an input of the scene", key="--output", cure="Choose another name."
+        )
     for assignment in set_:
         scene.set(assignment)
-    with vanishing_folder() as room:
-        made = room / file.name if check else target
-        with progress(scene, "Making", quiet) as tell:
-            job_from_json(record.order, made).run(scene, tell)
+    with vanishing_folder() as scratch:
+        made = scratch / file.name if check else target
+        with progress(scene, "Repeating", quiet) as report_progress:
+            job_from_json(record.order, made).run(scene, report_progress)
         print_warnings(scene, quiet)
         if check and (found := list(compare_files(file, made))):
-            raise SpacemapError(f"{file}: made anew it is another: {'; '.join(found)}")
+            raise SpacemapError(f"{file}: the new result differs: {'; '.join(found)}")
     if check and not quiet:
-        print(f"{file}: made anew it is the same")
+        print(f"{file}: the new result is the same")
 
 
 def describe_record(record: Record, file: Path) -> list[str]:
-    """Describe a record for people."""
-    here = "" if record.version == __version__ else f" (this is {__version__})"
+    """Return the lines that describe a record to the user."""
+    here = "" if record.version == __version__ else f" (this is version {__version__})"
     what = str(record.order.get("what"))
     words = f"spacemap {JOBS.get(what, DataJob).command} {shlex.quote(record.file or 'SCENE')}"
     words += f" {'--plot' if what == 'shapes' else '-o'} {shlex.quote(file.name)}"
@@ -105,7 +111,9 @@ def describe_record(record: Record, file: Path) -> list[str]:
     words += "".join(f" --set {shlex.quote(str(each))}" for each in asked.pop("lists", ()))
     asked.pop("page", None)
     pictured = what in ("picture", "film")
-    unsaid = [name for key, name in _WINDOW_FIELDS.items() if pictured and asked.pop(key, None)]
+    window_only = [
+        name for key, name in _WINDOW_FIELDS.items() if pictured and asked.pop(key, None)
+    ]
     words += " --raytrace" if "samples" in asked else ""
     if "width" in asked:
         asked["width"] = f"{asked['width']:g}mm"
@@ -118,19 +126,19 @@ def describe_record(record: Record, file: Path) -> list[str]:
             words += f" --{'zip' if key == 'paired' else key}"
         elif key != "what" or words.startswith("spacemap export"):
             words += f" --{key} {shlex.quote(str(value))}"
-    lines = [f"{file}: made by spacemap_vtk {record.version}{here}", f"as by {words}"]
+    lines = [f"{file}: made by spacemap_vtk {record.version}{here}", f"command: {words}"]
     if record.times:
-        lines.append(f"at {' to '.join(f'{time:g}' for time in record.times)} s")
-    if unsaid:
-        lines.append(f'beside, known to "spacemap again" alone: {", ".join(unsaid)}')
+        lines.append(f"time: {' to '.join(f'{time:g}' for time in record.times)} s")
+    if window_only:
+        lines.append(f"stored too, without an option: {', '.join(window_only)}")
     return [
         *lines,
-        *(f"from {name}, sha256 {digest[:16]}…" for name, digest in record.inputs.items()),
+        *(f"input: {name}, sha256 {digest[:16]}…" for name, digest in record.inputs.items()),
     ]
 
 
 def _existing_output(target: Path) -> Path | None:
-    """Return the first path that would be overwritten: the file, or one written along with it."""
+    """Return the first path that would be overwritten: the file, or one that belongs to it."""
     beside = (target.with_suffix(".mtl"), target.with_suffix(""))
     named = target, *beside, target.with_name(f"{target.name}-metadata.json")
     return next((path for path in named if path.exists()), None)
@@ -178,7 +186,8 @@ def _compare_pixels(one: Path, other: Path) -> Iterator[str]:
         with Image.open(path) as image:
             pixels.append(np.asarray(image.convert("RGBA"), np.int16))
     if pixels[0].shape != pixels[1].shape:
-        yield "{1} x {0} pixels were {3} x {2}".format(*pixels[1].shape[:2], *pixels[0].shape[:2])
+        sizes = *pixels[1].shape[:2], *pixels[0].shape[:2]
+        yield "{1} x {0} pixels instead of {3} x {2}".format(*sizes)
         return
     off = np.abs(pixels[0] - pixels[1]).max(axis=2)
     if off.any():
@@ -191,11 +200,11 @@ def _compare_steps(one: Path, other: Path) -> Iterator[str]:
 
     series = open_series(one), open_series(other)
     if series[0].times != series[1].times:
-        yield "the times are others"
+        yield "the times differ"
         return
     for number, time in enumerate(series[0].times):
         for text in _compare_meshes(*(each.read(number) for each in series)):
-            yield f"at {time:g} s {text}"
+            yield f"at {time:g} s: {text}"
 
 
 def _compare_arrays(one: Path, other: Path) -> Iterator[str]:
@@ -211,7 +220,7 @@ def _compare_meshes(was: Any, made: Any) -> Iterator[str]:
     from spacemap_vtk.datasets.arrays import points_of
 
     if was.GetNumberOfCells() != made.GetNumberOfCells():
-        yield f"{made.GetNumberOfCells()} cells were {was.GetNumberOfCells()}"
+        yield f"{made.GetNumberOfCells()} cells instead of {was.GetNumberOfCells()}"
     tables = {"points": (points_of(was), points_of(made))}
     for kind in ("GetPointData", "GetCellData"):
         here, there = getattr(was, kind)(), getattr(made, kind)()
@@ -224,7 +233,7 @@ def _compare_meshes(was: Any, made: Any) -> Iterator[str]:
                 tables[name] = tuple(map(vtk_to_numpy, pair))
     for name, (first, second) in tables.items():
         if first.shape != second.shape:
-            yield f"{name}: {len(second)} rows were {len(first)}"
+            yield f"{name}: {len(second)} rows instead of {len(first)}"
         elif not np.array_equal(first, second, equal_nan=first.dtype.kind == "f"):
             off = np.nanmax(np.abs(first.astype(float) - second.astype(float)))
             yield f"{name} differ by up to {off:.3g}"

@@ -42,8 +42,8 @@ def info(
     scene: Annotated[
         str,
         Parameter(
-            help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes"); picture or '
-            "film.",
+            help='Scene file, draft, mesh, or name of a built-in scene (see "spacemap scenes"); or '
+            "a file made by this program.",
             completer=completers.scenes_and_files,
         ),
     ],
@@ -51,20 +51,27 @@ def info(
     *,
     time: Annotated[
         str | None,
-        Parameter(help="Look for the least clearance at this time, too: in s, as in 0.4 or 400ms."),
+        Parameter(
+            help="Also compute the least clearance at this time in s, for example 0.4 or 400ms."
+        ),
     ] = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the figures of a fabric or an object, and of a file its origin.
+    """Print the figures of a fabric or an object, and how a file was made.
 
-    Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
-    the least clearance between the yarns of the deformed fabric. Of its cage, whether it is a sheet
-    or tetrahedra, and a sheet's measures. Where there is no room for the
-    yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
-    arrays and the faults of its surface; of its cage, the pieces and what lies outside. Of a
-    picture, a film or data: version, order and scene that it was made by, see "spacemap again".
+    For a fabric: Peirce's weave angle, yarn length, crimp and crimp height, cover, mass and least
+    clearance, and what its cage is made of. If the yarns of a draft do not fit, only what the draft
+    states, with a warning. For an object: its points, cells, size, arrays and surface faults, and
+    the pieces of its cage. For a file made by this program: the version, command and scene (see
+    "spacemap again").
+
+    For example:
+
+        spacemap info plain_weave
+        spacemap info plain_weave --time 40ms --set weave.warp_spacing=0.6mm
+        spacemap info cloth.png
     """
     if _print_record(Path(scene), json_):
         return
@@ -117,8 +124,8 @@ def _object_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
         ("points", str(figures["points"])),
         ("cells", kinds or "none"),
         ("size", " x ".join(_length(x) for x in figures["size"])),
-        ("from", ", ".join(_length(x) for x in figures["bounds"][0])),
-        ("to", ", ".join(_length(x) for x in figures["bounds"][1])),
+        ("lowest corner", ", ".join(_length(x) for x in figures["bounds"][0])),
+        ("highest corner", ", ".join(_length(x) for x in figures["bounds"][1])),
         ("surface", surface if figures["triangles"] else "none"),
     ]
     for array in figures["arrays"]:
@@ -126,7 +133,7 @@ def _object_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
         text = f'"{array["name"]}", {array["components"]} x {array["type"]}{role}'
         rows.append((f"array on {array['on']}", text))
     if figures["picture"]:
-        rows.append(("painted with", "a picture of {} x {} pixels".format(*figures["picture"])))
+        rows.append(("texture", "{} x {} pixels".format(*figures["picture"])))
     cage = figures["cage"]
     if cage:
         sizes = cage["pieces"]
@@ -181,8 +188,13 @@ def _print_record(file: Path, json_: bool) -> bool:
 def validate(scene: SceneName, /, *, set_: Set = (), quiet: Quiet = False) -> None:
     """Check a scene without drawing it.
 
-    Every value, the draft, the cage's material, and that the fabric is feasible; a draft by itself
-    is valid, with a warning, where its yarns have no room.
+    Checks every value, the draft, the material of the cage, and whether the fabric can be woven. A
+    draft file whose yarns do not fit is valid, with a warning.
+
+    For example:
+
+        spacemap validate scene.toml
+        spacemap validate plain_weave --set weave.warp_diameter=0.4mm
     """
     chosen = open_scene(scene, set_)
     chosen.check()
@@ -194,13 +206,21 @@ def validate(scene: SceneName, /, *, set_: Set = (), quiet: Quiet = False) -> No
 def scenes(
     name: Annotated[
         str | None,
-        Parameter(help="Print this scene's file.", completer=completers.scene_names),
+        Parameter(help="Scene whose file is printed.", completer=completers.scene_names),
     ] = None,
     /,
     *,
     json_: Json = False,
 ) -> None:
-    """List the scenes that come with the program."""
+    """List the built-in scenes.
+
+    With a name, its scene file is printed: save and edit it to make a scene of your own.
+
+    For example:
+
+        spacemap scenes
+        spacemap scenes plain_weave > mine.toml
+    """
     if name is not None:
         _require(name, library.names(), "scene")
         print(library.find(name).read_text(encoding="utf-8"), end="")
@@ -218,7 +238,7 @@ def _require(word: str, known: Collection[str], what: str) -> None:
         from spacemap_vtk.parameters import suggestion
 
         raise InputError(
-            f"no such {what}",
+            f"unknown {what}",
             key="scenes" if what == "scene" else "keys",
             value=word,
             allowed=", ".join(known),
@@ -227,10 +247,15 @@ def _require(word: str, known: Collection[str], what: str) -> None:
 
 
 def materials(*, json_: Json = False) -> None:
-    """List the measured fabrics a cage can be made of.
+    """List the measured fabrics that a cage can be made of.
 
-    modal.material names one. The table has what was measured of each; below it stand the source,
-    what that leaves open, and how a scene replaces it.
+    modal.material selects one. The table has the measured values; below it are the source, what
+    was not measured, and how a scene replaces a value.
+
+    For example:
+
+        spacemap materials
+        spacemap render plain_weave -o denim.png --set modal.material=denim
     """
     from spacemap_vtk.mechanics.elements.measured_fabrics import ASSUMPTIONS, FABRICS, SOURCE
     from spacemap_vtk.mechanics.elements.plates import bending_length
@@ -271,19 +296,19 @@ def materials(*, json_: Json = False) -> None:
     for name, fabric in FABRICS.items():
         print(f"{name}: {fabric.use} ({fabric.sample})")
     _print_paragraph(
-        "C in N/m: C11 along the weft, C22 along the warp, C33 shear. B, bending, in µN.m; c, "
-        'Peirce\'s bending length, and "plate" in mm. A sheet stretches, bends and weighs as '
-        "measured. A cage of tetrahedra stretches and weighs so; where it is as thick as "
-        '"plate" it bends so, too.'
+        "C: stiffness in N/m, C11 along the weft, C22 along the warp, C33 in shear. B: bending "
+        "stiffness in µN.m. c: Peirce's bending length in mm. A sheet has the measured stiffness, "
+        "bending stiffness and mass. A cage of tetrahedra has the measured stiffness and mass; if "
+        'its thickness is that under "plate", in mm, it also has the measured bending stiffness.'
     )
     _print_paragraph(f"Source: {SOURCE}.")
-    _print_paragraph("Taken without measurement:")
+    _print_paragraph("Assumed, because it was not measured:")
     for text in ASSUMPTIONS:
         print(textwrap.fill(f"{text}.", 78, initial_indent="- ", subsequent_indent="  "))
     _print_paragraph(
-        "In [modal], tensile_rigidity, shear_rigidity, bending_rigidity, areal_mass and their "
-        "like replace what was measured of a sheet, each on its own; youngs_moduli, "
-        "shear_moduli, poissons_ratios and density that of tetrahedra: "
+        "Each value can be replaced in [modal]: for a sheet with tensile_rigidity, "
+        "shear_rigidity, bending_rigidity, areal_mass and so on, for tetrahedra with "
+        "youngs_moduli, shear_moduli, poissons_ratios and density, for example "
         '--set modal.material=denim --set modal.bending_rigidity="50 uN.m".'
     )
 
@@ -299,20 +324,25 @@ def _format_short(value: float) -> str:
 
 def keys(
     section: Annotated[
-        str | None, Parameter(help="Only this section.", completer=completers.sections)
+        str | None, Parameter(help="Print only this section.", completer=completers.sections)
     ] = None,
     /,
 ) -> None:
-    """Explain the sections and keys of a scene file.
+    """Explain the sections and keys of scene files.
 
-    Each key with its default, when it counts, and what is allowed. In a file it stands below its
-    [section]; on the command line it is --set section.key=value.
+    Prints each key with its default, its meaning and the allowed values. In a scene file a key is
+    written below its [section]; on the command line it is --set section.key=value.
+
+    For example:
+
+        spacemap keys
+        spacemap keys weave
     """
     from spacemap_vtk.scenes.chain import sections
 
     known = sections()
     if section is None:
-        print('title = "..."\n    Name of the scene; stands above all sections.\n')
+        print('title = "..."\n    Title of the scene, above all sections.\n')
     else:
         _require(section, known, "section")
     for name in known if section is None else [section]:
@@ -320,7 +350,7 @@ def keys(
         print(f"[{name}]  {summary}\n")
         for key, parameter in known[name].parameters.items():
             print(f"{key} = {format_default(parameter)}")
-            when = f" Counts where {parameter.counts}." if parameter.counts else ""
+            when = f" Used only if {parameter.counts}." if parameter.counts else ""
             print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()

@@ -14,7 +14,7 @@ def serve(
     scene: Annotated[
         str,
         Parameter(
-            help="Scene file, draft, mesh, or name of a scene.",
+            help='Scene file, draft, mesh, or name of a built-in scene (see "spacemap scenes").',
             completer=completers.scenes_and_files,
         ),
     ] = "plain_weave",

@@ -49,63 +49,60 @@ def sweep(
     *,
     output: Annotated[
         Path,
-        output_option("A folder; it is made where it is not there."),
+        output_option("Output folder; it is created if it does not exist."),
     ],
     set_: SetLists = (),
     paired: Paired = False,
-    time: Annotated[
-        tuple[str, ...], times_option("by default the scene's", "--time", "--times")
-    ] = (),
+    time: Annotated[tuple[str, ...], times_option("that of the scene", "--time", "--times")] = (),
     size: Size = None,
     color: ColorBy = None,
     workers: Annotated[
         int | None,
-        Parameter(
-            help="Processes that work side by side; by default one for each core, as far as memory "
-            "goes."
-        ),
+        Parameter(help="Number of processes. Default: one for each core, as far as memory allows."),
     ] = None,
     cluster: Annotated[
         str | None,
         Parameter(
-            help="In place of these the workers of a Dask cluster, by its scheduler's address, as "
-            "in tcp://host:8786. They have this program, and find a scene's files where they are "
-            "here. Needs the extra [cluster]."
+            help="Address of the scheduler of a Dask cluster that runs the scenes instead, for "
+            "example tcp://host:8786. Its workers need this program, and the scene's files under "
+            "the same paths. Needs the extra [cluster]."
         ),
     ] = None,
-    again: Annotated[bool, flag("Compute again what is in the folder already.")] = False,
+    again: Annotated[bool, flag("Repeat the runs that are already in the folder.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run a scene over lists of values, into a folder.
+    """Run a scene for lists of values, with a table and a contact sheet.
 
-    Each run has its picture, its scene as a .toml that renders alone, and its figures as .json;
-    table.csv has the values and the figures of all, with their units, contact_sheet.png all
-    pictures. Runs that are there already are kept, so that a sweep that was stopped goes on, and
-    one with more values adds to what it has. A run that fails, such as of yarns that have no room,
-    stands in the table with its message, and does not stop the others; the exit status is then 1.
-
-    Commas within brackets or quotes belong to a value: --set "modal.gravity=[0,0,-5],[0,0,-9.8]"
-    goes through two vectors (as [[0,0,-5],[0,0,-9.8]] does), --set 'modal.fixed="-x, +x",+y'
-    through two texts. linspace(0.4 mm, 0.6 mm, 5) stands for five values with even steps from the
-    first to the last, geomspace(1 kPa, 1 MPa, 4) for four each of which is as many times the one
-    before.
+    For each run, the output folder gets a picture, a scene file (.toml) and the figures (.json);
+    table.csv lists the values and figures of all runs with their units, contact_sheet.png shows all
+    pictures. Runs that are already in the folder are kept: the same command continues a stopped
+    sweep, and more values add runs. A run that fails, for example because its yarns do not fit, is
+    listed with its error and does not stop the others; the exit status is then 1.
 
     Nine runs, every spacing with every count:
 
-    "spacemap sweep yarn_to_cloth -o cloth --set weave.warp_spacing=0.45mm,0.5mm,0.6mm
-    --set 'weave.warp_count=20 tex,25 tex,30 tex'"
+        spacemap sweep yarn_to_cloth -o cloth \\
+            --set weave.warp_spacing=0.45mm,0.5mm,0.6mm \\
+            --set 'weave.warp_count=20 tex,25 tex,30 tex'
 
-    Three runs, of square cloths, smaller pictures, on four processes:
+    Three runs of square cloths, with smaller pictures, in four processes:
 
-    "spacemap sweep plain_weave -o square --zip --set weave.ends=5,7,9 --set weave.picks=5,7,9
-    --size 640x480 --workers 4"
+        spacemap sweep plain_weave -o square --size 640x480 --workers 4 \\
+            --zip --set weave.ends=5,7,9 --set weave.picks=5,7,9
+
+    Commas within brackets or quotes belong to one value: --set
+    "modal.gravity=[0,0,-5],[0,0,-9.8]" has two vectors (like [[0,0,-5],[0,0,-9.8]]), --set
+    'modal.fixed="-x, +x",+y' two texts. linspace(0.4 mm, 0.6 mm, 5) gives five values with equal
+    differences, geomspace(1 kPa, 1 MPa, 4) four values with equal ratios.
     """
     if workers is not None and (workers < 1 or cluster is not None):
         raise InputError(
-            "no number of processes" if workers < 1 else "a cluster has workers of its own",
+            "the number of processes is out of range"
+            if workers < 1
+            else "cannot be combined with --cluster",
             key="--workers",
             value=workers,
-            allowed="at least 1, and no --cluster",
+            allowed="at least 1, without --cluster",
         )
     times = parse_times(time, "--time")
     chosen = open_scene(scene, size=size, color=color)
@@ -120,9 +117,9 @@ def sweep(
     from spacemap_vtk.scenes.runs import sweep_of
 
     asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
-    with progress(None, "Running", quiet) as tell:
+    with progress(None, "Running", quiet) as report_progress:
         found = execute_sweep(
-            asked, output, tell, workers=workers, cluster=cluster or "", again=again
+            asked, output, report_progress, workers=workers, cluster=cluster or "", again=again
         )
     if not quiet:
         _print_table(asked, found)
@@ -133,7 +130,7 @@ def sweep(
     if failed:
         first = f"{', '.join(failed[0].labels)}: " if failed[0].labels else ""
         raise SpacemapError(
-            f"{len(failed)} of {len(found)} runs failed, the others are whole; "
+            f"{len(failed)} of {len(found)} runs failed, the others are complete; "
             f"{first}{found[failed[0].name].error}"
         )
 
@@ -164,11 +161,13 @@ def _print_table(sweep: Sweep, found: Mapping[str, RunResult]) -> None:
         if room > 0 or k in columns or k == last:
             shown.append(k)
     shown.sort()
-    told = number_table(("\n".join(_wrap_heading(headings[k])) for k in shown), title=sweep.title)
+    shown_table = number_table(
+        ("\n".join(_wrap_heading(headings[k])) for k in shown), title=sweep.title
+    )
     for row in rows:
         cells = [row[k] or "–" for k in shown]
-        told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
-    console.print(told)
+        shown_table.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
+    console.print(shown_table)
 
 
 def _round_number(entry: str) -> str:
@@ -193,9 +192,9 @@ def _print_run_warnings(found: Mapping[str, RunResult]) -> None:
         for text in dict.fromkeys(result.warnings):
             alike.setdefault(re.sub(r"[0-9.]+", "#", text), []).append(text)
     for texts in list(alike.values())[:_MOST_WARNINGS]:
-        like = "" if len(set(texts)) == 1 else ", with other numbers"
+        like = "" if len(set(texts)) == 1 else ", with different numbers"
         count = f"{len(texts)} of {len(found)} runs{like}"
         print(f"spacemap: warning: {texts[0]} ({count})", file=sys.stderr)
     if len(alike) > _MOST_WARNINGS:
         more = len(alike) - _MOST_WARNINGS
-        print(f"spacemap: warning: {more} more, in the .json of each run", file=sys.stderr)
+        print(f"spacemap: warning: {more} more, see the .json of each run", file=sys.stderr)

@@ -16,13 +16,19 @@ def gui(
     scene: Annotated[
         str | None,
         Parameter(
-            help="Scene file, draft, mesh, or name of a scene; without, the paper's.",
+            help="Scene file, draft, mesh, or name of a built-in scene. Default: plain_weave.",
             completer=completers.scenes_and_files,
         ),
     ] = None,
     /,
 ) -> None:
-    """Open the window: see a fabric move, and change everything about it."""
+    """Open the window, to see a scene move and to change it.
+
+    For example:
+
+        spacemap gui
+        spacemap gui cloth.wif
+    """
     if scene is not None:
         library.find(scene)
     require_window()

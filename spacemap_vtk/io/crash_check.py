@@ -1,4 +1,4 @@
-"""Read a file in another process first, where a reader is known to crash on damaged files.
+"""Read a file in a child process first if its reader is known to crash on damaged files.
 
 VTK's readers trust the numbers in a file. A damaged file makes them read wild memory, ask for all
 memory, or never end. A file that ends the other process is refused here. A file that the other
@@ -42,7 +42,7 @@ def check_in_child(path: Path, function: str, *more: Any) -> None:
         str(path).encode()
     except UnicodeEncodeError:  # VTK accepts only names in UTF-8
         raise InputError(
-            f"{path}: its name is no UTF-8", key="file", cure="Rename it, or the folder it is in."
+            f"{path}: the path is not UTF-8", key="file", cure="Rename the file or its folder."
         ) from None
     # The damage may be in another file that this one names.
     states = [_file_state(each) for each in (path, *(other for _, other in file_references(path)))]
@@ -54,7 +54,7 @@ def check_in_child(path: Path, function: str, *more: Any) -> None:
         answer = _run_in_child((function, path, more, seconds, available()))
     if isinstance(answer, workers.EndedError):
         how = answer.message.partition("ended by ")[2]
-        raise damaged_error(path, f"damaged, or too large: what reads it ends by {how}")
+        raise damaged_error(path, f"the file is damaged or too large: its reader ended by {how}")
     if isinstance(answer, InputError):
         raise answer
     if answer is None:  # any other error will occur in this process too

@@ -21,31 +21,33 @@ _ATTRIBUTES = ("file", "source", "filename", "href")
 def pattern_names(pattern: bytes) -> Callable[[Path], list[str]]:
     """Return a function that finds file names in a file by a pattern with one group."""
 
-    def found(path: Path) -> list[str]:
+    def find(path: Path) -> list[str]:
         raw = re.findall(pattern, path.read_bytes())
         return [word.decode("utf-8", "replace").strip(" \t\r\"'") for word in raw]
 
-    return found
+    return find
 
 
 def names_in_xml(path: Path) -> list[str]:
     """Return the file names in XML attributes, and in text such as "mesh.h5:/points"."""
     found: list[str] = []
 
-    def begin(_tag: str, given: dict[str, str]) -> None:
-        said = {key.lower(): value for key, value in given.items()}
-        found.extend(said[key] for key in _ATTRIBUTES if key in said)
+    def read_attributes(_tag: str, given: dict[str, str]) -> None:
+        attributes = {key.lower(): value for key, value in given.items()}
+        found.extend(attributes[key] for key in _ATTRIBUTES if key in attributes)
 
-    def between(text: str) -> None:
+    def read_text(text: str) -> None:
         found.extend(word.rpartition(":")[0] for word in re.findall(r"\S+:/\S*", text))
 
-    def refuse(name: str, *_: object) -> None:
-        raise InputError(f"{path}: it declares an entity, {name}: no mesh has one", key="file")
+    def refuse_entity(name: str, *_: object) -> None:
+        raise InputError(
+            f"{path}: the file declares the XML entity {name}; meshes have no entities", key="file"
+        )
 
     parser = expat.ParserCreate()
     parser.buffer_text = True
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler, parser.CharacterDataHandler = begin, between
+    parser.EntityDeclHandler = refuse_entity
+    parser.StartElementHandler, parser.CharacterDataHandler = read_attributes, read_text
     # Faults in the XML are left to the format's reader, which stops at the same place.
     with path.open("rb") as file, suppress(expat.ExpatError):
         parser.ParseFile(file)
@@ -63,7 +65,7 @@ def names_in_hdf(path: Path) -> list[str]:
         return []
     found: list[str] = []
 
-    def look(place: str, link: object) -> None:
+    def read_link(place: str, link: object) -> None:
         if isinstance(link, h5py.ExternalLink):
             found.append(link.filename)
         elif isinstance(link, h5py.HardLink) and isinstance(table := made[place], h5py.Dataset):
@@ -73,22 +75,22 @@ def names_in_hdf(path: Path) -> list[str]:
 
     faults = OSError, RuntimeError, ValueError, KeyError, SystemError
     with suppress(*faults), h5py.File(path) as made:
-        made.visititems_links(look)
+        made.visititems_links(read_link)
     return found
 
 
 def file_references(path: Path) -> Iterator[tuple[Path, Path]]:
     """Yield pairs (file, file that it names), recursively, beginning with a mesh or motion."""
     # A file that cannot be read counts as naming none; its reader reports the reason.
-    seen, wait = {path}, [path]
+    seen, level = {path}, [path]
     for _ in range(_DEEPEST):
-        by, wait = wait, []
-        for one in by:
-            for other in _referenced_files(one):
+        files, level = level, []
+        for file in files:
+            for other in _referenced_files(file):
                 if other not in seen:
                     seen.add(other)
-                    wait.append(other)
-                    yield one, other
+                    level.append(other)
+                    yield file, other
 
 
 def _referenced_files(path: Path) -> tuple[Path, ...]:

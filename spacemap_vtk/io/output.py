@@ -34,13 +34,13 @@ _END_BYTES = 64
 #: Characters that XML cannot hold and VTK cannot open: control characters, and bytes that are not
 #: UTF-8.
 _UNREADABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
-_ROOM_CURE = "Make room there, or choose a folder on another disk."
-_FOLDER_CURE = "Choose another folder, or see to its permissions."
+_ROOM_CURE = "Free some space, or choose a folder on another disk."
+_FOLDER_CURE = "Choose another folder, or change its permissions."
 #: Reason and cure for each system error with which a disk refuses a file.
 _DISK_ERRORS = {
-    getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM_CURE),
+    getattr(errno, "EDQUOT", None): ("your quota on this disk is used up", _ROOM_CURE),
     errno.ENOSPC: ("disk full", _ROOM_CURE),
-    errno.EFBIG: ("no file may be so large", 'See "ulimit -f", or choose another disk.'),
+    errno.EFBIG: ("the file is larger than allowed", 'Raise "ulimit -f", or choose another disk.'),
     errno.EROFS: ("the disk is read-only", "Choose a folder on another disk."),
     errno.EACCES: ("permission denied", _FOLDER_CURE),
     errno.EPERM: ("permission denied", _FOLDER_CURE),
@@ -51,21 +51,21 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
     """Refuse an output path that cannot be written, before any work is done for it."""
     if path.suffix.lower() not in formats:
         raise InputError(
-            f'{path}: format "{path.suffix}" is not known here'
+            f'{path}: unsupported format "{path.suffix}"'
             if path.suffix
-            else f"{path}: the ending is missing and names no format",
+            else f"{path}: the name needs an ending",
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
         )
     if not numbered and (number := re.search(r"%\d*d(?![a-z])", path.name)):
         one = path.with_name(path.name.replace(number[0], "0001"))
         raise InputError(
-            f"{path}: one file is written here, no series of numbered ones",
+            f"{path}: this command writes one file, not a numbered series",
             allowed=f"a name without {number[0]}, for example {one}",
-            cure='Write one for each --time; numbered pictures are what "spacemap animate" writes.',
+            cure='Write one file for each --time, or numbered pictures with "spacemap animate".',
         )
     if _UNREADABLE.search(path.name):
         raise InputError(
-            f"{path}: no file is named with control characters, or with bytes that are no UTF-8",
+            f"{path}: the name must be UTF-8 without control characters",
             cure="Choose another name.",
         )
     if os.path.isfile(path.parent):
@@ -83,7 +83,7 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
         with vanishing_folder(path.parent):
             pass
     except OSError as error:
-        why, cure = _DISK_ERRORS.get(error.errno or 0, ("nothing can be made in it", _FOLDER_CURE))
+        why, cure = _DISK_ERRORS.get(error.errno or 0, ("it cannot be written to", _FOLDER_CURE))
         if cure != _ROOM_CURE:  # a small file may still fit
             raise InputError(f"{path}: the folder {path.parent}: {why}", cure=cure) from None
 
@@ -100,14 +100,12 @@ def _require_file_or_nothing(path: Path) -> None:
     if stat.S_ISLNK(mode):
         target = os.readlink(path)
         raise InputError(
-            f"{path}: a link to {target} is in the way",
-            cure="Remove it, or write to what it leads to.",
+            f"{path} is a link to {target}",
+            cure="Remove the link, or write to its target.",
         )
     if not stat.S_ISREG(mode):
-        what = "folder" if stat.S_ISDIR(mode) else "device or a pipe"
-        raise InputError(
-            f"{path}: a {what} of that name is in the way", cure="Choose another name."
-        )
+        what = "folder" if stat.S_ISDIR(mode) else "device or pipe"
+        raise InputError(f"{path}: a {what} of that name exists", cure="Choose another name.")
 
 
 @contextmanager
@@ -158,7 +156,7 @@ def write_parts(file: Path, parts: Iterable[Any]) -> None:
     with file.open("rb") as stream:
         stream.seek(max(0, size - len(end)))
         if stream.read(len(end) + 1) != end:
-            raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
+            raise SpacemapError(f"{file.name}: the disk has not stored all of the file")
 
 
 def format_csv(rows: Iterable[Sequence[object]]) -> str:
@@ -173,14 +171,14 @@ def require_disk_space(path: Path, size: int, what: str) -> None:
     free = shutil.disk_usage(path.parent).free
     if size > free:
         raise SpacemapError(
-            f"{path.name}: {what} take about {size / 1e6:.3g} MB more, and the disk has "
+            f"{path.name}: {what} need about {size / 1e6:.3g} MB more, and the disk has "
             f"{free / 1e6:.3g} MB free",
             cure=_ROOM_CURE,
         )
 
 
 def is_foreign(target: Path, folder: bool) -> bool:
-    """Return whether the target must stay; only a file, or a series of that name, is replaced."""
+    """Return whether a target must not be replaced: neither a file nor a series of that name."""
     if not folder or not target.is_dir():
         return target.exists() and target.is_dir() != folder
     ours = re.compile(rf"{re.escape(target.name)}_\d+\.\w+")
@@ -193,12 +191,12 @@ def check_folder(file: Path) -> None:
     others = map(file.with_suffix, sorted(lists - {file.suffix.lower()}))
     folder, why = file.with_suffix(""), ""
     if other := next((each for each in others if each.exists()), None):
-        why = f"in place of those of {other}"
+        why = f"which has the files of {other}"
     elif is_foreign(folder, folder=True):
-        why = "where others are"
+        why = "which has other files"
     if why:
         raise InputError(
-            f"{file}: its files would lie in {folder}, {why}", cure="Choose another name."
+            f"{file}: its files belong in {folder}, {why}", cure="Choose another name."
         )
 
 
@@ -225,7 +223,7 @@ def _move_files(folder: Path, path: Path) -> None:
         target = path.parent / file.name
         if is_foreign(target, file.is_dir()):
             kind = errno.EISDIR if target.is_dir() else errno.ENOTDIR
-            raise OSError(kind, "in the way", str(target))
+            raise OSError(kind, "exists", str(target))
     for file in files:
         _replace(file, path.parent / file.name)
 

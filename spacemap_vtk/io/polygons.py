@@ -69,5 +69,5 @@ def require_writer_memory(data: vtkPolyData, size: int, ending: str) -> None:
     require(
         size,
         f"to write {data.GetNumberOfCells()} polygons as {ending}",
-        cure="Lower surface.subdivisions, or write a .vtp, which needs least.",
+        cure="Lower surface.subdivisions, or write a .vtp, which needs the least memory.",
     )

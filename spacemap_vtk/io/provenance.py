@@ -126,7 +126,7 @@ def _parse_record(text: str, path: Path) -> Record:
     # The file may come from a stranger: its form is checked, and its content is not trusted.
     try:
         if len(text) > _MOST:
-            raise ValueError(f"it has {len(text)} characters")
+            raise ValueError(f"{len(text)} characters are too many")
         given = json.loads(text)
         inputs = {str(name): str(digest) for name, digest in given["inputs"].items()}
         version, scene, file = (str(given[key]) for key in ("version", "scene", "file"))
@@ -141,7 +141,7 @@ def _parse_record(text: str, path: Path) -> Record:
         RecursionError,
     ) as error:
         raise InputError(
-            f"{path}: the record of how it was made is damaged: {error}"[:300], key="file"
+            f"{path}: its provenance record is damaged: {error}"[:300], key="file"
         ) from None
 
 

@@ -70,7 +70,7 @@ def read_object(path: Path, texture: Path | None = None) -> ReadObject:
                 f"{path} has no texture coordinates",
                 key="texture",
                 value=str(texture),
-                cure="Leave texture out, or give the mesh coordinates in the program it is from.",
+                cure="Remove texture, or add texture coordinates in a mesh program.",
             )
         picture = apply_materials([made], [Material(pixels, coordinates=coordinates.GetName())])
     return ReadObject(made, picture, notes)
@@ -100,7 +100,7 @@ def vtk_reader(path: Path, module: str, name: str) -> Any:
         reader.Update()
         made = reader.GetOutputDataObject(0)
     if made is None:
-        raise InputError(f"{path}: VTK found nothing in it", key="file")
+        raise InputError(f"{path}: VTK found no data in the file", key="file")
     return reader
 
 
@@ -111,7 +111,7 @@ def merge_blocks(data: Any, path: Path | str) -> vtkPointSet:
     # point gets one; otherwise it would be invisible.
     blocks = [block for block in leaf_blocks(data) if block.GetNumberOfPoints()]
     if not blocks:
-        raise GeometryError(f"{path}: there are no points in it")
+        raise GeometryError(f"{path}: the file has no points")
     for block in blocks:
         if block.IsA("vtkUnstructuredGrid") and block.GetCells() is None:
             block.AllocateExact(0, 0)  # no cells in a truncated file: appending it would crash
@@ -138,7 +138,7 @@ def merge_blocks(data: Any, path: Path | str) -> vtkPointSet:
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
     if result.GetPoints() is None:  # a lattice whose extent is negative
-        raise GeometryError(f"{path}: there are no points in it")
+        raise GeometryError(f"{path}: the file has no points")
     _set_active_arrays(result)
     if result.GetNumberOfCells() == 0:
         result = _add_vertex_cells(result)
@@ -148,7 +148,7 @@ def merge_blocks(data: Any, path: Path | str) -> vtkPointSet:
         raise GeometryError(
             f"{path}: {np.count_nonzero(~good)} of {len(good)} points are not finite, or further "
             f"away than {_LARGEST:g}; the first is number {np.argmin(good)}",
-            cure="Remove or repair them; a mesh program's cleaning does that.",
+            cure="Remove or repair them, for example with the cleaning tool of a mesh program.",
         )
     return result
 
@@ -178,11 +178,13 @@ def _check_block(block: vtkDataSet, path: Path | str) -> None:
         if len(offsets) and (
             offsets[-1] != len(numbers) or (np.diff(offsets, prepend=0) < 0).any()
         ):
-            raise GeometryError(f"{path}: its cells do not have the corners that it says")
+            raise GeometryError(
+                f"{path}: the cells do not have the numbers of corners that the file declares"
+            )
         if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
             wrong = numbers.min() if numbers.min() < 0 else numbers.max()
             raise GeometryError(
-                f"{path}: a cell names point {wrong}", allowed=f"0 to {count - 1}: its points"
+                f"{path}: a cell refers to point {wrong}", allowed=f"0 to {count - 1}"
             )
 
 
@@ -192,13 +194,15 @@ def _check_grid_size(block: Any, path: Path | str) -> None:
         return
     ends = block.GetExtent()
     size = [max(last - first + 1, 0) for first, last in zip(ends[::2], ends[1::2], strict=True)]
-    count, told, there = math.prod(size), " x ".join(map(str, size)), size
+    count, dimensions, actual = math.prod(size), " x ".join(map(str, size)), size
     if block.IsA("vtkRectilinearGrid"):
         axes = (getattr(block, f"Get{axis}Coordinates")() for axis in "XYZ")
-        there = [axis.GetNumberOfTuples() if axis is not None else 0 for axis in axes]
+        actual = [axis.GetNumberOfTuples() if axis is not None else 0 for axis in axes]
     filled = not block.IsA("vtkStructuredGrid") or block.GetPoints().GetNumberOfPoints() == count
-    if there != size or not filled:
-        raise GeometryError(f"{path}: its points do not fill the lattice of {told} that it tells")
+    if actual != size or not filled:
+        raise GeometryError(
+            f"{path}: the points do not fill the grid of {dimensions} that the file declares"
+        )
 
 
 def _set_active_arrays(data: vtkPointSet) -> None:
@@ -221,6 +225,7 @@ def _add_vertex_cells(data: vtkPointSet) -> vtkPointSet:
 
 
 def leaf_blocks(data: Any) -> Iterator[vtkDataSet]:
+    """Yield the data sets of a composite data set, or a data set itself."""
     if isinstance(data, vtkCompositeDataSet):
         place = data.NewIterator()
         place.InitTraversal()

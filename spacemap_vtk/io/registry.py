@@ -31,34 +31,35 @@ from spacemap_vtk.errors import InputError, MissingLibraryError, UnknownNameErro
 READ = {
     "scene": "tables of values by section",
     "draft": "a draft",
-    "mesh": "any data object of VTK's, or `texture_atlas.TexturedMesh`",
+    "mesh": "any VTK data object, or `texture_atlas.TexturedMesh`",
     "motion": "`series.MeshSeries`",
     "table": "times and factors",
     "column": "numbers",
 }
-#: Why a path names no file, in the cases where another name may help.
-NO_SUCH_FILE, IS_FOLDER = "no such file", "a folder"
+#: Reasons why a path cannot be read as a file.
+NO_SUCH_FILE = "no such file"
+IS_FOLDER = "a folder, not a file"
 #: Data of a scene that can be written, in words.
 DATA = {
     "patches": "Bézier patches",
     "surface": "Surface",
     "cage": "Cage with its motion",
     "draft": "Weaver's draft",
-    "moving": "Surface that moves",
+    "moving": "Moving surface",
     "modes": "Mode shapes",
     "analysis": "Cage for other solvers",
-    "painted": "Surface with its colours",
-    "yarns": "Middles of the yarns",
+    "painted": "Surface with colours",
+    "yarns": "Axes of the yarns",
 }
 #: Output that is drawn and then written, and what its writers receive after the file.
 DRAWN = {
     "picture": "an array of pixels",
     "film": "arrays of pixels, one after another, and their rate in 1/s",
     "frames": "as a film; the file has a number such as %04d in its name",
-    "plot": "a figure of matplotlib's",
+    "plot": "a matplotlib figure",
 }
 #: How a user makes a file of a moving surface smaller.
-SMALLER_FILE_CURE = "Raise --tolerance, take fewer times, or lower --subdivisions."
+SMALLER_FILE_CURE = "Raise --tolerance, use fewer times, or lower --subdivisions."
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -334,7 +335,7 @@ def require_file(path: Path, allowed: str | None = None) -> Path:
 
 def damaged_error(path: Path, why: str) -> InputError:
     """Return the error for a damaged file."""
-    return InputError(f"{path}: {why}", key="file", cure="Write the file again, whole.")
+    return InputError(f"{path}: {why}", key="file", cure="Write the file again.")
 
 
 def unreadable_reason(path: str | Path) -> str:
@@ -348,18 +349,18 @@ def unreadable_reason(path: str | Path) -> str:
         return "permission denied"
     except (OSError, ValueError):  # ValueError: the name has a null character
         return NO_SUCH_FILE
-    return IS_FOLDER if stat.S_ISDIR(mode) else "a device or a pipe, no file"
+    return IS_FOLDER if stat.S_ISDIR(mode) else "a device or pipe, not a file"
 
 
 def truncated_error(path: Path) -> InputError:
     """Return the error for a file that ends too early."""
-    return damaged_error(path, "truncated: it holds less than its header promises")
+    return damaged_error(path, "truncated: shorter than its header says")
 
 
 def _require_known(holds: Iterable[str], known: dict[str, str]) -> None:
     for name in holds:
         if name not in known:
-            raise UnknownNameError("no file holds that", key=name, allowed=", ".join(known))
+            raise UnknownNameError("unknown kind of data", key=name, allowed=", ".join(known))
 
 
 def _join_words(words: Iterable[str]) -> str:

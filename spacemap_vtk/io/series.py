@@ -28,11 +28,11 @@ class MeshSeries(ABC):
 
     def __init__(self, file: Path, times: list[float]) -> None:
         if not times:
-            raise InputError(f"{file}: there are no time steps in it", key="file")
+            raise InputError(f"{file}: the file has no time steps", key="file")
         for before, after in pairwise(times):
             if not before < after:
                 raise InputError(
-                    f"{file}: the times of the steps do not ascend: {before:g}, {after:g}",
+                    f"{file}: the times of the steps must ascend: {before:g} s, {after:g} s",
                     key="file",
                 )
         self.file = file
@@ -54,7 +54,7 @@ class FileSeries(MeshSeries):
         self._paths = [paths for _, paths in steps]
         for path in (path for paths in self._paths for path in paths):
             if not os.path.isfile(path):  # also False if no file can have this name
-                raise InputError(f"{file} names {path}, which is not there", key="file")
+                raise InputError(f"{file} refers to {path}, which does not exist", key="file")
             self.files.append(path)
 
     def read(self, step: int) -> vtkPointSet:
@@ -76,7 +76,7 @@ class ReaderSeries(MeshSeries):
         with quiet_vtk(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
-                raise InputError(f"{file}: damaged or of another format", key="file")
+                raise InputError(f"{file}: damaged, or of another format", key="file")
             reader.UpdateInformation()
             if prepare is not None:
                 prepare()
@@ -95,7 +95,7 @@ class ReaderSeries(MeshSeries):
 def describe_motion_files() -> str:
     """Describe in words what a motion can be read from."""
     formats = registry.describe_readers("motion")
-    return f"{formats}, one mesh such as a .vtu, or several by a pattern such as step_*.vtu"
+    return f"{formats}, a mesh such as a .vtu, or several meshes by a pattern such as step_*.vtu"
 
 
 def open_series(file: Path) -> MeshSeries:
@@ -128,7 +128,7 @@ def matching_files(file: Path) -> list[Path]:
 def _open_pattern(file: Path) -> MeshSeries:
     paths = sorted(matching_files(file), key=lambda p: _number_sort_key(p.name))
     if not paths:
-        raise InputError(f"{file}: no file is named like that", key="file")
+        raise InputError(f"{file}: no file matches this pattern", key="file")
     steps = []
     for number, path in enumerate(paths):
         # ParaView writes TimeValue into each file. Without it, the steps are counted.

@@ -88,7 +88,7 @@ def read_picture(path: Path) -> Pixels:
 
 def _check_size(width: int, height: int) -> None:
     # Four bytes a pixel, twice: for the decoder and for the result.
-    require(8 * width * height, f"a picture of {width} x {height} pixels", cure="Make it smaller.")
+    require(8 * width * height, f"a picture of {width} x {height} pixels", cure="Reduce its size.")
 
 
 def _read_with_vtk(path: Path) -> Pixels:
@@ -98,7 +98,9 @@ def _read_with_vtk(path: Path) -> Pixels:
     with quiet_vtk(path):
         reader = vtkImageReader2Factory.CreateImageReader2(str(path))
         if reader is None:
-            raise InputError(f"{path}: no picture that VTK reads", allowed=".png, .jpg, .bmp, .tif")
+            raise InputError(
+                f"{path}: not a picture that VTK can read", allowed=".png, .jpg, .bmp, .tif"
+            )
         reader.SetFileName(str(path))
         reader.Update()
     return pixels_of(reader.GetOutput())

@@ -22,7 +22,7 @@ def main() -> None:
     cells = surface.GetDataInformation().GetNumberOfCells()
     missing = [name for name in PROXIES if not hasattr(simple, name)]
     if cells == 0 or missing:
-        sys.exit(f"the pipeline made {cells} polygons; missing: {missing}")
+        sys.exit(f"the pipeline made {cells} polygons; missing proxies: {missing}")
     version = simple.GetParaViewVersion()
     print(
         f"ParaView {version.major}.{version.minor}, VTK {vtkVersion.GetVTKVersion()}, "

@@ -11,12 +11,16 @@ from spacemap_vtk.paraview import environment
 
 def paraview(
     *,
-    check: Annotated[bool, flag("Try the plugin in pvpython.")] = False,
+    check: Annotated[bool, flag("Test the plugin in pvpython.")] = False,
 ) -> None:
-    """Print how to start ParaView with the plugin, or --check it.
+    """Print how to start ParaView with the plugin, or test the plugin.
 
-    The plugin's place, and the environment for it. The lines are for a shell:
-    eval "$(spacemap paraview)" and then paraview.
+    Prints the environment variables that make ParaView load the plugin, as commands for a shell.
+
+    For example:
+
+        eval "$(spacemap paraview)" && paraview
+        spacemap paraview --check
     """
     if check:
         print(environment.check())

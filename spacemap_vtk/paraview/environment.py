@@ -33,7 +33,7 @@ def check() -> str:
         raise MissingLibraryError(
             "pvpython is not on the PATH",
             cure='On Debian or Ubuntu: "apt-get install paraview python3-paraview"; '
-            "elsewhere add ParaView's folder bin to PATH.",
+            "elsewhere, add the folder bin of ParaView to PATH.",
         )
     done = subprocess.run(
         [pvpython, str(_HERE / "check.py")],
@@ -43,6 +43,6 @@ def check() -> str:
         check=False,
     )
     if done.returncode != 0 or done.stderr:
-        said = done.stderr or done.stdout or f"it ended with exit code {done.returncode}"
-        raise SpacemapError(f"{pvpython} cannot use {PLUGIN}: {said}")
+        reason = done.stderr or done.stdout or f"it ended with exit code {done.returncode}"
+        raise SpacemapError(f"{pvpython} cannot use {PLUGIN}: {reason}")
     return done.stdout.strip()

@@ -50,7 +50,7 @@ def _observe_proxies(
     except ImportError:  # a server built without a client's libraries
         return
 
-    def registered_one(manager: Any, _event: str) -> None:
+    def on_register(manager: Any, _event: str) -> None:
         session = manager.GetActiveSessionProxyManager()
         for group, observe in observers.items() if session is not None else ():
             for proxy in registered_proxies(session, group):
@@ -60,7 +60,7 @@ def _observe_proxies(
 
     types = [getattr(vtkProcessModule, name) for name in processes]
     if vtkProcessModule.GetProcessType() in types:
-        vtkSMProxyManager.GetProxyManager().AddObserver("RegisterEvent", registered_one)
+        vtkSMProxyManager.GetProxyManager().AddObserver("RegisterEvent", on_register)
 
 
 def registered_proxies(session: Any, group: str) -> Iterator[Any]:
@@ -97,15 +97,15 @@ def _follow_representation(proxy: Any) -> None:
             if mapped.GetElement(0) != wanted:
                 mapped.SetElement(0, wanted)  # sent together with the array's name
 
-    def tell(caller: Any, event: str) -> None:
+    def send(caller: Any, event: str) -> None:
         if (representation := alive()) is not None:
             _send_opacity(representation)
 
     array.AddObserver("ModifiedEvent", adjust)
     adjust(array, "")
     for changed in (array, mapped, proxy.GetProperty("Opacity")):
-        changed.AddObserver("ModifiedEvent", tell)
-    tell(mapped, "")
+        changed.AddObserver("ModifiedEvent", send)
+    send(mapped, "")
 
 
 def _send_opacity(proxy: Any) -> None:
@@ -121,10 +121,10 @@ def _send_opacity(proxy: Any) -> None:
     _opaque_by_id[number] = hides
     # The client sets its actor directly, and those of its server through a proxy of this plugin.
     _set_actor_opaque(number, hides)
-    if (teller := session.NewProxy("sources", OPAQUE)) is not None:
+    if (setter := session.NewProxy("sources", OPAQUE)) is not None:
         for place, value in enumerate((number, int(hides))):
-            teller.GetProperty("Opaque").SetElement(place, value)
-        teller.UpdateVTKObjects()
+            setter.GetProperty("Opaque").SetElement(place, value)
+        setter.UpdateVTKObjects()
 
 
 def _follow_legend(proxy: Any) -> None:
@@ -192,8 +192,8 @@ def _require_display(view: Any, event: str) -> None:
     if not found.Supports(vtkPVRenderingCapabilitiesInformation.RENDERING):
         # Python ends with this exception in an observer too; mpirun then ends the other processes.
         raise SystemExit(
-            "spacemap: ParaView has no display to draw on. Set DISPLAY for each of its processes, "
-            'or start it under "xvfb-run -a"; one that is built with EGL or OSMesa needs neither.'
+            "spacemap: ParaView has no display. Set DISPLAY for each of its processes, start it "
+            'with "xvfb-run -a", or use a ParaView built with EGL or OSMesa.'
         )
 
 

@@ -22,23 +22,21 @@ _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 
 
 class SceneReader(Stage):
-    """Read a scene file: its pipeline runs inside, at any time."""
-
-    # The time steps are the frames of the scene's film.
+    """Read a scene file and run its pipeline; the time steps are the frames of its film."""
 
     section = "scene"
     #: VTK would replace the output of `_request_data_object` if it were not of this type.
     output_type = "vtkPointSet"
 
-    file = FilePath(None, "The scene (.toml).", automatic="no scene")
+    file = FilePath(None, "Scene file (.toml).", automatic="no scene")
     show = Choice(
         "surface",
-        "What the reader gives: the surface, the Bézier patches, or the cage at rest with its "
-        "displacement, which can move other things through BarycentricWarp.",
+        "Output: the surface, the Bézier patches, or the cage at rest with its displacement, which "
+        "can move other data with BarycentricWarp.",
         ["surface", "patches", "cage"],
     )
 
-    _kept: tuple[Path, int, Scene] | None = None
+    _cached: tuple[Path, int, Scene] | None = None
 
     @property
     def scene(self) -> Scene:
@@ -49,13 +47,13 @@ class SceneReader(Stage):
         from spacemap_vtk.scenes.scene import Scene
 
         if self.file is None:
-            raise InputError("there is no scene to read", key="file", cure="Name a .toml file.")
+            raise InputError("no scene file is given", key="file", cure="Choose a .toml file.")
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
-        if self._kept is None or self._kept[:2] != (self.file, changed):
-            self._kept = self.file, changed, (scene := Scene.read(self.file))
+        if self._cached is None or self._cached[:2] != (self.file, changed):
+            self._cached = self.file, changed, (scene := Scene.read(self.file))
             for text in elsewhere(scene):
                 scene.warn(text)
-        return self._kept[2]
+        return self._cached[2]
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
         """Return the times of the first and the last frame of the scene's film."""

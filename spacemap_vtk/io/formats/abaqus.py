@@ -31,8 +31,8 @@ _ORIENTATION = "*ORIENTATION, NAME=FABRIC\n1., 0., 0., 0., 1., 0."
 
 
 _MASS_NOTE = (
-    "CalculiX integrates a consistent mass with few points, so that its frequencies differ in a "
-    'coarse cage: with [modal] mass = "lumped" they are the same'
+    "CalculiX integrates a consistent mass with few points, so its frequencies differ for a coarse "
+    'cage; with [modal] mass = "lumped" they are equal'
 )
 
 
@@ -44,7 +44,9 @@ def _mode_count(analysis: InputDeck) -> int:
 def _losses(analysis: InputDeck) -> list[str]:
     found, modes = list(analysis.left_out), _mode_count(analysis)
     if modes < analysis.modes:
-        found.append(f"{modes} of {analysis.modes} modes: CalculiX finds no more in so few nodes")
+        found.append(
+            f"only {modes} of {analysis.modes} modes: CalculiX finds no more in so small a cage"
+        )
     return [*found, *([] if analysis.model.lumped else [_MASS_NOTE])]
 
 

@@ -27,7 +27,7 @@ def write_csv(file: Path, curves: YarnCurves | None) -> None:
     """Write a row for each control point of the joined cubic Bézier curves of each yarn."""
 
     if curves is None:
-        raise InputError("there are no yarns to write", key="what", cure="Write a .vtu.")
+        raise InputError("the scene has no yarns", key="what", cure="Write a .vtu.")
     write_parts(file, (f"{text}\n".encode() for text in _table_lines(curves)))
     if record_text():
         about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: record_text()}

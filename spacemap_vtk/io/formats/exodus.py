@@ -21,7 +21,7 @@ def _check(path: Path) -> None:
     with path.open("rb") as file:
         magic = file.read(4)
     if magic[:3] != b"CDF" and magic != b"\x89HDF":
-        raise InputError(f"{path}: no Exodus file: neither netCDF nor HDF5", key="file")
+        raise InputError(f"{path}: not an Exodus file: neither netCDF nor HDF5", key="file")
     if is_truncated(path):
         raise truncated_error(path)
 
@@ -47,13 +47,13 @@ def open_exodus(path: Path) -> MeshSeries:
 
     reader = vtkExodusIIReader()
 
-    def take_all() -> None:
+    def select_all_arrays() -> None:
         # The reader would move the points itself, and give this array another name.
         reader.SetApplyDisplacements(0)
         for i in range(reader.GetNumberOfPointResultArrays()):
             reader.SetPointResultArrayStatus(reader.GetPointResultArrayName(i), 1)
 
-    return ReaderSeries(path, reader, take_all)
+    return ReaderSeries(path, reader, select_all_arrays)
 
 
 def is_truncated(path: Path) -> bool:

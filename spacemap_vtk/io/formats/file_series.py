@@ -43,7 +43,7 @@ def open_collection(file: Path) -> MeshSeries:
             time = float(entry.get("timestep", "0"))
             steps.setdefault(time, []).append(file.parent / entry.attrib["file"])
     except (ElementTree.ParseError, KeyError, ValueError) as error:
-        raise InputError(f"{file}: no ParaView collection: {error}", key="file") from None
+        raise InputError(f"{file}: not a ParaView collection: {error}", key="file") from None
     return FileSeries(file, list(steps.items()))
 
 
@@ -97,4 +97,4 @@ def _read_entries(file: Path) -> list[tuple[float, str]]:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]
         return [(float(entry["time"]), str(entry["name"])) for entry in entries]
     except (ArithmeticError, ValueError, LookupError, TypeError, RecursionError) as error:
-        raise InputError(f"{file}: no file series: {error}", key="file") from None
+        raise InputError(f"{file}: not a ParaView file series: {error}", key="file") from None

@@ -30,7 +30,7 @@ def require_encoder(file: Path) -> None:
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
         raise MissingLibraryError(
-            f"{file.name}: .mp4 needs the package imageio-ffmpeg, with its program ffmpeg",
+            f"{file.name}: .mp4 needs the package imageio-ffmpeg and its program ffmpeg",
             cure="Run: pip install 'spacemap_vtk[movie]', or write a .gif.",
         ) from None
 
@@ -141,7 +141,9 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
 
 def _require_end(file: Path, there: bool) -> None:
     if not there:
-        raise SpacemapError(f"{file.name}: the film has no end: the disk has not kept all of it")
+        raise SpacemapError(
+            f"{file.name}: the film is incomplete: the disk has not stored all of it"
+        )
 
 
 def _raise_disk_error(file: Path) -> None:

@@ -23,7 +23,7 @@ def _external_parts(path: Path) -> list[dict[str, Any]]:
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
         if content[:4] != b"glTF":
-            raise InputError(f"{path}: no binary glTF: it does not begin with that word")
+            raise InputError(f'{path}: not a binary glTF file: it does not begin with "glTF"')
         if len(content) < 20 or len(content) < int.from_bytes(content[8:12], "little"):
             raise truncated_error(path)
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
@@ -32,7 +32,7 @@ def _external_parts(path: Path) -> list[dict[str, Any]]:
         named = [*described.get("buffers", []), *described.get("images", [])]
         return [part for part in named if not str(part.get("uri", "data:")).startswith("data:")]
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise damaged_error(path, f"no glTF, or cut off: {error}") from None
+        raise damaged_error(path, f"not glTF, or truncated: {error}") from None
 
 
 def _external_names(path: Path) -> list[str]:
@@ -48,7 +48,7 @@ def _check(path: Path) -> None:
     for part, name in zip(_external_parts(path), _external_names(path), strict=True):
         file = path.parent / name
         if not os.path.isfile(file):
-            raise InputError(f"{path} names {part['uri']}, which is not there", key="file")
+            raise InputError(f"{path} refers to {part['uri']}, which does not exist", key="file")
         if "byteLength" not in part:
             from spacemap_vtk.io.texture_atlas import read_picture
 

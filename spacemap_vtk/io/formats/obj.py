@@ -110,7 +110,7 @@ def _read_library(path: Path, paint: MaterialSet) -> dict[str, Material]:
     from spacemap_vtk.io.texture_atlas import Material, read_picture
 
     if not os.path.isfile(path):
-        paint.notes.append(f"{path}, which has the materials, is not there: drawn without")
+        paint.notes.append(f"{path} does not exist: the object is drawn without materials")
         return {}
     found: dict[str, Material] = {}
     pictures: dict[Path, Any] = {}
@@ -125,7 +125,7 @@ def _read_library(path: Path, paint: MaterialSet) -> dict[str, Material]:
             if math.isfinite(red + green + blue):
                 made.color = red, green, blue
             else:
-                paint.notes.append(f'{path}: "{" ".join(words)}" is no colour')
+                paint.notes.append(f'{path}: "{" ".join(words)}" is not a colour')
         elif words[:1] == ["map_Kd"] and len(words) > 1:
             file = path.parent / _picture_name(words[1:])
             try:
@@ -133,7 +133,7 @@ def _read_library(path: Path, paint: MaterialSet) -> dict[str, Material]:
                     pictures[file] = read_picture(file)
                 made.picture = pictures[file]
             except InputError as error:
-                paint.notes.append(f"{error}: drawn without")
+                paint.notes.append(f"{error}: the object is drawn without it")
     for material in found.values():
         # Many programs write a black or grey Kd with a picture, and mean the picture only.
         if material.picture is not None:

@@ -102,9 +102,9 @@ def read_with_pyvista(path: Path) -> Any:
         raise InputError(
             f"{path}: cannot be read: {' '.join(why.split())[:200]}"
             if path.suffix.lower() in meshes
-            else f"{path}: no mesh, by its ending",
+            else f"{path}: the ending is not that of a mesh",
             key="file",
-            allowed="a whole file of a format that pyvista reads: " + ", ".join(meshes),
+            allowed="a complete file of a format that pyvista reads: " + ", ".join(meshes),
         ) from None
     if "not closed" in said.getvalue():  # meshio continues with what it has read
         raise truncated_error(path)

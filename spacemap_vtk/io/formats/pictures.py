@@ -112,9 +112,9 @@ def decode_picture(content: bytes, check: Callable[[int, int], None]) -> PillowI
         raise
     except Exception:  # Pillow does not list what its decoders raise for damaged files
         raise InputError(
-            "no picture, or a damaged one",
+            "not a picture, or damaged",
             allowed="a .png, .jpg, .bmp, .tif or other picture",
-            cure="Save it again, as PNG.",
+            cure="Save it again as PNG.",
         ) from None
 
 

@@ -39,7 +39,7 @@ def _check(path: Path) -> None:
     header, end, body = content.partition(b"end_header")
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
-        raise damaged_error(path, "no PLY file: its header is missing or cut off")
+        raise damaged_error(path, "not a PLY file: its header is missing or truncated")
     # For each element: its number, and the types of its properties. A list has two types.
     elements: list[tuple[int, list[list[str]]]] = []
     named: list[tuple[str, ...]] = []
@@ -54,8 +54,8 @@ def _check(path: Path) -> None:
     for count, properties in elements:
         kinds = [len(each) in (1, 2) and _TYPES.keys() >= set(each) for each in properties]
         if count < 0 or not kinds or not all(kinds) or len(set(named)) < len(named):
-            why = "its header has an element without its number or properties, or one twice"
-            raise damaged_error(path, f"no PLY file: {why}")
+            why = "its header has an element without count or properties, or one twice"
+            raise damaged_error(path, f"not a PLY file: {why}")
     if ["format", "ascii", "1.0"] in lines:
         short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
             count for count, _ in elements

@@ -30,7 +30,7 @@ def _read_columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ..
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text"
+        reason = error.strerror if isinstance(error, OSError) else "not text"
         raise InputError(
             f"{reason}: {path}", key="file", allowed="a table as text (.csv)"
         ) from None

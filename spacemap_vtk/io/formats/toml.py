@@ -21,15 +21,15 @@ def parse_toml(text: str) -> dict[str, Any]:
 
     name = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
     if re.search(rf"(?<![\w\"'-])(?:{name}[ \t]*\.[ \t]*){{{_NAMES}}}", text):
-        raise ValueError(f"a key of more than {_NAMES} names")
+        raise ValueError(f"a key has more than {_NAMES} names")
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ValueError("brackets in brackets, too deep") from None
+        raise ValueError("brackets are nested too deeply") from None
     except tomllib.TOMLDecodeError:
         raise
     except ValueError:  # Python's own message gives advice for programmers
-        raise ValueError("a number of thousands of digits") from None
+        raise ValueError("a number has thousands of digits") from None
 
 
 @reads(".toml", label="Space mapping scene", holds="scene", rest=True)
@@ -37,23 +37,23 @@ def read_scene(path: Path) -> dict[str, Any]:
     """Return a scene's values as they are in its file."""
     try:
         if path.stat().st_size > _LONGEST:
-            raise ValueError(f"it has more than {_LONGEST} bytes")
+            raise ValueError(f"the file has more than {_LONGEST} bytes")
         return parse_toml(path.read_text(encoding="utf-8"))
     except ValueError as error:
         if path.suffix.lower() != ".toml":
             raise InputError(
-                f"{path}: neither a scene nor a draft nor a mesh, by its ending",
+                f"{path}: the ending is not that of a scene, draft or mesh",
                 allowed=", ".join(
                     e for kind in ("scene", "draft", "mesh") for e in reader_endings(kind)
                 ),
             ) from None
-        why, cure = str(error), 'Mend that line; strings need quotes, as in "0.3 mm".'
+        why, cure = str(error), 'Correct that line; strings need quotes, as in "0.3 mm".'
         if isinstance(error, UnicodeDecodeError):
             line = error.object.count(b"\n", 0, error.start) + 1
-            why = f"line {line} has a byte {error.object[error.start]:#04x}, which is no UTF-8"
+            why = f"line {line} has a byte {error.object[error.start]:#04x}, which is not UTF-8"
             cure = "Save it as UTF-8 in a text editor."
         elif path.stat().st_size <= _LONGEST and path.read_bytes().startswith(b"\xef\xbb\xbf"):
-            why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
+            why, cure = "the file begins with a byte order mark", "Save it as UTF-8 without BOM."
         raise InputError(
             f"{path}: not a scene: {why}",
             allowed='a TOML text in UTF-8 with sections such as [weave] (see "spacemap keys")',
@@ -77,10 +77,10 @@ def format_value(value: Any) -> str:
 def format_scene(values: Mapping[str, Any], comment: str) -> str:
     """Return the text of a scene file, which begins with a comment on its origin."""
     lines = [f"# {comment}"]
-    for section, said in values.items():
-        if isinstance(said, Mapping):
+    for section, content in values.items():
+        if isinstance(content, Mapping):
             lines += ["", f"[{section}]"]
-            lines += [f"{key} = {format_value(value)}" for key, value in said.items()]
+            lines += [f"{key} = {format_value(value)}" for key, value in content.items()]
         else:
-            lines.insert(1, f"{section} = {format_value(said)}")
+            lines.insert(1, f"{section} = {format_value(content)}")
     return "\n".join(lines) + "\n"

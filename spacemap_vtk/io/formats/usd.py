@@ -54,9 +54,11 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
         try:
             done = layer.Export(str(made))
         except Tf.ErrorException as error:
-            raise SpacemapError(f"{file.name}: usd-core could not make it: {error}") from None
+            raise SpacemapError(
+                f"{file.name}: usd-core could not write the file: {error}"
+            ) from None
         if not done:
-            raise SpacemapError(f"{file.name}: usd-core could not make it in {folder}")
+            raise SpacemapError(f"{file.name}: usd-core could not write the file in {folder}")
         del layer  # frees the memory of the whole file
         with made.open("rb") as stream:
             write_parts(file, iter(partial(stream.read, 2**24), b""))

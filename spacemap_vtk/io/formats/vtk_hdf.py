@@ -128,22 +128,22 @@ def _write_steps(
     for place, starts in begin.items():
         if len(starts) < count or (max(starts) and not place.startswith(_MAY_CHANGE)):
             raise InputError(
-                f"{name}: {place} is another at another time",
-                cure="Write a .pvd: its files need not be alike.",
+                f"{name}: {place} changes with time, which .vtkhdf cannot store",
+                cure="Write a .pvd.",
             )
     kinds = len(_CELLS) if surface else 1
-    told = root.create_group("Steps")
-    told.attrs["NSteps"] = count
-    told["Values"] = np.array(times)
-    told["NumberOfParts"] = np.ones(count, np.int64)
-    told["PartOffsets"] = np.zeros(count, np.int64)
-    told["PointOffsets"] = np.array(begin["Points"])
-    told["CellOffsets"] = np.zeros((count, kinds), np.int64)
-    told["ConnectivityIdOffsets"] = np.zeros((count, kinds), np.int64)
+    group = root.create_group("Steps")
+    group.attrs["NSteps"] = count
+    group["Values"] = np.array(times)
+    group["NumberOfParts"] = np.ones(count, np.int64)
+    group["PartOffsets"] = np.zeros(count, np.int64)
+    group["PointOffsets"] = np.array(begin["Points"])
+    group["CellOffsets"] = np.zeros((count, kinds), np.int64)
+    group["ConnectivityIdOffsets"] = np.zeros((count, kinds), np.int64)
     for place, starts in begin.items():
         table, _, array = place.partition("/")
         if table in ("PointData", "CellData"):
-            told[f"{table}Offsets/{array}"] = np.array(starts)
+            group[f"{table}Offsets/{array}"] = np.array(starts)
 
 
 def _append_rows(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
@@ -159,8 +159,8 @@ def _append_rows(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[
         table = root[name]
         if rows.shape[1:] != table.shape[1:] or len(rows) != table.chunks[0]:
             raise InputError(
-                f"{name} has {len(rows)} rows where it had {table.chunks[0]}",
-                cure="Write a .pvd: its files need not be alike.",
+                f"{name} has {len(rows)} rows, before {table.chunks[0]}; .vtkhdf needs as many",
+                cure="Write a .pvd.",
             )
         table.resize(len(table) + len(rows), axis=0)
         table[-len(rows) :] = rows

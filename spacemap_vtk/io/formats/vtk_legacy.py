@@ -42,7 +42,7 @@ def is_truncated(path: Path) -> bool:
     """Return whether a legacy .vtk file ends before its last array is complete."""
     content = path.read_bytes()
     if not content.startswith(b"# vtk"):
-        raise InputError(f"{path}: no legacy .vtk file: it does not begin with that line")
+        raise InputError(f'{path}: not a legacy .vtk file: it does not begin with "# vtk"')
     # With the wrong size of "long" a file may be unreadable; that result does not count.
     ends = [_ends_early(content, size) for size in (8, 4)]
     return True in ends and False not in ends

@@ -48,7 +48,7 @@ _MULTI_FILE = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".v
 
 @reads(
     *_MULTI_FILE,
-    label="VTK XML in files",
+    label="VTK XML in several files",
     holds="mesh",
     common=False,
     names=lazy_function("file_references", "names_in_xml"),
@@ -169,7 +169,7 @@ def _write_xml(file: Path, writer: Any, data: vtkDataSet) -> None:
         from vtkmodules.vtkCommonMisc import vtkErrorCode
 
         why = vtkErrorCode.GetStringFromErrorCode(fault)
-        raise SpacemapError(f"VTK has not made the {file.suffix.lower()} file: {why}")
+        raise SpacemapError(f"VTK could not write the {file.suffix.lower()} file: {why}")
     write_parts(file, [made])
 
 
