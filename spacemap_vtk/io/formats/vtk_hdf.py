@@ -129,7 +129,7 @@ def _write_steps(
         if len(starts) < count or (max(starts) and not place.startswith(_MAY_CHANGE)):
             raise InputError(
                 f"{name}: {place} changes with time, which .vtkhdf cannot store",
-                cure="Write a .pvd.",
+                cure="Write a .pvd, in which each time may differ.",
             )
     kinds = len(_CELLS) if surface else 1
     group = root.create_group("Steps")
@@ -159,8 +159,8 @@ def _append_rows(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[
         table = root[name]
         if rows.shape[1:] != table.shape[1:] or len(rows) != table.chunks[0]:
             raise InputError(
-                f"{name} has {len(rows)} rows, before {table.chunks[0]}; .vtkhdf needs as many",
-                cure="Write a .pvd.",
+                f"{name} has {len(rows)} rows instead of {table.chunks[0]}",
+                cure="Write a .pvd, in which each time may differ.",
             )
         table.resize(len(table) + len(rows), axis=0)
         table[-len(rows) :] = rows
