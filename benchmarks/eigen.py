@@ -22,7 +22,7 @@ import time
 import numpy as np
 import scipy.sparse.linalg as sla
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.elasticity import assemble, mass_matrix, stiffness_matrix
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import factors, lanczos
@@ -46,7 +46,7 @@ def peak() -> float:
 def solve(method: str, divisions: tuple[int, ...], count: int) -> dict[str, object]:
     """Solve one problem by one method."""
     bounds = (0.0, 1.0, 0.0, divisions[1] / divisions[0], 0.0, divisions[2] / divisions[0])
-    points, tetrahedra = lattice(bounds, divisions)  # type: ignore[arg-type]
+    points, tetrahedra = build_lattice(bounds, divisions)  # type: ignore[arg-type]
     assembly = assemble(points, tetrahedra)
     springs, inertia = stiffness_matrix(assembly, isotropic(1e6, 0.3)), mass_matrix(assembly, 300.0)
     free = np.repeat(points[:, 1] < points[:, 1].max(), 3)

@@ -20,7 +20,7 @@ from scipy.spatial import Delaunay
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkProbeFilter
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import add_array, to_cells, to_points
 from spacemap_vtk.embedding.locate import locate
 
@@ -101,7 +101,10 @@ def main() -> None:
     """Print the table."""
     rng = np.random.default_rng(0)
     points = rng.random((POINTS, 3))
-    coarse, fine = lattice((0, 1, 0, 1, 0, 1), (5, 5, 1)), lattice((0, 1, 0, 1, 0, 1), (28, 28, 26))
+    coarse, fine = (
+        build_lattice((0, 1, 0, 1, 0, 1), (5, 5, 1)),
+        build_lattice((0, 1, 0, 1, 0, 1), (28, 28, 26)),
+    )
     vertices = rng.random((15_500, 3))
     general = vertices, Delaunay(vertices).simplices.astype(np.int64)
     heads = ("tetrahedra", "set-up", "points/s", "with set-up", "vtkProbe", "libigl", "TexGen")

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
@@ -29,7 +29,7 @@ DENSITY = 0.15 / THICKNESS
 
 def square(cells: int, held: str, displacement: FloatArray | None = None) -> Model:
     """Return a square of 1.5 kN/m and 1e-5 N m, held by its upper edge or on a disc."""
-    points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, THICKNESS), (cells, cells, 1))
+    points, tetrahedra = build_lattice((0, SIDE, 0, SIDE, 0, THICKNESS), (cells, cells, 1))
     within = np.linalg.norm(points[:, :2] - SIDE / 2, axis=1) < DISC / 2
     fixed = np.repeat((within if held == "disc" else points[:, 1] == SIDE)[:, None], 3, axis=1)
     plate = apply_measurements(

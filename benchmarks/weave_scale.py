@@ -42,21 +42,21 @@ def measure(size: int, weave_name: str, exact: bool) -> dict[str, Any]:
     import numpy as np
 
     from spacemap_vtk.textile.drafts import patterns
-    from spacemap_vtk.textile.drafts.drawdown import tile
-    from spacemap_vtk.textile.geometry.weave import build, estimate_bytes
+    from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+    from spacemap_vtk.textile.geometry.weave import build_weave, estimate_bytes
     from spacemap_vtk.textile.weave.cloth import Cloth
     from spacemap_vtk.textile.weave.threads import Threads
 
     unit = patterns.plain() if weave_name == "plain" else patterns.twill(2, 2)
-    over = tile(unit, size, size)
+    over = tile_drawdown(unit, size, size)
     threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
     cloth = Cloth(drawdown=over, warp=threads, weft=threads, exact=exact)
-    build(
+    build_weave(
         replace(cloth, drawdown=over[:4, :4])
     )  # what is loaded and compiled at first use is not the weave's
     before = resource.getrusage(resource.RUSAGE_SELF)
     start = perf_counter()
-    made = build(cloth)
+    made = build_weave(cloth)
     seconds = perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_SELF)
     peak = 1024 * (after.ru_maxrss - before.ru_maxrss)

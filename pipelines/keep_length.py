@@ -21,7 +21,7 @@ from spacemap_vtk import (
     connect,
 )
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.textile.geometry.axes import axis_points
+from spacemap_vtk.textile.geometry.cloth_axes import sample_axes
 
 PULL = np.array([0.92, 1.05, 1.0])  # along the weft, the warp and the normal
 
@@ -37,7 +37,7 @@ embedded.update()
 kept.update()
 
 # What embedding does to the length of the yarns' axes, and what is left of it.
-places, owners = axis_points(weave.cloth, samples=32)
+places, owners = sample_axes(weave.cloth, samples=32)
 for number, family in enumerate(("warp", "weft")):
     yarn = places[owners == number * weave.cloth.size[0]]
     lengths = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in (yarn, yarn * PULL)]

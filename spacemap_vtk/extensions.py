@@ -14,7 +14,7 @@ The groups and what a member of each is:
 - ``stages``: "module:class", a stage (`spacemap_vtk.filters.base.Stage`).
 - ``jobs``: "module:class", a kind of job (`spacemap_vtk.jobs.job.Job`) under ``register``.
 - ``maps``: "module:class", an interpolation from the vertices of a cage to the points inside it
-  (`spacemap_vtk.embedding.interpolation.Riding`).
+  (`spacemap_vtk.embedding.interpolation.EmbeddedPoints`).
 - ``data``: "module:function", which returns data of a scene for a file format.
 - ``renderers``: "module:function", which draws a picture of a scene.
 

@@ -11,7 +11,7 @@ import shutil
 import numpy as np
 import scipy.sparse as sp
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints, shape_functions, volumes
 
 CCX = shutil.which("ccx")
@@ -20,7 +20,7 @@ ABSENT = 'CalculiX is not installed ("apt-get install calculix-ccx")'
 
 def mesh(divisions, order, bounds):
     """Return a lattice whose tetrahedra have a positive determinant, as CalculiX wants it."""
-    points, cells = lattice(bounds, divisions)
+    points, cells = build_lattice(bounds, divisions)
     corners = points[cells]
     turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
     cells[turned] = cells[turned][:, [1, 0, 2, 3]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_embedding import CORNERS, ONE, UNIT, affine, cloud, random_mesh
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
@@ -22,7 +22,7 @@ def ride_of(points, vertices, tetrahedra, outside="extrapolate", **more):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("far", [0.0, 50.0])
 def test_an_affine_motion_is_reproduced_inside_and_outside(seed, far):
-    vertices, tetrahedra = lattice(UNIT, (3, 2, 4)) if seed else random_mesh(60, 1)
+    vertices, tetrahedra = build_lattice(UNIT, (3, 2, 4)) if seed else random_mesh(60, 1)
     points, motion = cloud(3000, seed), affine(seed)
     points, vertices = points + far, vertices + far
     _, ride = ride_of(points, vertices, tetrahedra)
@@ -39,7 +39,7 @@ def test_an_affine_motion_is_reproduced_inside_and_outside(seed, far):
 @pytest.mark.parametrize("thin", [1e-3, 1e-6, 1e-9, 1e-11])
 def test_slivers(thin):
     points = np.random.default_rng(2).random((5000, 3)) * [1, 1, thin]
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, thin), (4, 4, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, thin), (4, 4, 1))
     for offset in ([0.0, 0.0, 0.0], [0.3, 0.1, 0.7]):  # so that the coordinates are rounded
         motion, places, corners = affine(3), points + offset, vertices + offset
         _, ride = ride_of(places, corners, tetrahedra)
@@ -50,7 +50,7 @@ def test_slivers(thin):
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 @pytest.mark.parametrize("threads", [1, 3])
 def test_it_is_the_sum_over_the_weights(outside, threads):
-    vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     points = cloud(30_000, 2)
     where, ride = ride_of(points, vertices, tetrahedra, outside, threads=threads)
     assert 0 < where.outside < len(points)
@@ -76,7 +76,7 @@ def test_it_is_the_sum_over_the_weights(outside, threads):
 
 
 def test_other_points_take_the_map_of_those_in_their_places():
-    vertices, tetrahedra = lattice(UNIT, (2, 2, 2))
+    vertices, tetrahedra = build_lattice(UNIT, (2, 2, 2))
     points, random = cloud(500, 3), np.random.default_rng(1)
     where, ride = ride_of(points, vertices, tetrahedra)
     u, offset = random.normal(size=(len(vertices), 3)), random.normal(size=points.shape)
@@ -86,7 +86,7 @@ def test_other_points_take_the_map_of_those_in_their_places():
 
 
 def test_of_a_point_four_bytes_are_kept():
-    vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     points = cloud(20_000, 1, 0, 1)
     ride = ride_of(points, vertices, tetrahedra)[1]
     kept = [value for value in vars(ride).values() if isinstance(value, np.ndarray)]

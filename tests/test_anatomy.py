@@ -10,8 +10,8 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
-from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.split import parts
+from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.cage.split import count_parts
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.scenes.anatomy import body
 from spacemap_vtk.scenes.scene import Scene
@@ -57,7 +57,7 @@ def test_a_painted_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pv.Sphere(radius=0.5).save(tmp_path / "ball.ply")
-    vertices, cells = lattice((-0.4, 0.4, -0.6, 0.6, -0.6, 0.6), (2, 2, 2))
+    vertices, cells = build_lattice((-0.4, 0.4, -0.6, 0.6, -0.6, 0.6), (2, 2, 2))
     grid = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, vertices)
     grid.save(tmp_path / "cage.vtu")
     scene = tmp_path / "scene.toml"
@@ -84,8 +84,8 @@ def test_no_modes_are_solved(tmp_path: Path) -> None:
 
 
 def test_pieces_hang_together_by_faces() -> None:
-    cells = lattice((0, 1, 0, 1, 0, 1), (3, 1, 1))[1]
-    assert parts(cells)[0] == [15]
-    assert parts(np.concatenate((cells[:5], cells[10:])))[0] == [5, 5]
+    cells = build_lattice((0, 1, 0, 1, 0, 1), (3, 1, 1))[1]
+    assert count_parts(cells)[0] == [15]
+    assert count_parts(np.concatenate((cells[:5], cells[10:])))[0] == [5, 5]
     edge = np.array([[0, 1, 2, 3], [2, 3, 4, 5]])
-    assert parts(edge)[0] == [1, 1]
+    assert count_parts(edge)[0] == [1, 1]

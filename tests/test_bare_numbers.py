@@ -15,7 +15,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.scenes.origin import record_of, values_of
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.weave.yarn import linear_density
+from spacemap_vtk.textile.weave.yarn import parse_yarn_count
 
 INCH = 0.0254
 
@@ -78,12 +78,12 @@ def test_si_and_units_are_taken_as_they_stand(key: str, value: Any, expected: fl
 def test_a_count_and_its_plies_are_a_cotton_count() -> None:
     # 840 yards of Ne 1 weigh a pound
     hank = 0.45359237 / (840 * 0.9144)
-    assert linear_density("20/2") == pytest.approx(hank / 10, rel=1e-12)
-    assert linear_density("20/2") == linear_density("Ne 20/2")
-    assert linear_density("8/2") == linear_density("Ne 4")
-    assert Scene({"weave": {"warp_count": "8/2"}}).source.warp_count == linear_density("8/2")
+    assert parse_yarn_count("20/2") == pytest.approx(hank / 10, rel=1e-12)
+    assert parse_yarn_count("20/2") == parse_yarn_count("Ne 20/2")
+    assert parse_yarn_count("8/2") == parse_yarn_count("Ne 4")
+    assert Scene({"weave": {"warp_count": "8/2"}}).source.warp_count == parse_yarn_count("8/2")
     with pytest.raises(InputError, match='"Nm 28/2" or "Ne 28/2"'):
-        linear_density("2/28")
+        parse_yarn_count("2/28")
     assert "cotton" in Scene({}).source.parameter("warp_count").allowed
 
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.textile.crimp.biaxial import TESTS, tensile_tests
+from spacemap_vtk.textile.crimp.biaxial import TESTS, simulate_tensile_tests
 from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -47,7 +47,9 @@ def test_straight_yarns_take_their_own_force() -> None:
     """Of 4 yarns a millimetre with EA 50 N, far apart: 50 N * 4 / mm * extension."""
     threads = Threads(diameter=0.01e-3, spacing=0.25e-3)
     cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    tests = tensile_tests(Interchange(cloth, YarnMechanics((50.0, 50.0), np.inf)), 0.05, 11)
+    tests = simulate_tensile_tests(
+        Interchange(cloth, YarnMechanics((50.0, 50.0), np.inf)), 0.05, 11
+    )
     for family in (0, 1):
         strip, both = tests[family], tests[2]
         assert strip.force[family, -1] == pytest.approx(50.0 * 4000.0 * 0.05, rel=0.02)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pencils import solve_matrices, stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import blas_threads
 
@@ -52,7 +52,7 @@ def test_large_blocks_alone_are_shared():
 
 def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
     """Two threads of each library took half as long again as one for 95,000 unknowns."""
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.05), (92, 92, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.05), (92, 92, 1))
     matrices = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
     free = np.repeat(points[:, 1] < 1, 3)
     assert free.sum() > 50_000

@@ -16,14 +16,14 @@ import pyvista as pv
 import spacemap_vtk.accessor  # noqa: F401
 from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
 from spacemap_vtk.cage import split, tetwild
-from spacemap_vtk.cage.carve import touched
-from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.carve import find_touched_cells
+from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.cage.split import repair_tetrahedra
 from spacemap_vtk.datasets.arrays import add_array, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
 from spacemap_vtk.datasets.outline import envelope, outline
-from spacemap_vtk.embedding.holding import holding, share_filled
-from spacemap_vtk.embedding.lattice_locate import recognise
+from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
+from spacemap_vtk.embedding.lattice_locate import recognise_lattice
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.patch_tessellator import polygons_of
@@ -66,7 +66,7 @@ def test_touched_hexahedra_against_many_samples() -> None:
     triangles = np.arange(60).reshape(-1, 3)
     triangles[-3:, 2] = triangles[-3:, 1]  # segments
     counts = np.array([9, 7, 5])
-    found = touched(points, triangles, np.zeros(3), 1 / counts, counts.tolist())
+    found = find_touched_cells(points, triangles, np.zeros(3), 1 / counts, counts.tolist())
     weights = rng.dirichlet([0.7] * 3, 20_000)
     samples = np.einsum("sk,fkc->fsc", weights, points[triangles]).reshape(-1, 3)
     x, y, z = np.minimum((samples * counts).astype(int), counts - 1).T
@@ -79,7 +79,9 @@ def test_touched_hexahedra_against_many_samples() -> None:
 
 def test_a_large_triangle_touches_hexahedra_that_none_of_its_points_is_in() -> None:
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    found = touched(points, np.array([[0, 1, 2]]), np.zeros(3), np.full(3, 0.1), [10, 10, 10])
+    found = find_touched_cells(
+        points, np.array([[0, 1, 2]]), np.zeros(3), np.full(3, 0.1), [10, 10, 10]
+    )
     assert found[1:].sum() == 0
     # the lower half of a chessboard, its diagonal, and what touches that from the other side
     x, y = np.meshgrid(np.arange(10), np.arange(10))
@@ -97,7 +99,7 @@ def test_a_carved_cage_holds_the_whole_surface() -> None:
     samples = ring.subdivide(1).points
     assert locate(ring.points, grid.points, tetrahedra, "error").outside == 0
     assert locate(samples, grid.points, tetrahedra, "error").outside == 0
-    assert recognise(grid.points, tetrahedra).slots is not None
+    assert recognise_lattice(grid.points, tetrahedra).slots is not None
     # it can be solved: no vertex without a tetrahedron
     solver = ModalSolver(modes=7, fixed="")
     solver.SetInputConnection(cage.GetOutputPort())
@@ -202,17 +204,17 @@ def test_a_ball_is_held_weighs_what_it_does_and_rings_as_lambs(cache: Path) -> N
 def test_a_cage_holds_points_by_moving_no_more_than_it_must() -> None:
     corners = pv.Icosahedron(radius=1.0)
     vertices = np.concatenate((np.zeros((1, 3)), corners.points)).astype(float)
-    tetrahedra = mended(vertices, np.insert(corners.regular_faces + 1, 0, 0, axis=1))[0]
+    tetrahedra = repair_tetrahedra(vertices, np.insert(corners.regular_faces + 1, 0, 0, axis=1))[0]
     ball = pv.Icosphere(radius=1.0, nsub=3).points.astype(float)
     box = 3.0 * np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
-    held = holding(np.concatenate((ball, box)), vertices, tetrahedra, 0.25)
+    held = enclose_points(np.concatenate((ball, box)), vertices, tetrahedra, 0.25)
     check_mesh(held, tetrahedra)
     assert locate(ball, held, tetrahedra, "error").outside == 0
     # by as much as the middles of its faces are too near; what is too far away counts for nothing
     inside = np.sqrt((5 + 2 * np.sqrt(5)) / 15)
     np.testing.assert_allclose(np.linalg.norm(held[1:], axis=1), 1 / inside, rtol=0.02)
     # on one side alone
-    held = holding(np.concatenate((ball[ball[:, 2] > 0.9], box)), vertices, tetrahedra, 0.25)
+    held = enclose_points(np.concatenate((ball[ball[:, 2] > 0.9], box)), vertices, tetrahedra, 0.25)
     low = vertices[:, 2] < 0.0
     np.testing.assert_array_equal(held[low], vertices[low])
     assert (np.linalg.norm(held[1:], axis=1) > 1.001).any()
@@ -220,15 +222,15 @@ def test_a_cage_holds_points_by_moving_no_more_than_it_must() -> None:
 
 def test_flat_sides_stay_flat_by_which_cages_are_held() -> None:
     """A prism of six corners in a round bar; one whose cell would turn over stays as it is."""
-    vertices, tetrahedra = lattice((-0.7, 0.7, -0.7, 0.7, 0.0, 1.0), (2, 2, 2))
+    vertices, tetrahedra = build_lattice((-0.7, 0.7, -0.7, 0.7, 0.0, 1.0), (2, 2, 2))
     bar = pv.Cylinder(center=(0, 0, 0.5), direction=(0, 0, 1), radius=1.0, resolution=40).points
-    held = holding(bar.astype(float), vertices, tetrahedra, 1.0)
+    held = enclose_points(bar.astype(float), vertices, tetrahedra, 1.0)
     for side in (0.0, 1.0):
         on = vertices[:, 2] == side
         np.testing.assert_array_equal(held[on, 2], side)
     assert (np.abs(held) <= 1.0).all()
     check_mesh(held, tetrahedra)
-    deep = holding(np.array([[0.0, 0.0, 9.0], [1.0, 1.0, 0.5]]), vertices, tetrahedra, 99.0)
+    deep = enclose_points(np.array([[0.0, 0.0, 9.0], [1.0, 1.0, 0.5]]), vertices, tetrahedra, 99.0)
     check_mesh(deep, tetrahedra)
 
 
@@ -237,9 +239,9 @@ def test_the_share_of_a_cage_that_is_filled() -> None:
     two = one.merge(one.translate((0.5, 0.0, 0.0)))
     for mesh, made in ((one, 0.98), (two, 1.45)):
         # of what crosses itself the tetrahedra know
-        share = share_filled(mesh.points, mesh.regular_faces, made, 2.0, 0.01)
+        share = enclosed_share(mesh.points, mesh.regular_faces, made, 2.0, 0.01)
         assert share == pytest.approx(0.5 if mesh is one else made / 2.0)
-    assert share_filled(one.points, one.regular_faces[:0], 0.98, 2.0, 0.01) == 0.49
+    assert enclosed_share(one.points, one.regular_faces[:0], 0.98, 2.0, 0.01) == 0.49
 
 
 def test_nothing_is_left_where_the_user_works(
@@ -306,7 +308,7 @@ def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
     shape = outline(crossed, polygons_of(crossed))
     low, high = shape[0].min(axis=0), shape[0].max(axis=0)
-    points, triangles = envelope(low, high, partial(touched, *shape), 0.1)
+    points, triangles = envelope(low, high, partial(find_touched_cells, *shape), 0.1)
     skin = pv.PolyData.from_regular_faces(points, triangles)
     assert skin.is_manifold
     away = pv.PolyData(shape[0]).compute_implicit_distance(skin)["implicit_distance"]
@@ -359,7 +361,7 @@ def test_what_hangs_on_an_edge_alone_gets_an_envelope(
     share = filled_share(grid)
     assert share * check_mesh(grid.points, tetrahedra_of(grid)) == pytest.approx(2.0, rel=1e-5)
     tetrahedra = tetrahedra_of(grid)
-    assert split.parts(tetrahedra) == ([len(tetrahedra)], 1)
+    assert split.count_parts(tetrahedra) == ([len(tetrahedra)], 1)
     assert locate(bars.points, grid.points, tetrahedra, "error").outside == 0
     # Of the side at -x fTetWild may leave a single vertex.
     modal = ModalSolver(fixed="box(-1, -0.2, -1, 1, -1, 1)", modes=3)
@@ -380,9 +382,9 @@ def test_what_hangs_on_an_edge_alone_gets_an_envelope(
     ids=["face", "edge", "vertex"],
 )
 def test_parts_hang_together_by_faces(second: list[int], expected: object) -> None:
-    assert split.parts(np.array([[0, 1, 2, 3], second])) == expected
+    assert split.count_parts(np.array([[0, 1, 2, 3], second])) == expected
     away = np.array([[0, 1, 2, 3], second, [7, 8, 9, 10]])
-    assert split.parts(away) == ([*expected[0], 1], 2)
+    assert split.count_parts(away) == ([*expected[0], 1], 2)
 
 
 def test_an_object_with_points_that_are_not_finite() -> None:

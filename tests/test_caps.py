@@ -15,15 +15,15 @@ from weaves import changed, measured, surface, woven
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.drafts.drawdown import tile
-from spacemap_vtk.textile.geometry.axes import axes, axis_points
-from spacemap_vtk.textile.geometry.weave import Weave, build
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+from spacemap_vtk.textile.geometry.cloth_axes import cloth_axes, sample_axes
+from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 from spacemap_vtk.textile.patches import bezier
 from spacemap_vtk.textile.patches.bezier import rational_handles
 from spacemap_vtk.textile.patches.tessellation import Tessellation
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-OVER = tile(patterns.twill(2, 1), 4, 5)
+OVER = tile_drawdown(patterns.twill(2, 1), 4, 5)
 ROUND = measured(
     drawdown=OVER,
     warp_diameter=0.25,
@@ -72,7 +72,7 @@ def lengths(cloth: Cloth) -> np.ndarray:
     return np.concatenate(
         [
             np.add.reduceat(family.length, np.cumsum(family.parts) - family.parts)
-            for family in axes(cloth)
+            for family in cloth_axes(cloth)
         ]
     )
 
@@ -82,7 +82,7 @@ def lengths(cloth: Cloth) -> np.ndarray:
 def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
     """By Pappus the volume of a tube is its section times its length."""
     cloth = changed(CLOTHS[kind], exact=exact)
-    found = volumes(build(cloth))
+    found = volumes(build_weave(cloth))
     expected = lengths(cloth) * np.repeat(AREAS[kind], [4, 5])
     np.testing.assert_allclose(found, expected, rtol=1e-12 if exact else 1e-3)
     if not exact:
@@ -91,8 +91,8 @@ def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_caps_share_the_points_of_their_ring(kind: str) -> None:
-    made = build(CLOTHS[kind])
-    bare = build(changed(CLOTHS[kind], caps=False))
+    made = build_weave(CLOTHS[kind])
+    bare = build_weave(changed(CLOTHS[kind], caps=False))
     tubes = made.tube_patches
     assert np.array_equal(made.patches[:tubes], bare.patches)
     assert np.array_equal(made.points[: len(bare.points)], bare.points)
@@ -114,8 +114,8 @@ def test_caps_share_the_points_of_their_ring(kind: str) -> None:
 @settings(max_examples=40, deadline=None)
 @given(woven(most=3))
 def test_caps_are_flat_and_face_outwards(cloth: Cloth) -> None:
-    made = build(cloth)
-    assert len(build(changed(cloth, caps=False)).patches) == made.tube_patches
+    made = build_weave(cloth)
+    assert len(build_weave(changed(cloth, caps=False)).patches) == made.tube_patches
     tessellation = Tessellation(made.patches, (3, 3), 3)
     positions, normals = tessellation.evaluate(made.points, np.float64)
     assert np.isfinite(positions).all()
@@ -132,13 +132,13 @@ def test_caps_are_flat_and_face_outwards(cloth: Cloth) -> None:
 
 def test_shortest_ends_are_closed() -> None:
     cloth = changed(FLAT, overhang=0.0)
-    made = build(cloth)
+    made = build_weave(cloth)
     assert np.isfinite(made.points).all()
     expected = lengths(cloth) * np.repeat(AREAS["flat"], [4, 5])
     np.testing.assert_allclose(volumes(made), expected, rtol=1e-3)
     # a single crossing, cut on the flat of the yarn crossed
     short = changed(FLAT, overhang=0.05)
-    made = build(changed(short, drawdown=[[1]]))
+    made = build_weave(changed(short, drawdown=[[1]]))
     assert made.points[:, 1].max() == pytest.approx(0.225)
     np.testing.assert_allclose(volumes(made), 0.1 * np.array(AREAS["flat"]), rtol=1e-3)
 
@@ -147,11 +147,11 @@ def test_shortest_ends_are_closed() -> None:
 def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
     """Every point of the surface is at the radius from the axis, to rounding."""
     cloth = changed(CLOTHS[kind], exact=True)
-    made = build(cloth)
+    made = build_weave(cloth)
     assert made.radial_error == 0.0
     points, *_ = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))
     aspect = cloth.warp.aspect, cloth.weft.aspect
-    for number, family in enumerate(axes(cloth)):
+    for number, family in enumerate(cloth_axes(cloth)):
         # seen from each part's own arc: its centre, and the distance from it
         part = np.arange(len(family.length))
         station = part + family.owner
@@ -177,19 +177,19 @@ def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
 
 
 def test_exact_cloth_needs_fewer_patches() -> None:
-    exact = build(changed(STEEP, exact=True))
-    assert exact.tube_patches < build(STEEP).tube_patches
+    exact = build_weave(changed(STEEP, exact=True))
+    assert exact.tube_patches < build_weave(STEEP).tube_patches
     assert exact.weights is not None
     assert exact.weights.shape == (len(exact.points),)
     assert exact.weights.min() > 0.5
     # corners of patches have weight 1, so that neighbours agree
     assert (exact.weights[exact.patches[: exact.tube_patches, :4]] == 1).all()
-    assert build(STEEP).weights is None
+    assert build_weave(STEEP).weights is None
 
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_vtk_agrees_with_rational_patches(kind: str) -> None:
-    made = build(changed(CLOTHS[kind], exact=True))
+    made = build_weave(changed(CLOTHS[kind], exact=True))
     grid = grid_of(made)
     weights = numpy_to_vtk(made.weights)
     weights.SetName("RationalWeights")
@@ -216,8 +216,8 @@ def test_rational_arcs_are_arcs(angle: float) -> None:
 def test_largest_deviation_is_reported() -> None:
     """The bound holds, and is not far from what is found."""
     for cloth in (ROUND, STEEP):
-        made = build(cloth)
-        axis, yarn = axis_points(cloth, samples=300)
+        made = build_weave(cloth)
+        axis, yarn = sample_axes(cloth, samples=300)
         points, *_ = surface(made, np.linspace(0, 1, 9), made.yarn == 1)
         points = points[:-4].reshape(-1, 3)
         line = axis[yarn == 1]
@@ -231,7 +231,7 @@ def test_largest_deviation_is_reported() -> None:
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
     """Positions and normals by the formula of one patch, and the surface exactly round."""
-    made = build(changed(CLOTHS[kind], exact=True))
+    made = build_weave(changed(CLOTHS[kind], exact=True))
     n = 3
     tessellation = Tessellation(made.patches, (3, 3), n)
     positions, normals = tessellation.evaluate(made.points, dtype, made.weights)
@@ -255,7 +255,7 @@ def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
 
 
 def test_the_filter_takes_vtks_rational_weights() -> None:
-    made = build(changed(ROUND, exact=True, drawdown=[[1]]))
+    made = build_weave(changed(ROUND, exact=True, drawdown=[[1]]))
     grid = grid_of(made)
     weights = numpy_to_vtk(made.weights)
     weights.SetName("RationalWeights")

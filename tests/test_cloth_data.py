@@ -15,8 +15,8 @@ from spacemap_vtk import PatchTessellator, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import add_cloth, cloth_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 
@@ -27,7 +27,7 @@ def same(found: Cloth | None, cloth: Cloth) -> None:
     """Both are built of the same numbers, to the last bit."""
     assert found is not None
     assert (found.size, found.density) == (cloth.size, cloth.density)
-    made, expected = build(found), build(cloth)
+    made, expected = build_weave(found), build_weave(cloth)
     assert np.array_equal(made.points, expected.points)
     assert np.array_equal(made.patches, expected.patches)
     assert np.array_equal(made.weights, expected.weights)  # type: ignore[arg-type]
@@ -55,7 +55,7 @@ def test_a_weave_says_what_cloth_it_is(values: dict[str, Any]) -> None:
 def test_a_part_of_a_weave_says_where_it_lies() -> None:
     whole = WeaveSource(pattern="twill 2/2", ends=20, picks=18, weft_spacing=["0.5 mm", "0.6 mm"])
     part = WeaveSource(**whole.settings)
-    whole.lend(part, Share(slice(4, 9), slice(10, 16)))
+    whole.lend(part, YarnSelection(slice(4, 9), slice(10, 16)))
     found = cloth_of(part.update().output)
     assert found is not None
     for number, some in ((0, slice(4, 9)), (1, slice(10, 16))):

@@ -17,7 +17,7 @@ from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_for_pixels
 from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
 
@@ -227,12 +227,12 @@ def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPa
 
 def test_facets_are_as_many_as_can_be_seen() -> None:
     for pixels in (0.1, 1.0, 8.0, 30.0, 64.0):
-        sides = sides_seen(pixels)
+        sides = sides_for_pixels(pixels)
         for count, fits in ((sides, True), (sides - 1, False)):
             if count:
                 bulge = 0.5 * pixels * (1.0 - math.cos(math.pi / 4 / count))
                 assert (bulge <= 0.3) is fits, (pixels, count)
-    assert sides_seen(1e6) == 12
+    assert sides_for_pixels(1e6) == 12
 
 
 def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
@@ -19,7 +19,7 @@ def sheet(normal: int, cells: tuple[int, int], **more: Fittings) -> Model:
     """Return a sheet of 2 by 3 across an axis, held by the side where the first axis is least."""
     sides = np.array([[0, 2], [0, 3], [-0.005, 0.005]])
     turned = np.roll(sides, normal + 1, axis=0).ravel()
-    points, tetrahedra = lattice(turned, np.roll([*cells, 1], normal + 1))
+    points, tetrahedra = build_lattice(turned, np.roll([*cells, 1], normal + 1))
     held = np.repeat(points[:, [(normal + 1) % 3]] == 0, 3, axis=1)
     plate = apply_measurements(
         homogeneous_plate(isotropic(1e6, 0.3), 0.01, normal), bending=(1e-2, 2e-2)
@@ -45,7 +45,7 @@ def test_a_sheet_in_cells_twice_as_wide_is_the_same_sheet(normal, cells):
 
 def test_what_has_no_cells_twice_as_wide():
     assert coarsen(sheet(2, (3, 12))) is None
-    points, cells = lattice((0, 1, 0, 1, 0, 0.01), (8, 8, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.01), (8, 8, 1))
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
     assert coarsen(Model(points, cells, isotropic(1e6, 0.3), 300.0, held)) is None
     heavy = Fittings(masses=np.ones(len(sheet(2, (8, 8)).points)))

@@ -11,7 +11,7 @@ from test_tessellation import random_patches
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import PatchTessellator, WeaveSource, connect, memory, parallel
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.embedding import affine, interpolation
 from spacemap_vtk.embedding.affine import AffineInterpolation
@@ -78,7 +78,7 @@ def test_a_small_surface_earns_its_loops_by_many_steps(monkeypatch):
     steps = []
     stage.AddObserver("ProgressEvent", lambda *_: steps.append(stage.GetProgressText()))
     once = points_of(stage.output).copy(), normals_of(stage)
-    monkeypatch.setattr(tessellation, "EARNED", 3 * len(once[0]))
+    monkeypatch.setattr(tessellation, "COMPILE_AFTER", 3 * len(once[0]))
     for run in range(2, 6):
         stage.Modified()
         stage.update()
@@ -170,7 +170,7 @@ def test_rational_and_other_patches_need_no_loops(small):
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 @pytest.mark.parametrize("cells", [2, 12])  # many points a tetrahedron, and few
 def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (cells, cells, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (cells, cells, 1))
     nodes, elements = (vertices, tetrahedra) if order == 1 else add_midpoints(vertices, tetrahedra)
     rng = np.random.default_rng(order)
     points = rng.uniform(-0.2, 1.2, (20_000, 3))
@@ -194,7 +194,7 @@ def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
 
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 def test_points_ride_as_by_arrays(monkeypatch, small, outside):
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (4, 4, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (4, 4, 1))
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.2, 1.2, (20_000, 3))
     where, clamp = locate(points, vertices, tetrahedra, outside), outside == "clamp"
@@ -219,7 +219,7 @@ def test_points_ride_as_by_arrays(monkeypatch, small, outside):
 @pytest.mark.parametrize("count", [16, 17, 64, 80, 5000])
 def test_results_written_past_the_cache_are_the_same_to_the_bit(monkeypatch, small, count, kind):
     points, connectivity = random_patches(count, 3, 3)
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (3, 3, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (3, 3, 1))
     places = np.random.default_rng(7).uniform(0, 1, (count + 150_000, 3)).astype(kind)
     where = locate(places, vertices, tetrahedra)
     shift = np.random.default_rng(8).normal(size=(len(vertices), 3))
@@ -252,7 +252,7 @@ def test_small_work_waits_for_no_compiler(monkeypatch):
     monkeypatch.setattr(parallel, "import_module", None)  # not to be called
     points, connectivity = random_patches(10, 3, 3)
     Tessellation(connectivity, (3, 3), 3).evaluate(points)
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     where = locate(vertices, vertices, tetrahedra)
     Interpolation(where, tetrahedra, len(vertices)).apply(vertices)
     AffineInterpolation(vertices, where, vertices, tetrahedra).apply(vertices)

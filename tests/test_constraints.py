@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spring_stiffness
 from spacemap_vtk.mechanics.boundary.supports import held_directions, rigid_bodies
 from spacemap_vtk.mechanics.boundary.time_functions import step
@@ -23,7 +23,7 @@ KINDS = ("linear", "quadratic", "sheet")
 
 def cage(kind, size=(0.1, 0.06, 2e-3), divisions=(5, 4, 1), nu=0.3):
     """Vertices, cells and material."""
-    points, cells = lattice((0, size[0], 0, size[1], 0, size[2]), divisions)
+    points, cells = build_lattice((0, size[0], 0, size[1], 0, size[2]), divisions)
     material = isotropic(E, nu)
     if kind == "sheet":
         return points, cells, homogeneous_plate(material, size[2], 2)
@@ -153,7 +153,7 @@ def test_a_clamped_strip_with_a_rigid_end(kind):
 
 def test_two_bodies_with_masses_on_them_balance():
     # Two rigid halves of a bar with a soft middle, free: ω² = k (1/m₁ + 1/m₂), k = E A / d.
-    points, cells = add_midpoints(*lattice((0, 0.12, 0, 1e-3, 0, 1e-3), (12, 1, 1)))
+    points, cells = add_midpoints(*build_lattice((0, 0.12, 0, 1e-3, 0, 1e-3), (12, 1, 1)))
     held = np.repeat([[False, True, True]], len(points), axis=0)
     bodies = rigid_bodies(
         points, ["box(-inf, 0.0501, -inf, inf, -inf, inf) box(0.0699, inf, -inf, inf, -inf, inf)"]

@@ -25,12 +25,12 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.embedding import plane_slopes
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError, SpacemapWarning
-from spacemap_vtk.textile.crimp import recrimp as module
+from spacemap_vtk.textile.crimp import crimp_geometry as module
+from spacemap_vtk.textile.crimp.crimp_geometry import CrimpGeometry
 from spacemap_vtk.textile.crimp.interchange import Interchange
-from spacemap_vtk.textile.crimp.recrimp import Recrimp
-from spacemap_vtk.textile.drafts.drawdown import repeat
-from spacemap_vtk.textile.geometry.weave import build
-from spacemap_vtk.textile.geometry.yarn_clearance import clearance_of
+from spacemap_vtk.textile.drafts.drawdown import repeat_size
+from spacemap_vtk.textile.geometry.weave import build_weave
+from spacemap_vtk.textile.geometry.yarn_clearance import measure_clearance
 
 DRAFT = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 WEAVES: dict[str, dict[str, Any]] = {
@@ -54,7 +54,7 @@ SHEARED = np.array([[1.01, 0.15, 0.0], [-0.12, 1.02, 0.1], [0.05, -0.2, 0.8]])
 def woven(name: str, **more: Any) -> WeaveSource:
     """A weave of a repeat and a yarn."""
     source = WeaveSource(**WEAVES[name])
-    ends, picks = repeat(source.source.drawdown)
+    ends, picks = repeat_size(source.source.drawdown)
     source.configure(ends=ends + 1, picks=picks + 1, **more)
     return source
 
@@ -84,7 +84,9 @@ def cells(stage: CrimpInterchange, name: str) -> np.ndarray:
     return vtk_to_numpy(stage.output.GetCellData().GetArray(name))
 
 
-def repeat_lengths(yarns: Recrimp, number: int, height: np.ndarray, stretch: np.ndarray) -> Any:
+def repeat_lengths(
+    yarns: CrimpGeometry, number: int, height: np.ndarray, stretch: np.ndarray
+) -> Any:
     """Lengths of the exact axes of warp or weft from the first crossing to the last."""
     path = yarns.axes(number, height, stretch)
     crossed = yarns.cloth.yarns[1 - number]
@@ -100,7 +102,7 @@ def repeat_lengths(yarns: Recrimp, number: int, height: np.ndarray, stretch: np.
 @pytest.mark.parametrize("name", WEAVES)
 def test_yarns_keep_their_length(name: str, stretch: tuple[float, float]) -> None:
     cloth = woven(name).cloth
-    yarns, shape = Recrimp(cloth), (2, *cloth.drawdown.shape)
+    yarns, shape = CrimpGeometry(cloth), (2, *cloth.drawdown.shape)
     still, asked = np.ones(shape), np.broadcast_to(np.reshape(stretch, (2, 1, 1)), shape)
     rest, state = Interchange(cloth).solve(still).height, Interchange(cloth).solve(asked)
     taut = ~state.slack & (state.strain == 0.0)
@@ -120,7 +122,7 @@ def test_axes_are_as_far_apart_as_the_crossings_say(name: str) -> None:
     points, cloth = points_of(warp.update().output), source.cloth
     # rings over crossings, whose middles lie on the axes
     foot = array_of(crimp.output.GetPointData(), FOOT, "")
-    made = build(cloth)
+    made = build_weave(cloth)
     found: list[dict[tuple[float, float], np.ndarray]] = [{}, {}]
     for tubes, at in zip(made.tubes, found, strict=True):
         count = (3 * int(tubes.parts.sum()) + len(tubes.parts)) * tubes.ring
@@ -151,8 +153,8 @@ def test_yarns_touch_and_never_overlap(name: str, pull: tuple[float, float]) -> 
     crimp, warp = pipeline(source, np.diag([*pull, 1.2]))
     points = points_of(warp.update().output)
     weights = vtk_to_numpy(warp.output.GetPointData().GetRationalWeights())
-    made = replace(build(source.cloth), weights=weights)
-    apart = clearance_of(made, points).distance
+    made = replace(build_weave(source.cloth), weights=weights)
+    apart = measure_clearance(made, points).distance
     # Pressed yarns are thinner at their crossings, between these as thick as ever.
     assert abs(apart) < 1e-6 * source.cloth.diameter_sum
     assert (cells(crimp, "yarn_strain") == 0.0).all()
@@ -169,7 +171,7 @@ def test_sections_turn_and_are_not_squeezed() -> None:
     source = woven("twill", caps=False)
     for motion in (rolled, np.diag([0.97, 1.03, 2.0])):
         _, warp = pipeline(source, motion, flattest=1.0)
-        points, made = points_of(warp.update().output), build(source.cloth)
+        points, made = points_of(warp.update().output), build_weave(source.cloth)
         for tubes in made.tubes:
             rings = 3 * int(tubes.parts.sum()) + len(tubes.parts)
             here = slice(tubes.first, tubes.first + rings * tubes.ring)

@@ -7,15 +7,17 @@ import pytest
 from matplotlib.path import Path
 
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.drafts.drawdown import tile
-from spacemap_vtk.textile.geometry.cross_section import cross_section
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+from spacemap_vtk.textile.geometry.cross_section import cut_cloth
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 
 
 def test_published_figures_are_found_again_on_the_curves() -> None:
     jammed = Threads(diameter=0.5, spacing=np.sqrt(0.75))
-    cut = cross_section(Cloth(drawdown=tile([[1, 0], [0, 1]], 5, 5), warp=jammed, weft=jammed), 0)
+    cut = cut_cloth(
+        Cloth(drawdown=tile_drawdown([[1, 0], [0, 1]], 5, 5), warp=jammed, weft=jammed), 0
+    )
     assert len(cut.bends) == 4
     for bend in cut.bends:
         assert np.degrees(bend.angle) == pytest.approx(60.0, abs=1e-4)
@@ -28,11 +30,11 @@ def test_yarns_touch_and_never_overlap(name: str) -> None:
     if name in ("plain", "flattened"):
         more = {"section": "racetrack", "aspect": 1.5} if name == "flattened" else {}
         threads = Threads(diameter=0.2e-3, spacing=0.5e-3, **more)
-        cloth = Cloth(drawdown=tile([[1, 0], [0, 1]], 7, 7), warp=threads, weft=threads)
+        cloth = Cloth(drawdown=tile_drawdown([[1, 0], [0, 1]], 7, 7), warp=threads, weft=threads)
     else:
         cloth = Scene.read(name).woven.cloth
     for family in (0, 1):
-        cut = cross_section(cloth, family)
+        cut = cut_cloth(cloth, family)
         assert cut.bends
         for number, section in enumerate(cut.sections):
             smaller = cut.centres[number] + (1 - 5e-3) * (section - cut.centres[number])

@@ -16,11 +16,11 @@ from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.interchange import Interchange
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.drafts.drawdown import rows, tile
-from spacemap_vtk.textile.geometry.axes import axes, axis_points
-from spacemap_vtk.textile.geometry.partition import whole_bounds
-from spacemap_vtk.textile.geometry.weave import build, count, estimate_counts
-from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance, touching
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown, to_rows
+from spacemap_vtk.textile.geometry.cloth_axes import cloth_axes, sample_axes
+from spacemap_vtk.textile.geometry.partition import cloth_bounds
+from spacemap_vtk.textile.geometry.weave import build_weave, count_patches, estimate_counts
+from spacemap_vtk.textile.geometry.yarn_clearance import find_contact, least_clearance
 from spacemap_vtk.textile.weave import double_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import Layers, find_layers
@@ -134,7 +134,7 @@ def test_threads_of_one_direction_may_change_alone(number: int) -> None:
     assert np.count_nonzero(level != with_upper) <= 2 * edge
     picks, ends = drawdown.shape
     given = {("weft_layer", "warp_layer")[number]: [1, 2]}
-    layers = WeaveSource(pattern=rows(drawdown), ends=ends, picks=picks, **given).cloth.layers
+    layers = WeaveSource(pattern=to_rows(drawdown), ends=ends, picks=picks, **given).cloth.layers
     assert layers is not None
     np.testing.assert_array_equal(layers.own, found.own)
 
@@ -175,7 +175,7 @@ def test_one_cloth_is_one() -> None:
     ):
         for turned in (weave, weave.T, ~weave):
             for ends in (33, 3):
-                assert find_layers(tile(turned, ends, 40)) is None
+                assert find_layers(tile_drawdown(turned, ends, 40)) is None
     random = np.random.default_rng(1)
     for _ in range(20):
         assert find_layers(random.random((8, 8)) < 0.5) is None
@@ -183,7 +183,7 @@ def test_one_cloth_is_one() -> None:
 
 def nearest_of_two_cloths(cloth: Cloth) -> float:
     """Distance between yarns of different cloths, from samples of axes alone."""
-    points, yarn = axis_points(cloth, 24)
+    points, yarn = sample_axes(cloth, 24)
     layers, least = cloth.layers, np.inf
     assert layers is not None
     ends = cloth.size[0]
@@ -238,7 +238,7 @@ def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
     assert nearest_of_two_cloths(cloth) > 0.01 * thick
     # in each of them yarns touch, and nothing overlaps
     assert abs(least_clearance(cloth).distance) < 1e-12 * thick
-    found = touching(cloth)
+    found = find_contact(cloth)
     end, pick = found.yarns[0], found.yarns[1] - cloth.size[0]
     assert cloth.layers.own[pick, end]
     low, high = sorted(
@@ -249,7 +249,7 @@ def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
 
 def test_axes_are_smooth_where_cloths_change_places() -> None:
     cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain()))
-    for family in axes(cloth):
+    for family in cloth_axes(cloth):
         part = np.arange(len(family.length))
         inner = part[:-1][np.diff(family.owner) == 0]
         ones = np.ones(len(inner))
@@ -265,8 +265,8 @@ def test_axes_are_smooth_where_cloths_change_places() -> None:
 def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
     both = layered(two_cloths(blocks(99, 16, 16), weave))
     wide = Threads(diameter=ROUND.diameter, spacing=2e-3)
-    alone = Cloth(drawdown=tile(weave, 8, 8), warp=wide, weft=wide)
-    for family, single in zip(axes(both), axes(alone), strict=True):
+    alone = Cloth(drawdown=tile_drawdown(weave, 8, 8), warp=wide, weft=wide)
+    for family, single in zip(cloth_axes(both), cloth_axes(alone), strict=True):
         for second, level in ((0, both.level), (1, -both.level)):
             mine = np.resize([1 - second, second], 16) == 1
             stations, parts = (np.repeat(mine, family.parts + more) for more in (1, 0))
@@ -289,16 +289,16 @@ def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
 
 def test_what_is_built_is_what_is_counted_and_bounded() -> None:
     cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain()))
-    made, counted = build(cloth), count(cloth)[0]
+    made, counted = build_weave(cloth), count_patches(cloth)[0]
     assert (len(made.points), len(made.patches)) == counted[:2]
     assert estimate_counts(cloth).points >= counted.points
     bounds = np.stack([made.points.min(axis=0), made.points.max(axis=0)], axis=1).ravel()
-    np.testing.assert_allclose(whole_bounds(cloth), bounds, atol=1e-15)
+    np.testing.assert_allclose(cloth_bounds(cloth), bounds, atol=1e-15)
 
 
 def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     file = tmp_path / "double.txt"
-    file.write_text("\n".join(rows(two_cloths(blocks(12, 24, 24), patterns.plain()))))
+    file.write_text("\n".join(to_rows(two_cloths(blocks(12, 24, 24), patterns.plain()))))
     scene = Scene({"weave": {"draft": str(file)}})
     assert any("double weave" in text for text in scene.woven.cloth.warnings)
     weave = scene.source.update().output
@@ -315,14 +315,14 @@ def test_a_small_piece_is_what_the_whole_is() -> None:
         cloth = WeaveSource(pattern=["1000", "1110", "0010", "1011"], ends=size, picks=size).cloth
         assert cloth.layers is not None
         assert cloth.layers.joined == (False, False)
-        assert len(build(cloth).points) > 0
+        assert len(build_weave(cloth).points) > 0
     assert WeaveSource(pattern="twill 2/2").cloth.layers is None
 
 
 def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
     for size, filling in ((12, 0.45), (99, 0.9)):
         file = tmp_path / f"{size}.txt"
-        file.write_text("\n".join(rows(two_cloths(blocks(size, 24, 24), patterns.plain()))))
+        file.write_text("\n".join(to_rows(two_cloths(blocks(size, 24, 24), patterns.plain()))))
         cloth = WeaveSource(draft=file, warp_spacing="1 mm", weft_spacing="1 mm").cloth
         assert cloth.warp.diameter == pytest.approx(filling * 1e-3)
         cloth.check()

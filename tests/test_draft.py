@@ -15,7 +15,7 @@ from weaves import plain
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.textile.drafts import draft, drawdown, patterns
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
-from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 
 matrices = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=9))
 
@@ -29,23 +29,23 @@ def test_plain() -> None:
     assert weave.shape == (5, 7)
     assert weave.dtype == bool
     assert weave[0, 0]
-    assert drawdown.rows(weave)[:2] == ["1010101", "0101010"]
-    assert drawdown.floats(weave) == (1, 1)
+    assert drawdown.to_rows(weave)[:2] == ["1010101", "0101010"]
+    assert drawdown.longest_floats(weave) == (1, 1)
     assert drawdown.mean_floats(weave) == (1, 1)
     assert drawdown.mean_floats([[1, 0]]) == (None, 1)  # no end changes side
-    assert drawdown.repeat(weave) == (2, 2)
+    assert drawdown.repeat_size(weave) == (2, 2)
 
 
 @pytest.mark.parametrize(("over", "under"), [(2, 1), (1, 2), (2, 2), (3, 1), (1, 4)])
 @pytest.mark.parametrize("direction", ["right", "left"])
 def test_twill(over: int, under: int, direction: str) -> None:
     size = over + under
-    weave = tile(patterns.twill(over, under, direction=direction), 3 * size, 2 * size)
+    weave = tile_drawdown(patterns.twill(over, under, direction=direction), 3 * size, 2 * size)
     assert weave[0, 0]
     assert (weave[:size].sum(axis=0) == over).all()
-    assert drawdown.floats(weave) == (max(over, under),) * 2
+    assert drawdown.longest_floats(weave) == (max(over, under),) * 2
     assert drawdown.mean_floats(weave) == (size / 2, size / 2)
-    assert drawdown.repeat(weave) == (size, size)
+    assert drawdown.repeat_size(weave) == (size, size)
     # a pick later the pattern stands one end further to the side it rises to
     step = 1 if direction == "right" else -1
     np.testing.assert_array_equal(weave[1], np.roll(weave[0], step))
@@ -55,10 +55,10 @@ def test_twill(over: int, under: int, direction: str) -> None:
 
 @pytest.mark.parametrize(("shafts", "step"), [(5, 2), (5, 3), (7, 2), (8, 3), (8, 5), (16, 7)])
 def test_satin(shafts: int, step: int) -> None:
-    weave = tile(patterns.satin(shafts, step), 2 * shafts, 2 * shafts)
-    assert drawdown.floats(weave) == (shafts - 1, shafts - 1)
+    weave = tile_drawdown(patterns.satin(shafts, step), 2 * shafts, 2 * shafts)
+    assert drawdown.longest_floats(weave) == (shafts - 1, shafts - 1)
     assert drawdown.mean_floats(weave) == (shafts / 2, shafts / 2)
-    assert drawdown.repeat(weave) == (shafts, shafts)
+    assert drawdown.repeat_size(weave) == (shafts, shafts)
     unit = ~patterns.satin(shafts, step)
     assert (unit.sum(axis=0) == 1).all()
     assert (unit.sum(axis=1) == 1).all()
@@ -81,10 +81,10 @@ def test_invalid_satins_are_refused(shafts: int, step: int) -> None:
 
 
 def test_basket() -> None:
-    weave = tile(patterns.basket(3), 12, 6)
+    weave = tile_drawdown(patterns.basket(3), 12, 6)
     assert weave.shape == (6, 12)
-    assert drawdown.floats(weave) == (3, 3)
-    assert drawdown.repeat(weave) == (6, 6)
+    assert drawdown.longest_floats(weave) == (3, 3)
+    assert drawdown.repeat_size(weave) == (6, 6)
     np.testing.assert_array_equal(patterns.basket(1), plain(2, 2))
 
 
@@ -100,7 +100,7 @@ def test_sizes_are_checked() -> None:
 
 @given(matrices)
 def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
-    text = drawdown.rows(matrix)
+    text = drawdown.to_rows(matrix)
     np.testing.assert_array_equal(drawdown.from_matrix(text), matrix)
     np.testing.assert_array_equal(drawdown.from_matrix(matrix.astype(int).tolist()), matrix)
     np.testing.assert_array_equal(drawdown.from_matrix(matrix), matrix)
@@ -128,7 +128,7 @@ def test_from_matrix_names_the_row(matrix: object, said: str) -> None:
 
 @given(matrices, st.integers(1, 20), st.integers(1, 20))
 def test_tile(matrix: np.ndarray, ends: int, picks: int) -> None:
-    cloth = tile(matrix, ends, picks)
+    cloth = tile_drawdown(matrix, ends, picks)
     assert cloth.shape == (picks, ends)
     whole = np.tile(matrix, (20, 20))
     np.testing.assert_array_equal(cloth, whole[:picks, :ends])
@@ -137,11 +137,11 @@ def test_tile(matrix: np.ndarray, ends: int, picks: int) -> None:
 @given(matrices)
 def test_repeat_is_the_smallest(matrix: np.ndarray) -> None:
     picks, ends = matrix.shape
-    width, height = drawdown.repeat(matrix)
-    np.testing.assert_array_equal(tile(matrix[:height, :width], ends, picks), matrix)
+    width, height = drawdown.repeat_size(matrix)
+    np.testing.assert_array_equal(tile_drawdown(matrix[:height, :width], ends, picks), matrix)
     smaller = [(w, height) for w in range(1, width)] + [(width, h) for h in range(1, height)]
     for w, h in smaller:
-        assert not np.array_equal(tile(matrix[:h, :w], ends, picks), matrix)
+        assert not np.array_equal(tile_drawdown(matrix[:h, :w], ends, picks), matrix)
 
 
 @given(matrices)
@@ -150,10 +150,10 @@ def test_floats_by_counting(matrix: np.ndarray) -> None:
         return max(len(run) for run in line.replace("01", "0 1").replace("10", "1 0").split())
 
     expected = (
-        max(map(longest, drawdown.rows(matrix.T))),
-        max(map(longest, drawdown.rows(matrix))),
+        max(map(longest, drawdown.to_rows(matrix.T))),
+        max(map(longest, drawdown.to_rows(matrix))),
     )
-    assert drawdown.floats(matrix) == expected
+    assert drawdown.longest_floats(matrix) == expected
 
 
 def test_draft_checks_its_arrays() -> None:

@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from pencils import solve_matrices, stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements.elasticity import nodal_mass
 from spacemap_vtk.mechanics.elements.materials import isotropic
@@ -32,7 +32,7 @@ def solver(request, monkeypatch):
 
 def problem(divisions, bounds=CUBE, fixed=None, young=1e6, poisson=0.3, density=300.0):
     """K, M, what is free, and the points of a lattice held where `fixed` says so."""
-    points, tetrahedra = lattice(bounds, divisions)
+    points, tetrahedra = build_lattice(bounds, divisions)
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(young, poisson), density)
     held = np.zeros(len(points), bool) if fixed is None else fixed(points)
     return K, M, np.repeat(~held, 3), points
@@ -180,7 +180,7 @@ def test_length_and_material_only_scale(solver, scale):
 def bar(cells, lumped):
     """First axial frequency of a free bar over its exact value c/2L, less 1."""
     width = 1 / cells
-    points, tetrahedra = lattice((0, 1, 0, width, 0, width), (cells, 1, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, width, 0, width), (cells, 1, 1))
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(1.0, 0.0), 1.0)
     if lumped:
         M = sp.diags(np.repeat(nodal_mass(points, tetrahedra, 1.0), 3)).tocsr()
@@ -377,7 +377,7 @@ def test_memory_is_estimated_from_above_and_in_order():
 def test_a_foil_has_its_modes(aspect, clamped):
     """Leissa, Vibration of Plates (1969), ω a² √(ρh/D): by one side, and free; ν = 0.3."""
     thickness = 1 / aspect
-    points, cells = lattice((0, 1, 0, 1, 0, thickness), (16, 16, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, thickness), (16, 16, 1))
     held = np.repeat(points[:, 1:2] == 1.0, 3, axis=1) & clamped
     model = Model(points, cells, homogeneous_plate(isotropic(1e6, 0.3), thickness), 1.0, held)
     eigenvalues, _, rounding = solve_modes(model.pencil, 9)
@@ -392,7 +392,7 @@ def test_a_foil_has_its_modes(aspect, clamped):
 
 def test_a_part_without_modes_among_the_lowest_is_not_solved(monkeypatch):
     """A sheet's thickness, whose modes lie so close together that no iteration tells them apart."""
-    points, cells = lattice((0, 1, 0, 1, -0.1, 0.1), (8, 8, 1))
+    points, cells = build_lattice((0, 1, 0, 1, -0.1, 0.1), (8, 8, 1))
     held = np.repeat(points[:, 1:2] == 1.0, 3, axis=1)
     model = Model(points, cells, homogeneous_plate(isotropic(1e6, 0.3), 0.2), 1.0, held)
     pencil = model.pencil

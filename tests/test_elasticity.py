@@ -10,7 +10,7 @@ from skfem import Basis, BilinearForm, ElementTetP1, ElementVector, MeshTet
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elements.elasticity import (
     assemble,
@@ -27,7 +27,7 @@ YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 
 def perturbed(divisions=(4, 3, 3), bounds=(0.0, 2.0, 0.0, 1.0, -0.3, 0.4), amount=0.2):
     """A lattice whose inner vertices are moved at random: points, tetrahedra, inner."""
-    points, tetrahedra = lattice(bounds, divisions)
+    points, tetrahedra = build_lattice(bounds, divisions)
     low, high = points.min(axis=0), points.max(axis=0)
     inner = ((points > low) & (points < high)).all(axis=1)
     step = (high - low) / divisions

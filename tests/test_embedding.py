@@ -14,9 +14,9 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkStaticCellLocator, vtkUnstructuredGrid
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.embedding.interpolation import Interpolation
-from spacemap_vtk.embedding.lattice_locate import recognise
+from spacemap_vtk.embedding.lattice_locate import recognise_lattice
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.triangles import FACES, nearest_on_triangles
 from spacemap_vtk.errors import GeometryError, InputError
@@ -58,7 +58,7 @@ def affine(seed):
 
 def test_the_papers_cage():
     points = cloud(20_000, 1, 0, 1) * [1, 1, 0.1]
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     where = locate(points, vertices, tetrahedra)
     assert where.outside == 0
     assert where.largest_distance == 0
@@ -73,7 +73,7 @@ def test_the_papers_cage():
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(["extrapolate", "clamp"]))
 def test_affine_motion_is_reproduced(seed, outside):
-    vertices, tetrahedra = lattice(UNIT, (3, 2, 4))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 2, 4))
     points, motion = cloud(300, seed), affine(seed)
     where = locate(points, vertices, tetrahedra, outside)
     moved = Interpolation(where, tetrahedra, len(vertices)).apply(motion(vertices))
@@ -154,7 +154,7 @@ def test_scale_does_not_matter(scale, outside):
 
 
 def test_order_company_and_threads_do_not_matter():
-    vertices, tetrahedra = lattice(UNIT, (4, 4, 4))
+    vertices, tetrahedra = build_lattice(UNIT, (4, 4, 4))
     rng = np.random.default_rng(8)
     # many on shared faces, edges and corners, inside and out
     points = np.concatenate((rng.integers(-2, 7, (30_000, 3)) / 4, cloud(30_000, 9)))
@@ -171,7 +171,7 @@ def test_order_company_and_threads_do_not_matter():
 
 
 def test_shared_faces_go_to_the_lowest_number():
-    vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     rng = np.random.default_rng(1)
     tetrahedra = rng.permutation(tetrahedra)
     for corners in (2, 3):  # middles of edges and of faces
@@ -231,7 +231,7 @@ def test_random_meshes_against_scipy_and_vtk(seed):
 
 
 def test_orientation_does_not_matter():
-    vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     flipped = tetrahedra.copy()
     odd = np.random.default_rng(0).random(len(flipped)) < 0.5
     flipped[odd] = flipped[odd][:, [1, 0, 2, 3]]
@@ -259,7 +259,7 @@ def test_slivers(thin):
     points = np.random.default_rng(2).random((5000, 3)) * [1, 1, thin]
     points[::3, 2] = 0
     points[1::3, 2] = thin
-    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, thin), (4, 4, 1))
+    vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, thin), (4, 4, 1))
     shift = np.array([0.3, 0.1, 0.7])  # so that the coordinates are rounded
     for offset in (0 * shift, shift):
         where = locate(points + offset, vertices + offset, tetrahedra)
@@ -270,7 +270,7 @@ def test_slivers(thin):
 
 
 def test_a_sliver_next_to_good_ones():
-    vertices, tetrahedra = lattice(UNIT, (2, 2, 2))
+    vertices, tetrahedra = build_lattice(UNIT, (2, 2, 2))
     middle = np.append(vertices, [[0.25, 0.25, 1e-10]], axis=0)
     # one more, lying flat on the floor but for 1e-10, overlapping those above
     cells = np.append([[0, 2, 6, len(vertices)]], tetrahedra, axis=0)
@@ -283,7 +283,7 @@ def test_a_sliver_next_to_good_ones():
 
 
 def test_rounding_of_the_boundary_is_inside():
-    vertices, tetrahedra = lattice((0.1, 0.7, 0.1, 0.7, 0.1, 0.7), (3, 3, 3))
+    vertices, tetrahedra = build_lattice((0.1, 0.7, 0.1, 0.7, 0.1, 0.7), (3, 3, 3))
     rng = np.random.default_rng(0)
     points = rng.uniform(0.1, 0.7, (3000, 3))
     axis = rng.integers(0, 3, 3000)
@@ -297,7 +297,7 @@ def test_rounding_of_the_boundary_is_inside():
 
 
 def test_error_names_count_distance_and_cure():
-    vertices, tetrahedra = lattice(UNIT, (2, 2, 2))
+    vertices, tetrahedra = build_lattice(UNIT, (2, 2, 2))
     points = np.array([[0.5, 0.5, 0.5], [1.25, 0.5, 0.5], [0.5, 0.5, -0.125]])
     with pytest.raises(GeometryError, match=r"2 of 3 points lie outside .* 0\.25 m.*padding"):
         locate(points, vertices, tetrahedra, "error")
@@ -306,7 +306,7 @@ def test_error_names_count_distance_and_cure():
 
 def test_meshes_that_do_not_conform():
     # each tetrahedron with vertices of its own, and all of them twice
-    vertices, tetrahedra = lattice(UNIT, (2, 3, 2))
+    vertices, tetrahedra = build_lattice(UNIT, (2, 3, 2))
     loose, cells = vertices[tetrahedra].reshape(-1, 3), np.arange(tetrahedra.size).reshape(-1, 4)
     points = cloud(2000, 3)
     expected = locate(points, vertices, tetrahedra, "clamp")
@@ -378,7 +378,7 @@ def test_refused_names():
 
 
 def test_interpolation_is_the_weighted_sum():
-    vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
+    vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     where = locate(cloud(150_000, 2), vertices, tetrahedra)
     random = np.random.default_rng(0)
     for threads, shape in itertools.product((1, 3), ((), (1,), (3,), (7,))):
@@ -406,7 +406,7 @@ def searched(monkeypatch, *arguments):
     import spacemap_vtk.embedding.locate as module
 
     with monkeypatch.context() as patch:
-        patch.setattr(module, "recognise", lambda *_: None)
+        patch.setattr(module, "recognise_lattice", lambda *_: None)
         return locate(*arguments)
 
 
@@ -421,10 +421,10 @@ def carved(vertices, tetrahedra, seed, share=0.6):
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 def test_a_lattice_equals_the_search(monkeypatch, bounds, whole, outside):
     divisions = np.array([5, 4, 3])
-    mesh = lattice(bounds, divisions)
+    mesh = build_lattice(bounds, divisions)
     if not whole:
         mesh = carved(*mesh, 1)
-    assert (recognise(*mesh).slots is None) == whole
+    assert (recognise_lattice(*mesh).slots is None) == whole
     low, high = np.reshape(bounds, (3, 2)).T
     # on corners, edges, faces and diagonals, in and out; and anywhere
     exact = np.random.default_rng(2).integers(-1, 4 * divisions + 2, (20_000, 3)) / (4 * divisions)
@@ -441,21 +441,21 @@ def test_a_lattice_equals_the_search(monkeypatch, bounds, whole, outside):
 
 
 def test_only_a_true_lattice_is_recognised():
-    vertices, tetrahedra = lattice(UNIT, (3, 4, 2))
-    pattern = recognise(vertices, tetrahedra)
+    vertices, tetrahedra = build_lattice(UNIT, (3, 4, 2))
+    pattern = recognise_lattice(vertices, tetrahedra)
     assert pattern.divisions.tolist() == [3, 4, 2]
-    assert recognise(vertices + np.array((3.0, -4.0, 1e3)), tetrahedra) is not None
+    assert recognise_lattice(vertices + np.array((3.0, -4.0, 1e3)), tetrahedra) is not None
     for vertex in range(0, len(vertices), 7):
         moved = vertices.copy()
         moved[vertex, vertex % 3] += 1e-6
-        assert recognise(moved, tetrahedra) is None
+        assert recognise_lattice(moved, tetrahedra) is None
     for cells in (tetrahedra[1:], tetrahedra[5:3], tetrahedra[::-1], tetrahedra[:, [1, 0, 2, 3]]):
-        assert recognise(vertices, cells) is None
+        assert recognise_lattice(vertices, cells) is None
     groups = tetrahedra.reshape(-1, 5, 4)
-    assert recognise(vertices, groups[::-1].reshape(-1, 4)) is None
+    assert recognise_lattice(vertices, groups[::-1].reshape(-1, 4)) is None
     turned = vertices @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    assert recognise(turned, tetrahedra) is None
+    assert recognise_lattice(turned, tetrahedra) is None
     # the lower half, whose first hexahedron is an odd one
     odd = carved(vertices, tetrahedra, 0, 2.0)[1].reshape(-1, 5, 4)[12:].reshape(-1, 4)
-    assert recognise(vertices, odd).divisions.tolist() == [3, 4, 1]
-    assert recognise(*random_mesh(40, 1)) is None
+    assert recognise_lattice(vertices, odd).divisions.tolist() == [3, 4, 1]
+    assert recognise_lattice(*random_mesh(40, 1)) is None

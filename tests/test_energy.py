@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_modal_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary import time_functions as tf
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
@@ -129,7 +129,7 @@ def test_equilibrium_holds_the_work_that_led_there():
 
 def held_block():
     """Return a soft block that is held at one end, with all of its modes."""
-    points, cells = lattice((0, 0.04, 0, 0.06, 0, 0.01), (1, 2, 1))
+    points, cells = build_lattice((0, 0.04, 0, 0.06, 0, 0.01), (1, 2, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     model = Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
     values, shapes, lost = model.modes(1000)

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, TetraCage, TransientResponse
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
@@ -181,7 +181,7 @@ def test_the_page_on_adding_an_energy_can_be_followed_word_by_word(
 @pytest.mark.parametrize("sheet", [False, True])
 def test_forces_and_tangent_are_derivatives_of_the_energy(maker: Any, sheet: bool) -> None:
     """Of the term, and of the same on the mid-points and half thicknesses of a sheet."""
-    points, cells = lattice((0, 1, 0, 1, 0, 0.1), (3, 3, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.1), (3, 3, 1))
     term: EnergyTerm = maker(points, cells, height=-0.5, stiffness=3.0)
     if maker is half_space:
         term = maker(points, cells, height=0.02, stiffness=3.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import Plate
@@ -64,7 +64,7 @@ def sheet(
 ) -> Sheet:
     """Return a sheet as thick as a homogeneous one that stretches and bends so."""
     thickness = float(np.sqrt(12 * bending / stretch))
-    points, tetrahedra = lattice(
+    points, tetrahedra = build_lattice(
         (0, size[0], 0, size[1], -thickness / 2, thickness / 2), (*cells, 1)
     )
     surface = find_mid_surface(points, tetrahedra)
@@ -208,7 +208,7 @@ def test_a_strip_that_stands_on_its_edge_falls_over() -> None:
 def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> None:
     """P L²/(E I): Bisshopp and Drucker, Quart. Appl. Math. 3 (1945) 272."""
     table = {1: (0.3017, 0.0564), 2: (0.4935, 0.1606), 5: (0.7138, 0.3876), 10: (0.8106, 0.5550)}
-    points, cells = add_midpoints(*lattice((0, 1, 0, 0.05, -0.01, 0.01), (24, 1, 1)))
+    points, cells = add_midpoints(*build_lattice((0, 1, 0, 0.05, -0.01, 0.01), (24, 1, 1)))
     x = points[:, 0]
     end = x > 1 - 1e-12
     force = np.zeros_like(points)
@@ -221,7 +221,7 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
 
 def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> None:
     """Rounding leaves 6 % of the load unbalanced, and yet the stretch is that of ρ g L²/2 E."""
-    points, cells = add_midpoints(*lattice((0, 0.1, 0, 1, 0, 3e-4), (2, 20, 1)))
+    points, cells = add_midpoints(*build_lattice((0, 0.1, 0, 1, 0, 3e-4), (2, 20, 1)))
     edges = points[cells[:, 1:4]] - points[cells[:, :1]]
     weights = np.repeat(300 * 9.81 * abs(np.linalg.det(edges)) / 36, 6)
     load = np.zeros_like(points)
@@ -235,7 +235,7 @@ def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> No
 
 def test_what_would_be_turned_inside_out_is_refused() -> None:
     """A column of tetrahedra bears E A/√27 at most, as its stress is E λ (λ² - 1)/2."""
-    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 2))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 2))
     top, height = points[:, 2] > 1 - 1e-12, points[:, 2]
     strains = [tetrahedron_strains(points, cells, isotropic(1e6, 0.0))]
     rows = np.flatnonzero(height > 1e-12)

@@ -13,7 +13,7 @@ from spacemap_vtk.jobs import PictureJob
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
-from spacemap_vtk.textile.drafts.drawdown import rows
+from spacemap_vtk.textile.drafts.drawdown import to_rows
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 ENDS, PICKS = 20, 15
@@ -50,7 +50,7 @@ def test_a_draft_is_drawn_as_its_drawdown() -> None:
 
 def test_a_draft_without_thickness_fills_its_spacing(tmp_path: Path) -> None:
     file = tmp_path / "bare.txt"
-    file.write_text("\n".join(rows(read_draft(REAL).drawdown[:6, :8])))
+    file.write_text("\n".join(to_rows(read_draft(REAL).drawdown[:6, :8])))
     scene = Scene({"weave": {"draft": str(file), "thick_yarns": "flatten"}})
     widths = [threads.aspect * threads.diameter for threads in scene.woven.cloth.threads]
     assert widths == pytest.approx([0.45e-3, 0.45e-3])
@@ -126,7 +126,7 @@ def test_a_draft_of_many_threads_has_a_larger_picture(narrow: Path) -> None:
 def test_of_a_draft_too_long_to_be_seen_whole_the_beginning_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "long.txt"
     whole = np.add.outer(np.arange(3000), np.arange(20)) % 5 < 2
-    file.write_text("\n".join(rows(whole)))
+    file.write_text("\n".join(to_rows(whole)))
     values = {"weave": {"draft": str(file)}, "view": {"camera": "face"}}
     scene = Scene(values)
     # A pixel for each pick: 2400 of them.

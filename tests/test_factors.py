@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 from pencils import solve_modes, stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import factors
@@ -36,7 +36,7 @@ def library(request, monkeypatch):
 
 
 def pencil(divisions):
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), divisions)
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), divisions)
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
     return K, M, np.repeat(points[:, 1] < 1, 3)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spring_stiffness
 from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
@@ -17,7 +17,7 @@ from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.residual_vectors import participation
 
-LINEAR = lattice((0, 2, 0, 3, 0, 1), (3, 4, 2))
+LINEAR = build_lattice((0, 2, 0, 3, 0, 1), (3, 4, 2))
 QUADRATIC = add_midpoints(*LINEAR)
 
 
@@ -101,7 +101,7 @@ def test_a_mass_is_spread_evenly_by_length_area_or_volume(mesh):
 @pytest.mark.parametrize("cells", [2, 5, 10])
 def test_a_limp_strip_does_not_buckle_under_its_hem(cells):
     """Spread evenly the hem pulls the strip alike everywhere, and no part of it is pressed."""
-    points, tetrahedra = lattice((0, 0.1, 0, 0.1, -1.5e-4, 1.5e-4), (cells, 5, 1))
+    points, tetrahedra = build_lattice((0, 0.1, 0, 0.1, -1.5e-4, 1.5e-4), (cells, 5, 1))
     own = homogeneous_plate(isotropic(1e6, 0.3), 3e-4)
     limp = apply_measurements(own, tensile=(1e3, 1e3), shear=300.0, bending=(1e-7, 1e-7), ratio=0.0)
     held = np.repeat(points[:, 1:2] > 0.1 - 1e-9, 3, axis=1)
@@ -121,7 +121,7 @@ E, RHO = 2e6, 300.0
 
 def bar(divisions=(16, 1, 1), size=(1.0, 0.1, 0.1), order=2):
     """A bar along x whose points move along x only: no Poisson's ratio, and plane sections."""
-    points, cells = lattice((0, size[0], 0, size[1], 0, size[2]), divisions)
+    points, cells = build_lattice((0, size[0], 0, size[1], 0, size[2]), divisions)
     if order == 2:
         points, cells = add_midpoints(points, cells)
     held = np.repeat([[False, True, True]], len(points), axis=0)
@@ -182,7 +182,7 @@ def test_a_bar_on_an_elastic_foundation():
 def test_a_strip_on_an_elastic_foundation_bends(thin):
     # Cylindrical bending of a clamped strip: ω² = (βL)⁴ B/(ρ h L⁴) + k/(ρ h)
     length, height = 0.1, 1e-3
-    points, cells = lattice((0, length, 0, 0.02, 0, height), (24, 4, 1))
+    points, cells = build_lattice((0, length, 0, 0.02, 0, height), (24, 4, 1))
     material = isotropic(E, 0.0)
     if thin:
         material = homogeneous_plate(material, height, 2)
@@ -203,7 +203,7 @@ def test_a_strip_on_an_elastic_foundation_bends(thin):
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
 def test_a_spring_alone_carries_a_free_body(kind):
     # Springs along n everywhere: ω² = k/m along it; shifts across it and a turn are free.
-    points, cells = lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
         material = homogeneous_plate(material, 2e-3, 2)
@@ -227,7 +227,7 @@ def test_a_spring_alone_carries_a_free_body(kind):
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
 def test_a_factor_is_as_another_material(kind):
     # All cells three times stiffer and twice as heavy, and half of them against two materials.
-    points, cells = lattice((0, 0.1, 0, 0.06, 0, 2e-3), (6, 4, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.06, 0, 2e-3), (6, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
         material = homogeneous_plate(material, 2e-3, 2)
@@ -280,7 +280,7 @@ def test_a_bar_of_two_materials():
 @pytest.mark.parametrize("kind", ["linear", "sheet"])
 def test_what_hangs_by_springs_sinks_by_its_weight(kind):
     # However soft they are: x = m g/k, with a bead on it; modes about it are those of the springs.
-    points, cells = lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
     if kind == "sheet":
         material = homogeneous_plate(material, 2e-3, 2)
@@ -306,7 +306,7 @@ def test_what_hangs_by_springs_sinks_by_its_weight(kind):
 
 def test_a_slider_lets_what_hangs_slide():
     # A sheet on a slide inclined by 30° to the level: nothing holds it along the slide.
-    points, cells = lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
     normals = held_directions(points, ["box(-inf, inf, -inf, inf, -inf, inf):(1, 0, 1.7320508)"])
     held = np.repeat([[False, True, False]], len(points), axis=0)
     made = Model(points, cells, isotropic(E, 0.3), RHO, held, fittings=Fittings(normals=normals))
@@ -326,7 +326,7 @@ def test_a_slider_lets_what_hangs_slide():
 
 
 def test_a_rigid_place_does_not_hang():
-    points, cells = lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
     held = np.repeat((points[:, 0] == 0)[:, None], 3, axis=1)
     fitted = Fittings(bodies=rigid_bodies(points, ["+x"]))
     made = Model(points, cells, isotropic(E, 0.3), RHO, held, fittings=fitted)

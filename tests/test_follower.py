@@ -8,7 +8,7 @@ from calculix import mesh
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp, trapezoid
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
@@ -33,7 +33,7 @@ def cage_of(model: Model) -> CageModes:
 def box(kind: str) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return a small box of tetrahedra."""
     bounds = (0.0, 0.02, 0.0, 0.06, 0.0, 0.01)
-    return mesh((1, 3, 1), 2, bounds) if kind == "quadratic" else lattice(bounds, (1, 3, 1))
+    return mesh((1, 3, 1), 2, bounds) if kind == "quadratic" else build_lattice(bounds, (1, 3, 1))
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
@@ -121,7 +121,7 @@ def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
     tip = trapezoid(np.cos(angle), along), trapezoid(np.sin(angle), along)
     assert 1.5 < angle[0] < 1.6
 
-    points, cells = lattice((0, length, 0, 0.01, -thickness / 2, thickness / 2), (48, 1, 1))
+    points, cells = build_lattice((0, length, 0, 0.01, -thickness / 2, thickness / 2), (48, 1, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     plate = Plate(1e3 * plane, rigidity * plane, 500 * np.eye(2), 1e3)
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.textile.crimp.biaxial import stretch_map
+from spacemap_vtk.textile.crimp.biaxial import compute_stretch_map
 from spacemap_vtk.textile.crimp.interchange import CrimpState, Interchange, YarnMechanics
-from spacemap_vtk.textile.drafts.drawdown import from_matrix, tile
+from spacemap_vtk.textile.drafts.drawdown import from_matrix, tile_drawdown
 from spacemap_vtk.textile.weave import peirce
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -76,7 +76,7 @@ def test_the_weft_jams_and_holds() -> None:
     assert state.stretch[1, 0, 0] - 1.0 == pytest.approx(-0.089910, abs=1e-6)
     assert state.jammed[1].all()
     assert not state.jammed[0].any()
-    shown = stretch_map(crossings)
+    shown = compute_stretch_map(crossings)
     border = np.concatenate([[shown.jam[0], shown.weft], [shown.warp, shown.jam[1]]], axis=1)
     # the map goes on past the other family's jam
     held = crossings.resultants(border).stretch
@@ -266,7 +266,7 @@ def test_yarns_keep_their_length_in_any_weave(weave: str, share: float) -> None:
         Threads(diameter=d * 1e-3, spacing=p * 1e-3, section="racetrack", aspect=a)
         for d, p, a in ((0.25, 0.7, 1.3), (0.3, 0.8, 1.2))
     ]
-    drawdown = tile(from_matrix(WEAVES[weave]), 23, 21)
+    drawdown = tile_drawdown(from_matrix(WEAVES[weave]), 23, 21)
     woven = Cloth(drawdown=drawdown, warp=threads[0], weft=threads[1], crimp_height=share * 0.55e-3)
     crossings, period = Interchange(woven), len(WEAVES[weave])
 
@@ -316,7 +316,7 @@ def test_yarns_keep_their_length_in_any_weave(weave: str, share: float) -> None:
 @pytest.mark.parametrize("weave", ["plain", "twill"])
 def test_the_state_is_continuous_everywhere(yarns: YarnMechanics, weave: str) -> None:
     points = 2001
-    drawdown = tile(from_matrix(WEAVES[weave]), points, 4)
+    drawdown = tile_drawdown(from_matrix(WEAVES[weave]), points, 4)
     threads = Threads(diameter=0.5 * D, spacing=0.5e-3)
     crossings = Interchange(Cloth(drawdown=drawdown, warp=threads, weft=threads), yarns)
     random = np.random.default_rng(7)

@@ -19,7 +19,7 @@ from spacemap_vtk import (
     TransientResponse,
     WeaveSource,
 )
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SpacemapWarning
 from spacemap_vtk.filters.base import connect
 from spacemap_vtk.mechanics.elements.inversion import count_inverted
@@ -71,7 +71,7 @@ def test_tetrahedra_that_are_turned_inside_out_are_counted(
 
 def test_cells_of_a_sheet_that_are_turned_over_are_counted() -> None:
     """Rolling it up tightly turns tetrahedra inside out, but no cell."""
-    points, cells = lattice((0, 1, 0, 0.5, -0.01, 0.01), (8, 3, 1))
+    points, cells = build_lattice((0, 1, 0, 0.5, -0.01, 0.01), (8, 3, 1))
     surface = find_mid_surface(points, cells)
     assert surface is not None
     mirrored = points * [0, 0, -2]

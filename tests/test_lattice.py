@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spacemap_vtk.cage.lattice import estimate_bytes, lattice
+from spacemap_vtk.cage.lattice import build_lattice, estimate_bytes
 from spacemap_vtk.errors import GeometryError, InputError
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -22,7 +22,7 @@ def volumes(points, tetrahedra):
 
 
 def test_the_papers_cage():
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     assert points.shape == (72, 3)
     assert points.dtype == np.float64
     assert tetrahedra.shape == (125, 4)
@@ -40,7 +40,7 @@ def test_the_papers_cage():
 @given(counts, counts, counts)
 def test_conforms_and_fills_the_box(nx, ny, nz):
     bounds = (-1.0, 2.5, 0.25, 1.0, 3.0, 3.125)
-    points, tetrahedra = lattice(bounds, (nx, ny, nz))
+    points, tetrahedra = build_lattice(bounds, (nx, ny, nz))
     assert len(points) == (nx + 1) * (ny + 1) * (nz + 1)
     assert len(tetrahedra) == 5 * nx * ny * nz
     assert set(tetrahedra.ravel()) == set(range(len(points)))
@@ -77,13 +77,13 @@ def test_conforms_and_fills_the_box(nx, ny, nz):
 
 
 def test_numpy_integers_are_whole_numbers():
-    assert len(lattice(np.array([0, 1, 0, 1, 0, 1]), np.array([1, 2, 3]))[1]) == 30
+    assert len(build_lattice(np.array([0, 1, 0, 1, 0, 1]), np.array([1, 2, 3]))[1]) == 30
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_scale_does_not_matter(scale):
-    unit, cells = lattice((0, 1, 0, 2, 0, 1e-3), (2, 3, 1))
-    points, tetrahedra = lattice(scale * np.array((0, 1, 0, 2, 0, 1e-3)), (2, 3, 1))
+    unit, cells = build_lattice((0, 1, 0, 2, 0, 1e-3), (2, 3, 1))
+    points, tetrahedra = build_lattice(scale * np.array((0, 1, 0, 2, 0, 1e-3)), (2, 3, 1))
     np.testing.assert_array_equal(cells, tetrahedra)
     np.testing.assert_allclose(points, scale * unit, rtol=1e-15)
 
@@ -104,13 +104,13 @@ def test_scale_does_not_matter(scale):
 )
 def test_impossible_boxes(bounds, word):
     with pytest.raises(GeometryError, match=word):
-        lattice(bounds, (1, 1, 1))
+        build_lattice(bounds, (1, 1, 1))
 
 
 @pytest.mark.parametrize("divisions", [(0, 1, 1), (1, -1, 1), (1.5, 1, 1), (1, 1), (True, 1, 1)])
 def test_impossible_divisions(divisions):
     with pytest.raises(InputError, match="whole numbers"):
-        lattice((0, 1, 0, 1, 0, 1), divisions)
+        build_lattice((0, 1, 0, 1, 0, 1), divisions)
     with pytest.raises(InputError, match="whole numbers"):
         estimate_bytes(divisions)
 
@@ -118,7 +118,7 @@ def test_impossible_divisions(divisions):
 def test_estimate_is_near_the_peak():
     divisions = (60, 50, 40)
     tracemalloc.start()
-    lattice((0, 1, 0, 1, 0, 1), divisions)
+    build_lattice((0, 1, 0, 1, 0, 1), divisions)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert 0.5 * peak < estimate_bytes(divisions) < 2.0 * peak

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elements.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.elements.shell import SheetGradient, find_mid_surface
@@ -34,7 +34,7 @@ class Turning:
     """A body that turns linearly, with a swelling on top."""
 
     def __init__(self) -> None:
-        self.points, self.cells = lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
+        self.points, self.cells = build_lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
 
     def at(self, time: float) -> FloatArray:
         x, y, z = self.points.T
@@ -60,7 +60,7 @@ def test_the_most_of_a_turn_is_told() -> None:
 
 def test_folds_tighter_than_a_sheet_is_thick_are_no_rotation() -> None:
     """A strip bent to a circle turns at its end by its length times the change in curvature."""
-    flat, cells = lattice((0, 1, 0, 0.1, -0.05, 0.05), (80, 2, 1))
+    flat, cells = build_lattice((0, 1, 0, 0.1, -0.05, 0.05), (80, 2, 1))
     surface = find_mid_surface(flat, cells)
     assert surface is not None
 

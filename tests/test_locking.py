@@ -10,7 +10,7 @@ import pytest
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, SpacemapWarning, TetraCage
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.locking import _Plate as Plate
 from spacemap_vtk.mechanics.elements.locking import estimate_locking, proportions_of
 from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
@@ -29,7 +29,7 @@ BENDING, TWIST = 3.4917, 8.5246
 def square(cells, layers, wide, order):
     """A square sheet whose cells are `wide` times as wide as it is thick, held by one side."""
     thickness = SIDE / cells / wide
-    points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, thickness), (cells, cells, layers))
+    points, tetrahedra = build_lattice((0, SIDE, 0, SIDE, 0, thickness), (cells, cells, layers))
     if order == 2:
         points, tetrahedra = add_midpoints(points, tetrahedra)
     return points, tetrahedra, thickness
@@ -167,7 +167,7 @@ def test_the_leading_terms_are_in_closed_form(layers, wide):
 def test_a_bar_of_cubes():
     """Measured first frequencies of 10 x 1 x 1 m of steel, see test_eigen.py, over Timoshenko's."""
     for cells, first in ((1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533)):
-        points, tetrahedra = lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
+        points, tetrahedra = build_lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
         said = estimate_locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
         assert 0.97 < said.bending / (first / 8.013) ** 2 < 1.3
         assert said.twist == 1.0
@@ -179,7 +179,7 @@ def test_other_poissons_ratios(ratio, divisions, thickness):
     """Against quadratic tetrahedra, which bend however thin and however incompressible."""
     stuff, found = isotropic(1e6, ratio), []
     for order, cells in ((1, divisions), (2, (8, 8, 1))):
-        points, tetrahedra = lattice((0, 1, 0, 1, 0, thickness), cells)
+        points, tetrahedra = build_lattice((0, 1, 0, 1, 0, thickness), cells)
         clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
         if order == 1:
             said = estimate_locking(points, tetrahedra, stuff, clamped)
@@ -192,11 +192,11 @@ def test_other_poissons_ratios(ratio, divisions, thickness):
 
 
 def test_what_is_no_sheet_is_not_judged():
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
     nothing = np.zeros(points.shape, bool)
     assert estimate_locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
     assert proportions_of(points, tetrahedra).layers == np.inf
-    layers = proportions_of(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3))).layers
+    layers = proportions_of(*build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3))).layers
     assert layers == pytest.approx(3)
 
 

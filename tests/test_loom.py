@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.drafts.loom import Loom
 
 TWILL = Loom(
@@ -74,10 +74,11 @@ def test_a_liftplan_weaves_the_same_and_so_do_its_treadles(loom: Loom) -> None:
 @given(looms(), st.integers(1, 12), st.integers(1, 12))
 def test_a_tiled_loom_weaves_the_tiled_cloth(loom: Loom, ends: int, picks: int) -> None:
     np.testing.assert_array_equal(
-        loom.tiled(ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
+        loom.tiled(ends, picks).drawdown(), tile_drawdown(loom.drawdown(), ends, picks)
     )
     np.testing.assert_array_equal(
-        loom.with_liftplan.tiled(ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
+        loom.with_liftplan.tiled(ends, picks).drawdown(),
+        tile_drawdown(loom.drawdown(), ends, picks),
     )
 
 

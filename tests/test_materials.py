@@ -12,7 +12,7 @@ from pencils import solve_modes, stiffness_and_mass
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.materials import (
     equivalent_poissons_ratio,
@@ -83,7 +83,7 @@ def test_a_bar_sounds_with_the_modulus_of_its_axis(axis, modulus):
     elasticity = fabric_to_xyz(orthotropic(MODULI, SHEARS, [0, 0, 0]))
     bounds, divisions = [0, 0.05] * 3, [1, 1, 1]
     bounds[2 * axis + 1], divisions[axis] = 1.0, 40
-    points, tetrahedra = lattice(bounds, divisions)
+    points, tetrahedra = build_lattice(bounds, divisions)
     K, M = stiffness_and_mass(points, tetrahedra, elasticity, 100.0)
     eigenvalues = solve_modes(K, M, np.arange(K.shape[0]) % 3 == axis, 2)[0]
     frequency = math.sqrt(eigenvalues[1]) / (2 * math.pi)

@@ -11,7 +11,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
@@ -25,7 +25,7 @@ STEEL = isotropic(2e6, 0.3)
 
 
 def model(divisions=(4, 4, 2), held=None, elasticity=STEEL, density=300.0, lumped=False, z=0.3):
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, z), divisions)
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, z), divisions)
     if held is None:
         held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
     elif callable(held):
@@ -83,7 +83,7 @@ def test_rigid_motions_that_supports_leave(held, count):
 
 
 def test_two_bodies_have_twelve_rigid_motions():
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
     two = np.concatenate([points, points + 5.0])
     cells = np.concatenate([tetrahedra, tetrahedra + len(points)])
     made = Model(two, cells, STEEL, 1.0, np.zeros(two.shape, bool))
@@ -137,7 +137,7 @@ def test_arguments_are_checked():
 
 def thin(length, divisions=(5, 5, 1), held=None):
     """Return a sheet of quadratic tetrahedra, half a millimetre thick, that hangs by +y."""
-    points, cells = lattice((0, length, 0, length, 0, 5e-4), divisions)
+    points, cells = build_lattice((0, length, 0, length, 0, 5e-4), divisions)
     points, cells = add_midpoints(points, cells)
     if held is None:
         held = np.repeat((points[:, 1] > length * (1 - 1e-9))[:, None], 3, axis=1)
@@ -193,7 +193,7 @@ def test_a_very_thin_sheet_bends_as_a_plate():
 
 def test_thin_sheets_are_held_by_their_edges():
     assert thin(1.0).rigid.shape[1] == 0
-    points, cells = lattice((0, 1, 0, 1, 0, 1e-6), (10, 10, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1e-6), (10, 10, 1))
     edge = (points[:, 1] == 1)[:, None] & np.ones(3, bool)
     made = Model(points, cells, STEEL, 300.0, edge)
     assert made.rigid.shape[1] == 0
@@ -203,7 +203,7 @@ def test_thin_sheets_are_held_by_their_edges():
 
 
 def test_what_is_nothing_but_rounding_is_refused():
-    points, cells = lattice((0, 1, 0, 1, 0, 1e-6), (5, 5, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1e-6), (5, 5, 1))
     points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
     made = Model(points, cells, isotropic(1e6, 0.3), 300.0, held)
@@ -254,7 +254,7 @@ def test_what_dies_with_a_stage_runs_no_python() -> None:
 
 
 def thinner(length, divisions=(5, 5, 1), held=True, thickness=3e-4):
-    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, thickness), divisions))
+    points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, thickness), divisions))
     edge = np.repeat(points[:, 1:2] > length * (1 - 1e-9), 3, axis=1) & held
     return Model(points, cells, isotropic(1e6, 0.3), 300.0, edge)
 
@@ -323,7 +323,7 @@ def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
 )
 def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, count, length, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
-    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
+    points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
     made = Model(points, cells, STEEL, 300.0, places(points))
     found = solve_modes(made.pencil, 9)
     assert made.rigid.shape[1] == count
@@ -331,7 +331,7 @@ def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, coun
 
 
 def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
-    points, cells = lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
     both = np.concatenate([points, points + 1])
     points, numbers = np.unique(both, axis=0, return_inverse=True)
     cells = numbers.ravel()[np.concatenate([cells, cells + len(both) // 2])]
@@ -347,7 +347,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_strains_give_what_the_stiffness_gives(order):
-    points, cells = lattice((0, 1, 0, 0.7, 0, 0.5), (3, 2, 2))
+    points, cells = build_lattice((0, 1, 0, 0.7, 0, 0.5), (3, 2, 2))
     if order == 2:
         points, cells = add_midpoints(points, cells)
     stuff = orthotropic([2e6, 1e6, 1e5], [1e5, 5e4, 7e4], [0.2, 0.1, 0.1])

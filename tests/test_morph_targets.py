@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacemap_vtk.embedding.morph_targets import morph_targets
+from spacemap_vtk.embedding.morph_targets import find_morph_targets
 
 
 @pytest.mark.parametrize(("tolerance", "count"), [(2.0, 0), (0.2, 1), (0.011, 2), (1e-12, 3)])
@@ -15,7 +15,7 @@ def test_as_many_terms_as_the_tolerance_asks_for(tolerance: float, count: int) -
     motion = np.zeros((64, 3, 3))
     for k, size in enumerate((1.0, 0.1, 0.01)):
         motion[:, k, k] = size * np.sin((k + 1) * times)
-    found = morph_targets(motion, tolerance)
+    found = find_morph_targets(motion, tolerance)
     assert found.weights.shape == (64, count)
     made = np.tensordot(found.weights, found.shapes, 1)
     assert np.linalg.norm(made - motion, axis=2).max() == pytest.approx(found.error, abs=1e-15)
@@ -28,7 +28,7 @@ def test_as_many_terms_as_the_tolerance_asks_for(tolerance: float, count: int) -
 def test_what_lies_inside_is_as_near_as_the_cage() -> None:
     rng = np.random.default_rng(0)
     motion = rng.standard_normal((40, 4, 3)).cumsum(axis=0)
-    found = morph_targets(motion, 2.0)
+    found = find_morph_targets(motion, 2.0)
     assert 0 < len(found.shapes) < 12
     inside = rng.dirichlet(np.ones(4), 500)
     off = inside @ (np.tensordot(found.weights, found.shapes, 1) - motion)

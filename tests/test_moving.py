@@ -25,7 +25,7 @@ from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.cross_section import cross_section
+from spacemap_vtk.textile.geometry.cross_section import cut_cloth
 
 ROOT = Path(__file__).parent.parent
 #: Where .ci/run installs gltf-validator and three.
@@ -127,7 +127,7 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
     assert curves is not None
     areas = []
     for family in (1, 0):  # a cut along a pick goes across the ends
-        x, z = np.moveaxis(cross_section(scene.woven.cloth, family).sections, 2, 0)
+        x, z = np.moveaxis(cut_cloth(scene.woven.cloth, family).sections, 2, 0)
         areas += list(0.5 * np.abs((x * np.roll(z, -1, 1) - np.roll(x, -1, 1) * z).sum(axis=1)))
     np.testing.assert_allclose(np.pi / 4 * curves.widths**2, areas, rtol=2e-3)
 

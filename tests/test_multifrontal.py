@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from pencils import solve_modes, stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import multifrontal
@@ -32,7 +32,7 @@ def order(request, monkeypatch):
 
 
 def pencil(divisions, held=True):
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), divisions)
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), divisions)
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
     free = np.flatnonzero(np.repeat((points[:, 1] < 1) | (not held), 3))
     return K[free][:, free], M[free][:, free], free // 3

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pencils import solve_modes, stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.response.oscillator import (
@@ -186,7 +186,7 @@ def test_damping_ratio_and_regime():
 def test_whole_response_against_expm(fixed, alpha, beta):
     # M ü + C u̇ + K u = f, from an initial displacement and velocity: the sum over all modes
     # against the exponential of the unreduced first-order system, u, u̇ and 1 being its states.
-    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.3), (2, 2, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.3), (2, 2, 1))
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(3e3, 0.3), 300.0)
     held = points[:, 1] == 1 if fixed else np.zeros(len(points), bool)
     free = np.repeat(~held, 3)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.textile.geometry import partition, yarn_clearance
-from spacemap_vtk.textile.geometry.axes import Share, axes
-from spacemap_vtk.textile.geometry.partition import cropped, telling_parts
-from spacemap_vtk.textile.geometry.weave import build, count
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection, cloth_axes
+from spacemap_vtk.textile.geometry.partition import crop_cloth, representative_parts
+from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
 from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.figures import fabric_figures
@@ -39,11 +39,11 @@ def test_yarns_of_one_course_are_measured_once(axis, varied):
     for yarn, course in enumerate(which):
         np.testing.assert_array_equal(cloth.upper(0)[yarn], cloth.upper(0)[first[course]])
         assert cloth.yarns[0].diameter[yarn] == cloth.yarns[0].diameter[first[course]]
-    made, (counts, error) = build(cloth), count(cloth)
+    made, (counts, error) = build_weave(cloth), count_patches(cloth)
     assert (counts.points, counts.patches) == (len(made.points), len(made.patches))
     assert error == pytest.approx(made.radial_error, rel=1e-12)
     figures = fabric_figures(cloth)
-    for name, path in zip(("warp", "weft"), axes(cloth), strict=True):
+    for name, path in zip(("warp", "weft"), cloth_axes(cloth), strict=True):
         assert figures[name]["yarn_length"] == pytest.approx(path.length.sum(), rel=1e-12)
 
 
@@ -54,9 +54,9 @@ def test_a_part_of_a_cloth_lies_where_it_does_in_the_whole(flat):
     warp = Threads(diameter=rng.choice([0.15e-3, 0.2e-3], 30), spacing=0.5e-3, **shape)
     weft = Threads(diameter=0.2e-3, spacing=rng.choice([0.5e-3, 0.6e-3], 39), **shape)
     cloth = Cloth(drawdown=shafts(30, 40, 5), warp=warp, weft=weft)
-    part = Share(slice(7, 19), slice(20, 36))
+    part = YarnSelection(slice(7, 19), slice(20, 36))
     for number, (whole, some) in enumerate(
-        zip(axes(cloth, part), axes(cropped(cloth, part)), strict=True)
+        zip(cloth_axes(cloth, part), cloth_axes(crop_cloth(cloth, part)), strict=True)
     ):
         np.testing.assert_allclose(some.lateral, whole.lateral, rtol=1e-12)
         # From one of its crossings to the next, wherever both are inside.
@@ -75,7 +75,7 @@ def test_each_local_weave_is_in_a_part(monkeypatch):
     # In smaller crops more crossings lie at a border, where some of their neighbours are missing.
     monkeypatch.setattr(partition, "_PER_WEAVE", 2.0)
     cloth = Cloth(drawdown=shafts(300, 200, 3), warp=THREADS, weft=THREADS)
-    parts, weaves = telling_parts(cloth, 30_000)
+    parts, weaves = representative_parts(cloth, 30_000)
     around = np.pad(cloth.drawdown.astype(np.uint8), 1, constant_values=2)  # 2: past the edge
     found = {
         around[i : i + 3, j : j + 3].tobytes(): weaves[i, j]
@@ -84,15 +84,15 @@ def test_each_local_weave_is_in_a_part(monkeypatch):
     assert sorted(found.values()) == list(range(weaves.max() + 1))
     told = np.concatenate([weaves[picks, ends].ravel() for ends, picks in parts])
     assert set(told) == set(found.values())
-    assert len(telling_parts(cloth, 300)[0]) == 1 < len(parts)
+    assert len(representative_parts(cloth, 300)[0]) == 1 < len(parts)
     plain = Cloth(drawdown=np.indices((200, 300)).sum(axis=0) % 2, warp=THREADS, weft=THREADS)
     # Two within and two at each edge, one at each corner.
-    assert telling_parts(plain, 3000)[1].max() + 1 == 2 + 4 * 2 + 4
+    assert representative_parts(plain, 3000)[1].max() + 1 == 2 + 4 * 2 + 4
     # An end that is thicker is another one, and so are those beside it: each has two crossings
     # within, and one at each edge.
     thick = np.where(np.arange(300) == 150, 0.25e-3, 0.2e-3)
     varied = replace(plain, warp=replace(THREADS, diameter=thick))
-    assert telling_parts(varied, 3000)[1].max() + 1 == 14 + 3 * (2 + 2)
+    assert representative_parts(varied, 3000)[1].max() + 1 == 14 + 3 * (2 + 2)
 
 
 @pytest.mark.parametrize("section", ["circular", "racetrack"])

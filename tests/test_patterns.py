@@ -19,8 +19,8 @@ from spacemap_vtk.io.drafts import draft_file
 from spacemap_vtk.io.drafts.draft_file import parse_rows, read_draft
 from spacemap_vtk.io.drafts.wif_writer import format_wif
 from spacemap_vtk.textile.drafts import drawdown, patterns
-from spacemap_vtk.textile.drafts.drawdown import tile
-from spacemap_vtk.textile.drafts.patterns import canonical, named
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+from spacemap_vtk.textile.drafts.patterns import build_pattern, normalise_name
 
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 
@@ -50,11 +50,11 @@ BY_HAND = {
 
 @pytest.mark.parametrize("name", BY_HAND)
 def test_drawdowns_by_hand(name: str) -> None:
-    assert drawdown.rows(named(name)) == BY_HAND[name].split()
-    assert canonical(name) == name
+    assert drawdown.to_rows(build_pattern(name)) == BY_HAND[name].split()
+    assert normalise_name(name) == name
     source = WeaveSource(pattern=name, ends=20, picks=20)
     repeat = drawdown.from_matrix(BY_HAND[name].split())
-    np.testing.assert_array_equal(source.cloth.drawdown, tile(repeat, 20, 20))
+    np.testing.assert_array_equal(source.cloth.drawdown, tile_drawdown(repeat, 20, 20))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_drawdowns_by_hand(name: str) -> None:
     ],
 )
 def test_one_spelling_is_kept(name: str, same: str) -> None:
-    assert canonical(name) == same
+    assert normalise_name(name) == same
     source = WeaveSource(pattern=same)
     changed = source.GetMTime()
     source.pattern = name
@@ -107,11 +107,11 @@ def test_what_is_no_weave_is_refused_with_what_is(name: str, said: str) -> None:
 @given(st.text(max_size=30))
 def test_any_text_is_a_weave_or_refused(text: str) -> None:
     try:
-        name = canonical(text)
+        name = normalise_name(text)
     except InputError:
         return
-    assert canonical(name) == name
-    np.testing.assert_array_equal(named(name), named(text))
+    assert normalise_name(name) == name
+    np.testing.assert_array_equal(build_pattern(name), build_pattern(text))
 
 
 @pytest.mark.parametrize(("over", "under"), [(2, 1), (1, 3), (4, 2)])
@@ -119,8 +119,10 @@ def test_any_text_is_a_weave_or_refused(text: str) -> None:
 def test_rib(over: int, under: int, family: str) -> None:
     weave = patterns.rib(over, under, family)
     longest = max(over, under)
-    assert drawdown.floats(weave) == ((longest, 1) if family == "warp" else (1, longest))
-    assert drawdown.repeat(weave) == ((2, over + under) if family == "warp" else (over + under, 2))
+    assert drawdown.longest_floats(weave) == ((longest, 1) if family == "warp" else (1, longest))
+    assert drawdown.repeat_size(weave) == (
+        (2, over + under) if family == "warp" else (over + under, 2)
+    )
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -133,9 +135,9 @@ def test_rib(over: int, under: int, family: str) -> None:
 def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
     file = tmp_path / "weave.txt"
     file.write_text(text, encoding="utf-8", newline="")
-    assert drawdown.rows(read_draft(file).drawdown) == ["110", "011"]
+    assert drawdown.to_rows(read_draft(file).drawdown) == ["110", "011"]
     source = WeaveSource(draft=file)
-    assert drawdown.rows(source.cloth.drawdown) == ["110", "011"]
+    assert drawdown.to_rows(source.cloth.drawdown) == ["110", "011"]
     source.update()
 
 
@@ -163,7 +165,7 @@ def test_a_picture(mode: str, ending: str, tmp_path: Path) -> None:
     file = tmp_path / f"weave{ending}"
     Image.fromarray(seen).convert(mode).save(file)
     found = read_draft(file)
-    assert drawdown.rows(found.drawdown) == ["100", "011"]
+    assert drawdown.to_rows(found.drawdown) == ["100", "011"]
     assert found.warnings == ()
     assert found.title == "weave"
 
@@ -172,10 +174,10 @@ def test_a_gray_or_transparent_picture(tmp_path: Path) -> None:
     file = tmp_path / "gray.png"
     Image.fromarray(np.array([[100, 255], [0, 200]], dtype=np.uint8)).save(file)
     found = read_draft(file)
-    assert drawdown.rows(found.drawdown) == ["10", "10"]
+    assert drawdown.to_rows(found.drawdown) == ["10", "10"]
     assert "2 of 4 pixels are neither black nor white" in found.warnings[0]
     Image.fromarray(np.array([[[0, 0, 0, 0], [0, 0, 0, 255]]], dtype=np.uint8)).save(file)
-    assert drawdown.rows(read_draft(file).drawdown) == ["01"]
+    assert drawdown.to_rows(read_draft(file).drawdown) == ["01"]
 
 
 def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +221,7 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
     found = read_draft(file)
     assert found.loom is not None
     assert found.loom.liftplan == ((1, 3), (2, 4), (), (3,))
-    assert drawdown.rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
+    assert drawdown.to_rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
     assert found.warnings[0].endswith("a straight draw over its 4 shafts is assumed")
     assert found.title == "dobby"
 

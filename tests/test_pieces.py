@@ -24,8 +24,8 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.partition import share_of, whole_bounds
-from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.partition import cloth_bounds, select_piece
+from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 sys.path.insert(0, str(Path(__file__).parent / "mpi"))
@@ -37,12 +37,12 @@ MOVED = 0.05
 @settings(max_examples=30, deadline=None)
 @given(cloth=woven(), pieces=st.integers(1, 12))
 def test_pieces_of_any_cloth_are_its_yarns_in_their_places(cloth: Cloth, pieces: int) -> None:
-    whole = build(cloth)
+    whole = build_weave(cloth)
     expected = np.stack([whole.points.min(axis=0), whole.points.max(axis=0)], axis=1).ravel()
-    np.testing.assert_array_equal(whole_bounds(cloth), expected)
+    np.testing.assert_array_equal(cloth_bounds(cloth), expected)
     seen: list[int] = []
     for number in range(pieces):
-        part = build(cloth, share_of(cloth, number, pieces))
+        part = build_weave(cloth, select_piece(cloth, number, pieces))
         assert number > 0 or len(part.patches)
         seen += np.unique(part.yarn).tolist()
         for yarn in np.unique(part.yarn):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.fittings import MASS_UNITS, SPRING_UNITS
 from spacemap_vtk.mechanics.boundary.places import directions, find_vertices, parse_places
 
-POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
+POINTS = build_lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 
 
 @pytest.mark.parametrize(

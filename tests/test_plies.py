@@ -10,10 +10,10 @@ from spacemap_vtk import PatchTessellator, WeaveSource
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.patch_tessellator import STRANDS
-from spacemap_vtk.textile.geometry.plies import outline
-from spacemap_vtk.textile.geometry.strand_curves import fibre_count, strand_curves
-from spacemap_vtk.textile.geometry.weave import build
-from spacemap_vtk.textile.weave.yarn import twist, usual_twist
+from spacemap_vtk.textile.geometry.plies import ply_outline
+from spacemap_vtk.textile.geometry.strand_curves import build_strand_curves, fibre_count
+from spacemap_vtk.textile.geometry.weave import build_weave
+from spacemap_vtk.textile.weave.yarn import parse_twist, usual_twist
 
 #: A lone straight pick along x, 40 mm long and 0.25 mm thick, under an end that is far thinner.
 STRAIGHT = {
@@ -72,7 +72,7 @@ def test_plies_fill_what_circles_pressed_together_do() -> None:
 
         area = plies * quad(lambda t: rim(t) ** 2, 0.0, half)[0]
         phase = np.linspace(0.0, 1.0, 4001)[:-1]
-        reach, slope = outline(phase, np.array(float(plies)))
+        reach, slope = ply_outline(phase, np.array(float(plies)))
         # grooves are rounded, by a few per cent
         assert np.pi * (reach**2).mean() == pytest.approx(area, rel=0.03)
         by_steps = (np.roll(reach, -1) - np.roll(reach, 1)) / (2 * phase[1])
@@ -102,8 +102,8 @@ def test_a_mean_yarn_of_cotton_has_as_many_fibres_as_its_mass_says() -> None:
 
 def test_fibres_of_a_straight_yarn_are_helices() -> None:
     cloth = WeaveSource(**STRAIGHT, weft_twist="Z 500").cloth
-    made = build(cloth)
-    curves = strand_curves(cloth, made.tubes, made.places, made.points, fibres=20)
+    made = build_weave(cloth)
+    curves = build_strand_curves(cloth, made.tubes, made.places, made.points, fibres=20)
     lines = np.split(curves.points, np.cumsum(curves.counts)[:-1])
     for line, yarn in zip(lines, curves.yarn, strict=True):
         if not yarn:
@@ -124,7 +124,7 @@ def test_fibres_of_a_straight_yarn_are_helices() -> None:
 @pytest.mark.parametrize("text", ["Z 600 S", "-600 Z", "600 X", "Z"])
 def test_what_is_no_twist_is_refused(text: str) -> None:
     with pytest.raises(InputError):
-        twist(text)
+        parse_twist(text)
 
 
 def test_twist_and_plies_are_of_each_yarn_and_enter_no_figures() -> None:
@@ -138,4 +138,4 @@ def test_twist_and_plies_are_of_each_yarn_and_enter_no_figures() -> None:
     # and are shown as they are written
     shown = [plied.parameter(name).show(getattr(plied, name)) for name in TWISTS]
     assert shown == ["300 Z, 300 S", "700 S"]
-    assert twist("700 S") == plied.weft_twist
+    assert parse_twist("700 S") == plied.weft_twist

@@ -10,7 +10,7 @@ from spacemap_vtk.draw.actors.color_values import color_values, largest_principa
 from spacemap_vtk.draw.actors.surface_actor import natural_span
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.point_clearance import gaps
+from spacemap_vtk.textile.geometry.point_clearance import point_clearances
 from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance
 
 
@@ -29,7 +29,7 @@ def test_parallel_tubes(distance: float) -> None:
     radius = 0.5
     one = tube(np.zeros(3), 0, radius)
     other = tube(np.array([0, 0, 2 * radius + distance]), 0, radius)
-    found = gaps(
+    found = point_clearances(
         np.concatenate([one[0], other[0]]),
         np.concatenate([one[1], other[1]]),
         np.repeat([0, 1], len(one[0])),
@@ -48,7 +48,7 @@ def test_crossed_tubes_of_many_yarns() -> None:
     tubes += [tube(np.array([k * 1.5, 0, 0.7]), 1, 0.3) for k in (0, 1)]
     points, normals = (np.concatenate([t[i] for t in tubes]) for i in (0, 1))
     yarn = np.repeat(np.arange(4), len(tubes[0][0]))
-    found = gaps(points, normals, yarn, reach=0.015)
+    found = point_clearances(points, normals, yarn, reach=0.015)
     assert abs(found.min() - 0.1) < 5e-4
     # All four crossed pairs come as near.
     for number in range(4):
@@ -57,7 +57,7 @@ def test_crossed_tubes_of_many_yarns() -> None:
 
 def test_one_yarn_has_no_neighbour() -> None:
     points, normals = tube(np.zeros(3), 0, 0.5)
-    assert np.isinf(gaps(points, normals, np.zeros(len(points), int), 0.01)).all()
+    assert np.isinf(point_clearances(points, normals, np.zeros(len(points), int), 0.01)).all()
 
 
 def test_a_cloth_as_woven_touches_and_an_open_one_does_not() -> None:

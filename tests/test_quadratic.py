@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkQuadraticTetra
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk import BarycentricWarp, ModalResponse, ModalSolver, TetraCage, WeaveSource
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weights
 from spacemap_vtk.embedding.locate import locate
@@ -28,7 +28,7 @@ YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 
 
 def perturbed(divisions=(3, 3, 2), bounds=(0.0, 2.0, 0.0, 1.0, -0.3, 0.4)):
-    points, tetrahedra = lattice(bounds, divisions)
+    points, tetrahedra = build_lattice(bounds, divisions)
     low, high = points.min(axis=0), points.max(axis=0)
     inner = ((points > low) & (points < high)).all(axis=1)
     moves = np.random.default_rng(1).uniform(-0.2, 0.2, points.shape) * (high - low) / divisions
@@ -100,7 +100,7 @@ def test_curved_ones_are_refused(mesh):
 
 
 def test_one_layer_bends():
-    points, tetrahedra = add_midpoints(*lattice((0, 10, 0, 1, 0, 1), (10, 1, 1)))
+    points, tetrahedra = add_midpoints(*build_lattice((0, 10, 0, 1, 0, 1), (10, 1, 1)))
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(200e9, 0.3), 8000.0)
     eigenvalues, shapes = solve_modes(K, M, np.repeat(points[:, 0] > 0, 3), 8)
     frequencies = np.sqrt(eigenvalues) / (2 * np.pi)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load_parameters import add_stress
 from spacemap_vtk.mechanics.boundary import loads
@@ -30,7 +30,7 @@ from spacemap_vtk.mechanics.response.harmonic import receptance
 
 
 def sheet(fixed=True, divisions=(8, 8, 2)):
-    points, cells = lattice((0, 1, 0, 1, 0, 0.05), divisions)
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.05), divisions)
     held = np.repeat((points[:, 1:2] == 1) & fixed, 3, axis=1)
     return Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
 
@@ -119,7 +119,7 @@ def test_all_modes_leave_nothing():
 @pytest.mark.parametrize("lumped", [False, True])
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
-    points, cells = lattice((0, 1, 0, 1, 0, 0.05), (3, 4, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.05), (3, 4, 1))
     if quadratic:
         points, cells = add_midpoints(points, cells)
     # Held along x and y at one side, along y at another, along z everywhere.
@@ -134,7 +134,7 @@ def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
 
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_a_pressure_sums_to_its_area(quadratic):
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (3, 2, 2))
+    points, cells = build_lattice((0, 1, 0, 2, 0, 0.5), (3, 2, 2))
     if quadratic:
         points, cells = add_midpoints(points, cells)
     for side, area in (("+z", 2.0), ("-x", 1.0), ("+y", 0.5)):
@@ -168,7 +168,7 @@ def test_a_side_without_faces_is_refused():
 
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
+    points, cells = build_lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
     if quadratic:
         points, cells = add_midpoints(points, cells)
     slope = np.random.default_rng(1).standard_normal((3, 3))
@@ -190,7 +190,7 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
 
 
 def test_rotation_is_half_the_curl_and_that_of_its_largest_tetrahedron():
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
+    points, cells = build_lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
     axis = np.array([0.1, -0.2, 0.3])
     turned = np.cross(axis, points)
     size = np.linalg.norm(axis)

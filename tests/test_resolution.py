@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
@@ -29,7 +29,7 @@ def solved(model, count):
 @pytest.mark.parametrize("cells", [(8, 8), (12, 12), (16, 8)], ids=str)
 def test_the_error_of_a_simply_supported_plates_modes_is_estimated(cells):
     """ω = π² (m² + n²)/a² √(D/(ρ h)): at all sizes of cells, square or not."""
-    points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, THICK), (*cells, 1))
+    points, tetrahedra = build_lattice((0, SIDE, 0, SIDE, 0, THICK), (*cells, 1))
     held = np.zeros(points.shape, bool)
     for axis in range(2):
         edge = np.isin(points[:, axis], [points[:, axis].min(), points[:, axis].max()])
@@ -48,7 +48,7 @@ def test_the_error_of_a_cantilevers_modes_is_estimated():
     """Against finer cells: half of it to all of it, as free edges resolve worse."""
     frequencies, estimated = [], []
     for cells in (10, 32):
-        points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, THICK), (cells, cells, 1))
+        points, tetrahedra = build_lattice((0, SIDE, 0, SIDE, 0, THICK), (cells, cells, 1))
         held = np.repeat(points[:, 1:2] == 0, 3, axis=1)
         model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.3), THICK), RHO, held)
         found, errors = solved(model, 24)
@@ -64,7 +64,7 @@ def test_the_error_of_a_cantilevers_modes_is_estimated():
 
 def test_a_stretched_bars_modes_are_resolved_better_than_those_that_bend():
     """ω = (2 n - 1) π c/(2 L) of a strip that moves in its plane alone."""
-    points, tetrahedra = lattice((0, 1.0, 0, 0.05, 0, 1e-3), (20, 1, 1))
+    points, tetrahedra = build_lattice((0, 1.0, 0, 0.05, 0, 1e-3), (20, 1, 1))
     held = np.tile([False, True, True], (len(points), 1)) | (points[:, :1] == 0)
     model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.0), 1e-3), RHO, held)
     found, estimated = solved(model, 8)

@@ -19,7 +19,7 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.textile.weave import yarn
 from spacemap_vtk.textile.weave.resolve import FILLING, SPACING
 from spacemap_vtk.textile.weave.thick_yarns import THICKNESS_SHARE, WIDTH_SHARE
-from spacemap_vtk.textile.weave.yarn import linear_density, yarn_height
+from spacemap_vtk.textile.weave.yarn import parse_yarn_count, yarn_height
 
 MM = 1e-3
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
@@ -53,7 +53,7 @@ def test_examples() -> None:
     ],
 )
 def test_yarn_counts_against_published_conversions(text: str, tex: float) -> None:
-    assert linear_density(text) * 1e6 == pytest.approx(tex, rel=3e-4)
+    assert parse_yarn_count(text) * 1e6 == pytest.approx(tex, rel=3e-4)
 
 
 @pytest.mark.parametrize("ne", [6, 20, 40, 100])

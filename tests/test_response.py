@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import VTK_QUADRATIC_TETRA, vtkUnstructuredGr
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import to_cells, to_points
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
@@ -408,7 +408,7 @@ def test_a_time_that_is_no_number_is_refused(time):
 
 def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:
     """Return a producer of a square of quadratic tetrahedra, half a millimetre thick."""
-    points, cells = add_midpoints(*lattice((0, length, 0, length, 0, 5e-4), divisions))
+    points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, 5e-4), divisions))
     grid = vtkUnstructuredGrid()
     grid.SetPoints(to_points(points))
     grid.SetCells(VTK_QUADRATIC_TETRA, to_cells(cells))

@@ -23,7 +23,7 @@ from spacemap_vtk import (
     TetraCage,
     connect,
 )
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.materials import isotropic
@@ -38,7 +38,7 @@ FloatArray = NDArray[np.float64]
 
 def strip(cells: int, thickness: float, sheet: bool) -> tuple[FloatArray, RotationCoordinates]:
     """Return the vertices of a strip of one metre by 0.1 m held at x = 0, and its rebuilder."""
-    points, tetrahedra = lattice((0, 1, 0, 0.1, -thickness / 2, thickness / 2), (cells, 1, 1))
+    points, tetrahedra = build_lattice((0, 1, 0, 0.1, -thickness / 2, thickness / 2), (cells, 1, 1))
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
     surface = find_mid_surface(points, tetrahedra) if sheet else None
     return points, RotationCoordinates(points, tetrahedra, held, surface)
@@ -96,7 +96,7 @@ def test_a_quarter_twist_is_a_helix_within_three_thousandths(sheet: bool) -> Non
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
 def test_rigid_motions_are_exact_and_rates_are_rates(kind: str) -> None:
-    points, cells = lattice((0, 1, 0, 0.5, -0.02, 0.03), (6, 3, 1))
+    points, cells = build_lattice((0, 1, 0, 0.5, -0.02, 0.03), (6, 3, 1))
     if kind == "quadratic":
         points, cells = add_midpoints(points, cells)
     surface = find_mid_surface(points, cells) if kind == "sheet" else None
@@ -130,7 +130,7 @@ def test_rigid_motions_are_exact_and_rates_are_rates(kind: str) -> None:
 
 def test_supports_along_a_slope_hold_there() -> None:
     """Of a model with an inclined slider, its own basis keeps vertices in their plane."""
-    points, cells = lattice((0, 1, 0, 1, 0, 0.02), (6, 6, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.02), (6, 6, 1))
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
     normals = np.zeros((len(points), 3, 3))
     slope = np.array([0.0, 0.6, 0.8])
@@ -266,7 +266,7 @@ def test_rebuilding_says_beyond_which_angle_it_is_not_to_be_trusted() -> None:
 
 
 def test_a_free_cage_that_turns_as_a_whole_is_trusted() -> None:
-    points, cells = lattice((0, 1, 0, 0.1, -0.05, 0.05), (5, 1, 1))
+    points, cells = build_lattice((0, 1, 0, 0.1, -0.05, 0.05), (5, 1, 1))
     linear = 1.5 * np.cross([0, 0, 1.0], points)
     free, held = (
         RotationCoordinates(points, cells, np.repeat(points[:, :1] < x, 3, axis=1)).rotation(linear)
@@ -298,7 +298,7 @@ def test_a_hung_sheet_turns_about_where_it_hangs() -> None:
 
 def test_a_motion_out_of_a_file_is_rebuilt_too(tmp_path: Any) -> None:
     """Of another solver's linear result no more is known than what its user says."""
-    points, cells = lattice((0, 1, 0, 0.1, -0.025, 0.025), (10, 1, 1))
+    points, cells = build_lattice((0, 1, 0, 0.1, -0.025, 0.025), (10, 1, 1))
     mesh = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points)
     x, z = points[:, 0], points[:, 2]
     for number, bend in enumerate((0.0, math.pi / 2)):

@@ -15,7 +15,7 @@ import pytest
 from calculix import ABSENT, CCX
 from numpy.typing import NDArray
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
 from spacemap_vtk.mechanics.modal.model import Model
@@ -75,7 +75,7 @@ def ours(
     gravity: tuple[float, float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the same of a sheet."""
-    points, cells = lattice(np.stack([np.zeros(3), size], 1).ravel(), (*divisions, 1))
+    points, cells = build_lattice(np.stack([np.zeros(3), size], 1).ravel(), (*divisions, 1))
     young, ratio, density = material
     plate = homogeneous_plate(isotropic(young, ratio), size[2])
     held = np.repeat(points[:, :1] == 0, 3, axis=1)

@@ -12,7 +12,7 @@ import scipy.sparse.linalg as sla
 from numpy.typing import NDArray
 
 from spacemap_vtk import TetraCage
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
@@ -57,7 +57,7 @@ def test_a_lattice_of_one_layer_is_a_sheet_across_any_axis(normal):
         np.roll([4, 3, 1], normal + 1),
         np.roll([[0, 4], [1, 3], [0, 0.1]], normal + 1, 0),
     )
-    points, cells = lattice(bounds.ravel(), divisions)
+    points, cells = build_lattice(bounds.ravel(), divisions)
     surface = found(points, cells)
     assert surface.normal == normal
     assert surface.pairs.shape == (20, 2)
@@ -84,12 +84,12 @@ def test_a_carved_lattice_is_a_sheet_with_holes():
 
 def test_of_two_thin_axes_the_thinner_one_counts():
     for bounds, normal in (((0, 5, 0, 0.2, 0, 0.1), 2), ((0, 5, 0, 0.1, 0, 0.2), 1)):
-        assert found(*lattice(bounds, (5, 1, 1))).normal == normal
+        assert found(*build_lattice(bounds, (5, 1, 1))).normal == normal
 
 
 def test_what_is_no_sheet():
-    points, cells = lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 1))
-    assert find_mid_surface(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))) is None
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 1))
+    assert find_mid_surface(*build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))) is None
     assert find_mid_surface(*add_midpoints(points, cells)) is None
     assert find_mid_surface(points, np.random.default_rng(0).permutation(cells)) is None
     assert find_mid_surface(points, cells[:-1]) is None
@@ -97,7 +97,7 @@ def test_what_is_no_sheet():
     stray = np.concatenate([points, [[2.0, 0, 0]]])
     assert find_mid_surface(stray, cells) is None
     # a hexahedron upon another one
-    tall, blocks = lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))
+    tall, blocks = build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))
     used, cells = np.unique(blocks[: 5 * 17], return_inverse=True)
     assert find_mid_surface(tall[used], cells.reshape(-1, 4)) is None
     with pytest.raises(GeometryError, match=r"one-layer lattice.*divisions"):
@@ -111,7 +111,7 @@ def clamped(points: FloatArray) -> NDArray[np.bool_]:
 
 def square(side: float, thickness: float, cells: int, free: bool = False) -> Model:
     """Return a square sheet across z, a cantilever unless it is free."""
-    points, tetrahedra = lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
+    points, tetrahedra = build_lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
     held = clamped(points) & (not free)
     return Model(points, tetrahedra, homogeneous_plate(STUFF, thickness), RHO, held)
 
@@ -182,7 +182,7 @@ def test_no_digit_is_lost_in_sheets_a_million_times_wider_than_thick(free, cells
 @pytest.mark.parametrize("way", ["x", "y", "askew"])
 def test_a_sheet_across_any_direction(way):
     expected = leissa(square(0.1, 3e-4, 8), 0.1, 3e-4, 8)
-    points, cells = lattice((0, 0.1, 0, 0.1, 0, 3e-4), (8, 8, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (8, 8, 1))
     axis = np.array([0.48, 0.6, 0.64])
     turn = {
         "x": np.eye(3)[[1, 2, 0]],
@@ -206,7 +206,7 @@ def jittered(points: FloatArray, inner: NDArray[np.bool_], share: float) -> Floa
 
 
 def test_distorted_quadrilaterals_vibrate_as_the_others():
-    points, cells = lattice((0, 0.1, 0, 0.1, 0, 3e-4), (10, 10, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (10, 10, 1))
     inner = ((points[:, :2] > 1e-9) & (points[:, :2] < 0.1 - 1e-9)).all(axis=1)
     distorted = jittered(points, inner, 0.003)
     model = Model(distorted, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points))
@@ -216,7 +216,7 @@ def test_distorted_quadrilaterals_vibrate_as_the_others():
 
 def meshes(thickness: float) -> dict[str, tuple[FloatArray, IntArray]]:
     """Return sheets of hexahedra that are no boxes, and one with holes."""
-    points, cells = lattice((0, 1, 0, 1.2, 0, thickness), (5, 6, 1))
+    points, cells = build_lattice((0, 1, 0, 1.2, 0, thickness), (5, 6, 1))
     inner = ((points[:, :2] > 1e-9) & (points[:, :2] < np.array([1, 1.2]) - 1e-9)).all(axis=1)
     sheared = points.copy()
     sheared[:, 0] += 0.5 * points[:, 1]
@@ -306,7 +306,7 @@ def test_simply_supported_plates(elasticity):
     exact = np.sqrt(np.sort(square_rate.ravel())[:5] / RHO / thickness)
     errors = []
     for cells in (10, 20):
-        points, tetrahedra = lattice((0, a, 0, b, 0, thickness), (cells * 3 // 2, cells, 1))
+        points, tetrahedra = build_lattice((0, a, 0, b, 0, thickness), (cells * 3 // 2, cells, 1))
         model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
         errors.append(rates(model, 5) / exact - 1)
     assert errors[1].max() < 0.015
@@ -320,7 +320,7 @@ def test_simply_supported_plates(elasticity):
 )
 def test_a_sheet_of_any_ratio_of_stretch_to_bending_bends_as_a_thin_plate(stretch, bend, supported):
     side, cells, mass = 0.1, 12, 0.15
-    points, tetrahedra = lattice((0, side, 0, side, -1.5e-4, 1.5e-4), (cells, cells, 1))
+    points, tetrahedra = build_lattice((0, side, 0, side, -1.5e-4, 1.5e-4), (cells, cells, 1))
     held = hard_supports(points) if supported else clamped(points)
     made = apply_measurements(
         homogeneous_plate(STUFF, 3e-4), tensile=(stretch,) * 2, bending=(bend,) * 2, ratio=NU
@@ -343,7 +343,7 @@ def test_a_thick_plate_shears_and_turns():
     side, thickness, wave = 0.1, 0.01, math.pi * math.sqrt(2) / 0.1
     plate, squares = homogeneous_plate(STUFF, thickness), []
     for cells in (10, 20):
-        points, tetrahedra = lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
+        points, tetrahedra = build_lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
         model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
         squares.append(rates(model, 1)[0] ** 2)
     rigidity, shear = E * thickness**3 / 12 / (1 - NU**2), 5 / 6 * E / 2 / (1 + NU) * thickness
@@ -367,7 +367,7 @@ def test_a_thick_plate_shears_and_turns():
 
 def strip(length: float, width: float, thickness: float, cells: int) -> tuple[FloatArray, IntArray]:
     """Return a strip along x, across z."""
-    return lattice((0, length, 0, width, 0, thickness), (cells, 1, 1))
+    return build_lattice((0, length, 0, width, 0, thickness), (cells, 1, 1))
 
 
 def test_an_edge_held_by_its_lower_vertices_is_a_hinge():
@@ -433,7 +433,7 @@ def test_a_strip_under_tension_and_pressure():
 def test_what_the_modes_move_and_what_can_be_moved():
     """The effective masses of all modes sum to what shape functions of a held edge leave."""
     for lumped in (False, True):
-        points, cells = lattice((0, 1, 0, 1.2, 0, 0.01), (3, 4, 1))
+        points, cells = build_lattice((0, 1, 0, 1.2, 0, 0.01), (3, 4, 1))
         model = Model(points, cells, homogeneous_plate(STUFF, 0.01), RHO, clamped(points), lumped)
         modes = model.modes(10**6).shapes.reshape(-1, points.size)
         assert len(modes) == model.free.sum()
@@ -459,7 +459,7 @@ def test_what_the_modes_move_and_what_can_be_moved():
 def test_a_square_plate_under_pressure(hard, expected):
     """w = α q a⁴/D of a clamped and a simply supported one: Timoshenko and Woinowsky-Krieger."""
     side, thickness, load = 0.2, 2e-4, 0.1
-    points, cells = lattice((0, side, 0, side, 0, thickness), (20, 20, 1))
+    points, cells = build_lattice((0, side, 0, side, 0, thickness), (20, 20, 1))
     rim = ((points[:, :2] == 0) | (points[:, :2] == side)).any(axis=1)
     held = hard_supports(points) if hard else np.repeat(rim[:, None], 3, axis=1)
     model = Model(points, cells, homogeneous_plate(STUFF, thickness), RHO, held)
@@ -478,7 +478,7 @@ def test_a_square_plate_under_pressure(hard, expected):
 def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     """δ = F ∫ (L - x)²/(E I(x)) dx, and f₁ by Ritz's method with polynomials; stress is F/(b h)."""
     length, width, thick, force = 0.2, 0.02, 1e-3, 1e-4
-    points, cells = lattice((0, length, 0, width, -0.5, 0.5), (40, 2, 1))
+    points, cells = build_lattice((0, length, 0, width, -0.5, 0.5), (40, 2, 1))
     local = thick * (1 - (1 - thin_end) * points[:, 0] / length)
     points[:, 2] *= local
     mean = find_layer(points, cells).thickness
@@ -512,7 +512,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
 def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
     """N/h along it, nothing across it, and it narrows by ν: of all five tetrahedra of a cell."""
     length, width, thickness, force = 1.0, 0.2, 1e-3, 3.0
-    points, cells = lattice((0, length, 0, width, 0, thickness), (6, 2, 1))
+    points, cells = build_lattice((0, length, 0, width, 0, thickness), (6, 2, 1))
     held = np.zeros(points.shape, bool)
     held[points[:, 0] == 0, 0] = True
     held[0], held[points[:, 1] == 0, 1] = True, True
@@ -533,7 +533,7 @@ def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
 
 
 def test_lumped_mass_brings_the_same_frequencies():
-    points, cells = lattice((0, 0.1, 0, 0.1, 0, 3e-4), (20, 20, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (20, 20, 1))
     model = Model(points, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points), True)
     exact = np.array([3.4917, 8.5246, 21.429, 27.331, 31.111])
     np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 5), exact, rtol=0.02)

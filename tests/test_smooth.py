@@ -8,7 +8,7 @@ import pyvista as pv
 from scipy.spatial import Delaunay
 
 from spacemap_vtk import BarycentricWarp, TetraCage
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
@@ -20,7 +20,7 @@ UNIT = (0.0, 1.0, 0.0, 1.0, 0.0, 1.0)
 
 def meshes() -> list[tuple[np.ndarray, np.ndarray]]:
     scattered = np.random.default_rng(0).random((60, 3))
-    return [lattice(UNIT, (4, 3, 5)), (scattered, Delaunay(scattered).simplices)]
+    return [build_lattice(UNIT, (4, 3, 5)), (scattered, Delaunay(scattered).simplices)]
 
 
 def smooth(points: np.ndarray, vertices: np.ndarray, cells: np.ndarray, outside="extrapolate"):
@@ -129,7 +129,7 @@ def test_slopes_are_continuous(which: int) -> None:
 
 def test_slopes_are_continuous_through_the_border() -> None:
     """Outside, the map goes on along its tangent."""
-    mesh = lattice(UNIT, (3, 3, 3))
+    mesh = build_lattice(UNIT, (3, 3, 3))
     values = np.random.default_rng(2).normal(size=mesh[0].shape)
     way = np.zeros((20_001, 3))
     way[:, 0] = np.linspace(0.8, 1.2, 20_001)
@@ -141,7 +141,7 @@ def test_slopes_are_continuous_through_the_border() -> None:
 
 def test_a_quadratic_motion_is_reproduced_far_from_the_border() -> None:
     """Where vertices around tell its gradient: second derivatives are damped by a hundredth."""
-    vertices, cells = lattice(UNIT, (8, 8, 8))
+    vertices, cells = build_lattice(UNIT, (8, 8, 8))
     points = np.random.default_rng(3).uniform(0.3, 0.7, (2000, 3))
     form = np.random.default_rng(4).normal(size=(3, 3, 3))
 
@@ -156,7 +156,7 @@ def test_errors_shrink_faster() -> None:
     points = np.random.default_rng(6).uniform(0.05, 0.95, (4000, 3))
     errors = {}
     for divisions in (4, 8):
-        vertices, cells = lattice(UNIT, (divisions,) * 3)
+        vertices, cells = build_lattice(UNIT, (divisions,) * 3)
         plain = Interpolation(locate(points, vertices, cells), cells, len(vertices))
         for name, ride in (("plain", plain), ("soft", smooth(points, vertices, cells))):
             shift = ride.displace(points, bent(vertices))[1]

@@ -8,9 +8,9 @@ from scipy.interpolate import make_interp_spline
 from test_caps import OVER, ROUND, lengths, volumes
 from weaves import PLACES, changed, plain
 
-from spacemap_vtk.textile.geometry.axes import axes, axis_points
-from spacemap_vtk.textile.geometry.weave import build
-from spacemap_vtk.textile.geometry.yarn_clearance import clearance_of, least_clearance
+from spacemap_vtk.textile.geometry.cloth_axes import cloth_axes, sample_axes
+from spacemap_vtk.textile.geometry.weave import build_weave
+from spacemap_vtk.textile.geometry.yarn_clearance import least_clearance, measure_clearance
 from spacemap_vtk.textile.weave.figures import fabric_figures
 
 SPLINE = changed(ROUND, axis="spline")
@@ -18,12 +18,12 @@ SPLINE = changed(ROUND, axis="spline")
 
 def test_spline_is_scipys_other_one() -> None:
     """The same curve by B-splines, and through every crossing."""
-    path = axes(SPLINE)[0]
+    path = cloth_axes(SPLINE)[0]
     height = np.where(OVER[:, 1], 0.1, -0.1)
     knots = np.concatenate([[-1.5], np.arange(-1.2, 1.3, 0.6), [1.5]])
     flat = [(1, 0.0)]
     curve = make_interp_spline(knots, np.pad(height, 1, mode="edge"), k=3, bc_type=(flat, flat))
-    points, yarn = axis_points(SPLINE, samples=5)
+    points, yarn = sample_axes(SPLINE, samples=5)
     mine = points[yarn == 1]
     np.testing.assert_allclose(mine[:, 2], curve(mine[:, 1]), atol=1e-13)
     assert (np.diff(mine[:, 1]) > 0).all()
@@ -33,7 +33,7 @@ def test_spline_is_scipys_other_one() -> None:
 @pytest.mark.parametrize("axis", ["arcs", "spline"])
 def test_tangents_are_continuous_and_curvatures_of_splines(axis: str) -> None:
     cloth = changed(ROUND, axis=axis)
-    made = build(cloth)
+    made = build_weave(cloth)
     patches = made.patches[: made.tube_patches]
     net = made.points[patches][:, PLACES]
     follows = made.yarn[: made.tube_patches - 4] == made.yarn[4 : made.tube_patches]
@@ -42,7 +42,7 @@ def test_tangents_are_continuous_and_curvatures_of_splines(axis: str) -> None:
     for end in (arrive, leave):
         end /= np.linalg.norm(end, axis=-1, keepdims=True)
     assert abs(arrive - leave).max() < 1e-11
-    for path in axes(cloth):
+    for path in cloth_axes(cloth):
         inside = np.diff(path.owner) == 0
         jump = abs(path.curvature[1, :-1] - path.curvature[0, 1:])[inside].max()
         if axis == "spline":
@@ -58,7 +58,7 @@ def test_arcs_keep_their_distance_and_splines_do_not() -> None:
     found = least_clearance(changed(SPLINE, drawdown=over))
     # TexGen's plain weave overlaps likewise, by some 5 % of a diameter near the jam
     assert -0.10 * d < found.distance < -0.01 * d
-    assert clearance_of(build(changed(SPLINE, drawdown=over))).distance == pytest.approx(
+    assert measure_clearance(build_weave(changed(SPLINE, drawdown=over))).distance == pytest.approx(
         found.distance, abs=2e-3 * d
     )
     arcs, spline = (fabric_figures(changed(cloth, drawdown=over)) for cloth in (ROUND, SPLINE))
@@ -67,7 +67,7 @@ def test_arcs_keep_their_distance_and_splines_do_not() -> None:
         # the same heights over the same spacings: the crimp is nearly the same
         ratio = spline[family]["mean_crimp"] / arcs[family]["mean_crimp"]
         assert ratio == pytest.approx(1.0, abs=0.15)
-    points, yarn = axis_points(changed(SPLINE, drawdown=over), samples=60)
+    points, yarn = sample_axes(changed(SPLINE, drawdown=over), samples=60)
     step = np.linalg.norm(np.diff(points[yarn == 3], axis=0), axis=1)
     assert spline["warp"]["yarn_length"] == pytest.approx(7 * step.sum(), rel=1e-5)
 
@@ -80,7 +80,7 @@ def test_loose_splines_come_near_arcs() -> None:
 
 
 def test_tubes_along_splines_are_round() -> None:
-    made = build(SPLINE)
+    made = build_weave(SPLINE)
     assert 2.7e-4 < made.radial_error < 5e-3
     found = volumes(made)
     area = np.pi / 4 * np.repeat([0.25**2, 0.30**2], [4, 5])

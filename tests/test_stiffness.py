@@ -10,7 +10,7 @@ from spacemap_vtk.mechanics.elements.plates import data_sheet, strip_stiffness
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.geometry.axes import axis_points
+from spacemap_vtk.textile.geometry.cloth_axes import sample_axes
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 
@@ -19,7 +19,7 @@ EA, B = 90.0, 2e-9
 
 
 def woven(pattern="plain", *, d=(0.25e-3, 0.25e-3), p=(0.5e-3, 0.5e-3), size=24, flat=1, **more):
-    repeat = patterns.named(pattern)
+    repeat = patterns.build_pattern(pattern)
     drawdown = np.tile(repeat, [-(-size // n) for n in repeat.shape])[:size, :size]
     section = {"section": "racetrack", "aspect": flat} if flat > 1 else {}
     warp, weft = (Threads(diameter=d, spacing=p, **section) for d, p in zip(d, p, strict=True))
@@ -118,7 +118,7 @@ def test_a_rod_of_peirces_shape_stretches_nearly_so(ratio, softer):
     """
     p = 0.5e-3 * ratio
     cloth = woven(p=(p, p), exact=True)
-    points, owner = axis_points(cloth, 128)
+    points, owner = sample_axes(cloth, 128)
     line, crossed = points[owner == 12], cloth.yarns[1].position[11:13]
     line = line[abs(line[:, 1] - crossed.mean()) <= 0.5 * p * (1 + 1e-9)]
     middle = 0.5 * (line[1:] + line[:-1]) - 0.5 * (line[0] + line[-1])
@@ -133,7 +133,7 @@ def test_a_rod_of_peirces_shape_stretches_nearly_so(ratio, softer):
 def test_cloth_bends_as_its_yarns_do_along_their_axes(pattern, flat):
     cloth = woven(pattern, d=(0.2e-3, 0.3e-3), p=(0.5e-3, 0.6e-3), exact=True, flat=flat)
     plate = cloth_stiffness(cloth, cotton(bending=(B, 3 * B)))
-    points, owner = axis_points(cloth, 64)
+    points, owner = sample_axes(cloth, 64)
     for family, (stiffness, rigidity) in enumerate(
         zip(strip_stiffness(plate.bending), (B, 3 * B), strict=True)
     ):
@@ -210,7 +210,7 @@ def test_shear_bends_rods_between_crossings():
     """By Castigliano: a rod whose ends keep their directions leans by V/(B P) ∫ r² ds."""
     cloth = woven(d=(0.2e-3, 0.3e-3), p=(0.5e-3, 0.6e-3), exact=True)
     found = data_sheet(cloth_stiffness(cloth, cotton(bending=(B, 3 * B))), 0.1).shear_rigidity
-    points, owner = axis_points(cloth, 256)
+    points, owner = sample_axes(cloth, 256)
     soft = 0.0
     for family, rigidity in enumerate((B, 3 * B)):
         along, crossed = 1 - family, cloth.yarns[1 - family].position

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from pencils import stiffness_and_mass
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
 from spacemap_vtk.mechanics.elements.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
@@ -22,7 +22,7 @@ ELASTICITY = orthotropic([2e6, 1e6, 5e5], [4e5, 3e5, 2e5], [0.3, 0.1, 0.2])
 
 def elements(kind: str) -> tuple[FloatArray, list[Strains]]:
     """Return undeformed positions of nodes, and the strains over them."""
-    points, cells = lattice((0, 1, 0, 2, 0, 0.3), (3, 4, 1))
+    points, cells = build_lattice((0, 1, 0, 2, 0, 0.3), (3, 4, 1))
     if kind == "sheet":
         points[:, 2] += 0.2 * np.sin(points[:, 0] + 2 * points[:, 1])  # not flat, and distorted
         points[:, 0] += 0.1 * np.sin(3 * points[:, 1])
@@ -98,7 +98,7 @@ def test_rigid_motions_cost_nothing_at_any_angle(kind: str, angle: float) -> Non
 
 def test_stretch_of_a_tetrahedron_is_greens() -> None:
     """E = (λ² - 1)/2 along a stretched axis, and σ = C E, whatever the element."""
-    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     for nodes, connected in ((points, cells), add_midpoints(points, cells)):
         strains = tetrahedron_strains(nodes, connected, isotropic(1.0, 0.25))
         strain = strains.strained(nodes * [2.0, 1.0, 1.0])[0]

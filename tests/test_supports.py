@@ -8,7 +8,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.boundary.supports import (
@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics.boundary.supports import (
     rigid_bodies,
 )
 
-POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
+POINTS = build_lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 
 
 def held(*supports, masks=None):

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from weaves import surface
 
-from spacemap_vtk.textile.geometry.section import section
-from spacemap_vtk.textile.geometry.sweep import CentreLines, Swept, sweep
+from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.sweep import CentreLines, SweptTubes, sweep
 from spacemap_vtk.textile.patches.bezier import arc_handle, rational_handles
 
 RADII = np.array([0.1, 0.25])
@@ -49,7 +49,7 @@ def tori(parts: int, turn: float, tilt: np.ndarray, exact: bool) -> tuple[Centre
     return lines, axis
 
 
-def volumes(made: Swept, nodes: int = 16) -> np.ndarray:
+def volumes(made: SweptTubes, nodes: int = 16) -> np.ndarray:
     """Volume inside each line's tube, by the divergence theorem."""
     x, w = np.polynomial.legendre.leggauss(nodes)
     points, du, dv = surface(made, (x + 1) / 2)  # type: ignore[arg-type]
@@ -69,7 +69,7 @@ def test_a_tube_along_a_circle_is_a_torus(
     skew = np.cross(np.eye(3), about)
     tilt = np.linalg.solve(np.eye(3) + skew, np.eye(3) - skew)  # Cayley's rotation
     lines, axis = tori(parts, turn, tilt, exact=True)
-    made = sweep([(lines, section("circular", 1.0, True))], True, True)
+    made = sweep([(lines, build_section("circular", 1.0, True))], True, True)
     points, du, dv = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))  # type: ignore[arg-type]
     thick = made.line[: made.tube_patches] == 3
     height = points @ axis - 5.0 * thick[:, None, None]
@@ -87,22 +87,22 @@ def test_a_tube_along_a_circle_is_a_torus(
 def test_tubes_are_closed_and_hold_their_volume(kind: str, aspect: float, turn: float) -> None:
     """By Pappus: the section times the way of its middle, however it is turned."""
     lines, _ = tori(3, turn, np.eye(3), exact=True)
-    made = sweep([(lines, section(kind, aspect, True))], True, True)
+    made = sweep([(lines, build_section(kind, aspect, True))], True, True)
     expected = 0.5 * pi * AROUND * pi * aspect * RADII**2
     np.testing.assert_allclose(volumes(made)[[7, 3]], expected, rtol=1e-12)
     lines, _ = tori(3, turn, np.eye(3), exact=False)
-    made = sweep([(lines, section(kind, aspect, False))], True, False)
+    made = sweep([(lines, build_section(kind, aspect, False))], True, False)
     np.testing.assert_allclose(volumes(made)[[7, 3]], expected, rtol=1e-3)
 
 
 def test_bundles_stand_one_after_the_other() -> None:
     lines, _ = tori(2, 0.0, np.eye(3), exact=False)
-    one = sweep([(lines, section("circular", 1.0, False))], False, False)
-    other = sweep([(lines, section("racetrack", 1.5, False))], False, False)
+    one = sweep([(lines, build_section("circular", 1.0, False))], False, False)
+    other = sweep([(lines, build_section("racetrack", 1.5, False))], False, False)
     both = sweep(
         [
-            (lines, section("circular", 1.0, False)),
-            (lines, section("racetrack", 1.5, False)),
+            (lines, build_section("circular", 1.0, False)),
+            (lines, build_section("racetrack", 1.5, False)),
         ],
         False,
         False,

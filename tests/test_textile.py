@@ -19,7 +19,7 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import add_cloth, set_patches
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.textile import Measure, Textile, Woven
+from spacemap_vtk.filters.textile import FabricFigure, Textile, Woven
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs.sweep import execute_run
 from spacemap_vtk.mechanics.elements.plates import data_sheet
@@ -30,9 +30,9 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.drafts.draft import Draft
-from spacemap_vtk.textile.geometry.section import section
+from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.geometry.sweep import CentreLines, sweep
-from spacemap_vtk.textile.geometry.weave import Counts, build, estimate_counts
+from spacemap_vtk.textile.geometry.weave import PatchCounts, build_weave, estimate_counts
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 
@@ -93,7 +93,7 @@ class Yarns(Stage, Textile):
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
         lines = centre_lines(*self.curves(), self.diameter / 2)
-        made = sweep([(lines, section("circular", 1.0, False))], caps=True, exact=False)
+        made = sweep([(lines, build_section("circular", 1.0, False))], caps=True, exact=False)
         set_patches(output, made)
         add_array(output.GetCellData(), "yarn", made.line)
         shade = (made.line % 2)[:, None].astype(np.uint8)
@@ -115,8 +115,8 @@ class Rods(Yarns):
         return np.full(self.count, 7850.0 * np.pi / 4 * self.diameter**2)
 
     @property
-    def measures(self) -> list[Measure]:
-        return [Measure("rod_length", "length of a rod", self.length, "m")]
+    def measures(self) -> list[FabricFigure]:
+        return [FabricFigure("rod_length", "length of a rod", self.length, "m")]
 
     def curves(self) -> tuple[Floats, Floats, Floats]:
         share = np.linspace(0.0, 1.0, STATIONS)
@@ -139,8 +139,8 @@ class Loops(Yarns):
         return {"courses": self.count}
 
     @property
-    def measures(self) -> list[Measure]:
-        return [Measure("wale_spacing", "wale spacing", 6 * self.diameter, "m")]
+    def measures(self) -> list[FabricFigure]:
+        return [FabricFigure("wale_spacing", "wale spacing", 6 * self.diameter, "m")]
 
     def curves(self) -> tuple[Floats, Floats, Floats]:
         d, turns = self.diameter, 2 * np.pi * self.wales
@@ -182,7 +182,7 @@ class Tabby(Stage, Woven):
         return self._made
 
     @property
-    def counts(self) -> Counts:
+    def counts(self) -> PatchCounts:
         return estimate_counts(self.cloth)
 
     @property
@@ -201,7 +201,7 @@ class Tabby(Stage, Woven):
         return Draft(self.cloth.drawdown, self.source.loom_for(self.cloth.drawdown))
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
-        made = build(self.cloth)
+        made = build_weave(self.cloth)
         add_cloth(output, self.cloth)
         set_patches(output, made)
         add_array(output.GetCellData(), "yarn", made.yarn)

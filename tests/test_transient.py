@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from spacemap_vtk import memory
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.time_functions import step
@@ -38,7 +38,7 @@ def cage_of(model: Model) -> CageModes:
 def pendulum(degrees: float, loaded: bool = True, **options: Any) -> SteppedMotion:
     """Return a stiff sheet, hinged at its edge x = 0, let go at an angle."""
     thickness = 1e-4
-    points, cells = lattice((-LENGTH, 0, 0, 0.05, -thickness / 2, thickness / 2), (2, 1, 1))
+    points, cells = build_lattice((-LENGTH, 0, 0, 0.05, -thickness / 2, thickness / 2), (2, 1, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     plate = Plate(1e4 * plane, 1.0 * plane, 1e4 * np.eye(2), 1e4)
     # One end of each pair: the other turns about it.
@@ -107,7 +107,7 @@ LOADS: list[tuple[str, Any, Any, Any]] = [
 
 @pytest.mark.parametrize("k", range(len(LOADS)))
 def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
-    points, cells = lattice((0, 0.04, 0, 0.06, 0, 0.01), (2, 3, 1))
+    points, cells = build_lattice((0, 0.04, 0, 0.06, 0, 0.01), (2, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     model = Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
     values, shapes, lost = model.modes(1000)
@@ -145,7 +145,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
 )
 def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     """As the modes' closed forms, about a hung state too; energy is all there."""
-    points, cells = lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 5, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 5, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     plate = Plate(1e2 * plane, 1e-4 * plane, 40 * np.eye(2), 1e2)
     held = np.repeat(points[:, 1:2] > 0.1999, 3, axis=1)
@@ -170,7 +170,7 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
 
 def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
     """Of a block that is shaken so that it bends far."""
-    points, cells = lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
+    points, cells = build_lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(2e4, 0.3), 300.0, held))
     load = cage.vector("gravity", (5.0, 0.0, 30.0), time_functions.harmonic(5.0))
@@ -196,7 +196,7 @@ def test_the_bound_of_the_error_is_one() -> None:
 def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None:
     """Over ten periods, undamped, with the default tolerance; of a strip with 5.9 and 37 Hz."""
     length, rigidity = 0.2, 0.0178
-    points, cells = lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (5, 1, 1))
+    points, cells = build_lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (5, 1, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     plate = Plate(1e3 * plane, rigidity * plane, 400 * np.eye(2), 1e3)
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
@@ -222,7 +222,7 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
     frequencies of the strip at rest under its mean and its extreme tensions.
     """
     length, mean, change = 0.2, 50.0, 35.0  # accelerations along the strip [m/s²]
-    points, cells = lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (4, 1, 1))
+    points, cells = build_lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (4, 1, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     # So stiff along that its longitudinal vibration (400 Hz) adds 0.1 % to the tension's changes.
     plate = Plate(1e4 * plane, 0.0178 * plane, 400 * np.eye(2), 1e4)
@@ -261,7 +261,7 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
 
 def curtain(cells: int, gust: float = 0.5, **options: Any) -> SteppedMotion:
     """Return a curtain of 0.3 m, hung by a side, in a gust [Pa]: its weight is 1.47 Pa."""
-    points, tetrahedra = lattice((0, 0.3, 0, 0.3, -1.5e-4, 1.5e-4), (cells, cells, 1))
+    points, tetrahedra = build_lattice((0, 0.3, 0, 0.3, -1.5e-4, 1.5e-4), (cells, cells, 1))
     plane = np.array([[1, 0.1, 0], [0.1, 1, 0], [0, 0, 0.1]])
     plate = Plate(1500 * plane, 1e-5 * plane, 500 * np.eye(2), 1500.0)
     held = np.repeat(points[:, 1:2] > 0.2999, 3, axis=1)
@@ -344,7 +344,7 @@ def test_before_its_start_it_rests_there() -> None:
 
 
 def test_what_steps_cannot_have_is_refused() -> None:
-    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held))
     with pytest.raises(InputError, match=r"ratio.*more modes"):
@@ -357,7 +357,7 @@ def test_what_steps_cannot_have_is_refused() -> None:
 
 
 def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
-    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     motion = SteppedMotion(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))
     with pytest.raises(SizeError, match=r"5e\+13 steps or more, up to 1e\+12 s, would need"):

@@ -26,10 +26,10 @@ from weaves import PLACES, bernstein, changed, measured, plain, scaled, surface,
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.drafts.drawdown import tile
-from spacemap_vtk.textile.geometry import arcs, axes, axis, section, sweep, weave
-from spacemap_vtk.textile.geometry.axes import axis_points
-from spacemap_vtk.textile.geometry.weave import Weave, build
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+from spacemap_vtk.textile.geometry import arcs, axis_parts, cloth_axes, section, sweep, weave
+from spacemap_vtk.textile.geometry.cloth_axes import sample_axes
+from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 from spacemap_vtk.textile.weave import cloth, figures, threads
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import feasible_height
@@ -72,9 +72,9 @@ JAMMED = measured(
 CLOTHS = {"square": SQUARE, "unequal": UNEQUAL, "steep": STEEP, "jammed": JAMMED}
 DRAWDOWNS = {
     "plain": plain(5, 4),
-    "twill": tile(patterns.twill(2, 1), 5, 6),
-    "satin": tile(patterns.satin(5, 2), 6, 7),
-    "basket": tile(patterns.basket(2), 5, 5),
+    "twill": tile_drawdown(patterns.twill(2, 1), 5, 6),
+    "satin": tile_drawdown(patterns.satin(5, 2), 6, 7),
+    "basket": tile_drawdown(patterns.basket(2), 5, 5),
     "all up": np.ones((3, 4), dtype=bool),
     "one": np.ones((1, 1), dtype=bool),
 }
@@ -83,7 +83,7 @@ ALL = [(d, c) for d in DRAWDOWNS for c in CLOTHS]
 
 @cache
 def built(drawdown: str, cloth: str) -> Weave:
-    return build(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]))
+    return build_weave(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]))
 
 
 def expected_lengths(drawdown: np.ndarray, cloth: Cloth) -> np.ndarray:
@@ -96,7 +96,7 @@ def expected_lengths(drawdown: np.ndarray, cloth: Cloth) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "module", [arcs, axes, axis, cloth, figures, section, sweep, threads, weave]
+    "module", [arcs, cloth_axes, axis_parts, cloth, figures, section, sweep, threads, weave]
 )
 def test_examples(module: ModuleType) -> None:
     assert doctest.testmod(module).failed == 0
@@ -104,7 +104,7 @@ def test_examples(module: ModuleType) -> None:
 
 @pytest.mark.parametrize(("size", "parts"), [(7, 280), (100, 59_800)])
 def test_counts_of_plain_weave(size: int, parts: int) -> None:
-    made = build(changed(SQUARE, drawdown=plain(size, size)))
+    made = build_weave(changed(SQUARE, drawdown=plain(size, size)))
     assert made.patches.shape == (4 * parts, 16)
     assert made.points.shape == (12 * (3 * parts + 2 * size), 3)
     used = np.bincount(made.patches.ravel())
@@ -143,7 +143,7 @@ def test_control_points_are_shared_inside_a_yarn(drawdown: str, cloth: str) -> N
 def test_surface_lies_on_the_tube(drawdown: str, cloth: str) -> None:
     made, families = built(drawdown, cloth), CLOTHS[cloth].families
     points, _, _ = surface(made, np.linspace(0, 1, 7))
-    axis, owner = axis_points(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]), samples=90)
+    axis, owner = sample_axes(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]), samples=90)
     for yarn in range(owner[-1] + 1):
         mine = made.yarn == yarn
         radius = families[made.family[mine][0]].diameter / 2
@@ -195,7 +195,7 @@ def test_normals_point_outwards(drawdown: str, cloth: str) -> None:
 
 @pytest.mark.parametrize(("drawdown", "cloth"), ALL)
 def test_yarns_touch_and_never_overlap(drawdown: str, cloth: str) -> None:
-    points, yarn = axis_points(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]), samples=20)
+    points, yarn = sample_axes(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]), samples=20)
     warp = yarn < DRAWDOWNS[drawdown].shape[1]
     distance = cKDTree(points[warp]).query(points[~warp])[0]
     contact = CLOTHS[cloth].diameter_sum / 2
@@ -232,11 +232,11 @@ def cloth_of(d1: float, d2: float, s1: float, s2: float, share: float) -> Cloth:
 @settings(max_examples=150, deadline=None)
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=6)), cloths)
 def test_any_weave_touches_and_never_overlaps(over: np.ndarray, cloth: Cloth) -> None:
-    points, yarn = axis_points(changed(cloth, drawdown=over), samples=12)
+    points, yarn = sample_axes(changed(cloth, drawdown=over), samples=12)
     warp = yarn < over.shape[1]
     distance = cKDTree(points[warp]).query(points[~warp])[0]
     assert distance.min() == pytest.approx(cloth.diameter_sum / 2, rel=1e-9)
-    made = build(changed(cloth, drawdown=over))
+    made = build_weave(changed(cloth, drawdown=over))
     assert np.isfinite(made.points).all()
     assert made.radial_error < 1e-2
     tallest = max(family.height + family.diameter for family in cloth.families)
@@ -245,7 +245,7 @@ def test_any_weave_touches_and_never_overlaps(over: np.ndarray, cloth: Cloth) ->
 
 def test_sides_and_directions() -> None:
     over = np.array([[1, 0, 1], [1, 1, 0]], dtype=bool)
-    points, yarn = axis_points(changed(UNEQUAL, drawdown=over), samples=1)
+    points, yarn = sample_axes(changed(UNEQUAL, drawdown=over), samples=1)
     for end, pick in np.ndindex(3, 2):
         place = (end - 1) * 0.55, (pick - 0.5) * 0.60
         at = np.linalg.norm(points[:, :2] - place, axis=1) < 1e-9
@@ -263,21 +263,21 @@ def test_sides_and_directions() -> None:
 @pytest.mark.parametrize("overhang", [0.0, 0.1, 2.0])
 def test_overhang(overhang: float) -> None:
     cloth = changed(SQUARE, overhang=overhang * MM)
-    made = build(changed(cloth, drawdown=plain(4, 4)))
+    made = build_weave(changed(cloth, drawdown=plain(4, 4)))
     assert len(made.patches) == 4 * 8 * (9 + 2 * (overhang > 0))
     assert made.points[:, 0].max() == pytest.approx((0.9 + max(overhang, 0.125)) * MM)
-    points, _ = axis_points(changed(cloth, drawdown=plain(4, 4)))
+    points, _ = sample_axes(changed(cloth, drawdown=plain(4, 4)))
     assert points[:, 1].max() == pytest.approx((0.9 + overhang) * MM)
     if overhang == 0:
         with pytest.raises(InputError, match="overhang"):
-            build(changed(cloth, drawdown=[[1, 0]]))
+            build_weave(changed(cloth, drawdown=[[1, 0]]))
 
 
 @pytest.mark.parametrize("cloth", CLOTHS)
 def test_shape_does_not_depend_on_the_unit(cloth: str) -> None:
     over, reference = DRAWDOWNS["twill"], built("twill", cloth)
     for unit in (1e3, 1e6, 1e-3, 1 / 3):
-        made = build(changed(scaled(CLOTHS[cloth], unit), drawdown=over))
+        made = build_weave(changed(scaled(CLOTHS[cloth], unit), drawdown=over))
         assert np.array_equal(made.patches, reference.patches)
         size = abs(reference.points).max()
         assert abs(made.points / unit - reference.points).max() < 1e-12 * size
@@ -285,11 +285,11 @@ def test_shape_does_not_depend_on_the_unit(cloth: str) -> None:
 
 def test_long_arcs_are_split() -> None:
     assert np.degrees(STEEP.families[0].crimp.theta) == pytest.approx(86.4, abs=0.1)
-    made = build(changed(STEEP, drawdown=plain(3, 3)))
+    made = build_weave(changed(STEEP, drawdown=plain(3, 3)))
     # in a gap of the warp 2 + 1 + 2 parts, of the (straight) weft 1; an overhang at either end
     assert (np.bincount(made.yarn) == 4 * np.array([12] * 3 + [4] * 3)).all()
     # 60 degrees up to rounding are not split, and there is no straight between the arcs
-    assert (np.bincount(build(changed(JAMMED, drawdown=plain(3, 3))).yarn) == 4 * 6).all()
+    assert (np.bincount(build_weave(changed(JAMMED, drawdown=plain(3, 3))).yarn) == 4 * 6).all()
 
 
 def test_arcs_of_different_radii() -> None:
@@ -301,7 +301,7 @@ def test_arcs_of_different_radii() -> None:
     bounds = np.cumsum(rng.uniform(1.0, 1.5, gaps + 1))
     one = np.ones((1, len(bounds) - 1))
     laid = arcs.Gaps(bounds[None], np.diff(bounds)[None], height, arc, one)
-    path = arcs.lay_gaps(np.full(yarns, 0.1), np.arange(5.0), laid)
+    path = arcs.build_axes(np.full(yarns, 0.1), np.arange(5.0), laid)
     part = np.arange(len(path.length))
     start = part + path.owner
     for fraction in (0.0, 1.0):
@@ -316,7 +316,7 @@ def test_arcs_of_different_radii() -> None:
 
 def test_flat_families_are_straight() -> None:
     for height in (0.0, 1e-14, 1e-9):
-        made = build(changed(UNEQUAL, warp_crimp_height=height, drawdown=plain(4, 4)))
+        made = build_weave(changed(UNEQUAL, warp_crimp_height=height, drawdown=plain(4, 4)))
         assert (np.bincount(made.yarn)[:4] == 4 * 5).all()
         assert abs(made.points[made.patches[made.family == 0], 2]).max() < 0.126
 
@@ -387,7 +387,7 @@ def test_memory_is_estimated_from_above(kind: str) -> None:
     over = plain(60, 40) if kind != "float" else np.ones((40, 60), dtype=bool)
     cloth = changed(STEEP if kind == "steep" else SQUARE, drawdown=over)
     tracemalloc.start()
-    build(cloth)
+    build_weave(cloth)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     estimate = weave.estimate_bytes(cloth)
@@ -398,9 +398,9 @@ def test_memory_is_estimated_from_above(kind: str) -> None:
 @settings(max_examples=60, deadline=None)
 @given(woven())
 def test_counts_are_those_of_what_is_built(cloth: Cloth) -> None:
-    made = build(cloth)
+    made = build_weave(cloth)
     built = len(made.points), len(made.patches)
-    counts, error = weave.count(cloth)
+    counts, error = weave.count_patches(cloth)
     assert counts[:2] == built
     assert error <= made.radial_error * (1 + 1e-12)
     above = weave.estimate_counts(cloth)
@@ -414,12 +414,12 @@ def test_counts_are_those_of_what_is_built(cloth: Cloth) -> None:
 def test_counts_of_like_yarns_are_estimated_exactly(pattern: str, change: dict) -> None:
     over = {
         "plain": plain(31, 17),
-        "twill": tile(patterns.twill(3, 1), 31, 17),
-        "satin": tile(patterns.satin(8, 3), 31, 17),
+        "twill": tile_drawdown(patterns.twill(3, 1), 31, 17),
+        "satin": tile_drawdown(patterns.satin(8, 3), 31, 17),
     }[pattern]
     for measures in (SQUARE, UNEQUAL, STEEP):
         whole = changed(measures, drawdown=over, **change)
-        made = build(whole)
+        made = build_weave(whole)
         found = weave.estimate_counts(whole)
         assert found[:2] == (len(made.points), len(made.patches))
 
@@ -448,7 +448,7 @@ def test_figures_of_plain_weave() -> None:
 
 
 def test_figures_count_floats() -> None:
-    over = tile(patterns.twill(3, 1), 9, 9)
+    over = tile_drawdown(patterns.twill(3, 1), 9, 9)
     found = figures.fabric_figures(changed(SQUARE, drawdown=over))
     assert found["areal_mass"] is None
     assert found["warp"]["mean_crimp"] == pytest.approx(found["warp"]["crimp"] / 2)
@@ -462,7 +462,7 @@ def test_figures_count_floats() -> None:
 def test_refusals() -> None:
     for bad in (np.ones(3), np.ones((0, 2)), 1):
         with pytest.raises(InputError, match="drawdown"):
-            build(changed(SQUARE, drawdown=bad))
+            build_weave(changed(SQUARE, drawdown=bad))
     measures = dict.fromkeys(("warp_diameter", "weft_diameter"), 0.15 * MM)
     measures |= dict.fromkeys(("warp_spacing", "weft_spacing"), 0.27 * MM)
     with pytest.raises(GeometryError, match=r"allowed: 0\.1307\d* mm to 0\.1692\d* mm"):

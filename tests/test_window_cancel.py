@@ -23,7 +23,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.app.work.engine import Engine  # noqa: E402
 from spacemap_vtk.app.work.frame_request import FrameRequest  # noqa: E402
-from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
+from spacemap_vtk.cage.tetwild import run_process  # noqa: E402
 from spacemap_vtk.cancel import Cancelled, CancelToken, check  # noqa: E402
 from spacemap_vtk.parallel import for_each  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
@@ -161,7 +161,7 @@ def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> 
 
     def work() -> None:
         with token.active(), pytest.raises(Cancelled):
-            run_child([sys.executable, "-c", code], tmp_path)
+            run_process([sys.executable, "-c", code], tmp_path)
         ends.append(time.monotonic())
 
     thread = threading.Thread(target=work)
@@ -176,7 +176,7 @@ def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> 
 
 def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
     code = "import sys; print('x' * 100_000); sys.stderr.write('wrong'); sys.exit(3)"
-    done = run_child([sys.executable, "-c", code], tmp_path)
+    done = run_process([sys.executable, "-c", code], tmp_path)
     assert done.returncode == 3
     assert len(done.stdout.strip()) == 100_000
     assert done.stderr == "wrong"

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.triangles import FACES
-from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
+from spacemap_vtk.embedding.worsey_farin import control_factors, point_factors, split_points
 
 
 def mesh(kind: str) -> tuple[np.ndarray, np.ndarray]:
     if kind == "lattice":
-        return lattice((0, 1, 0, 0.7, 0, 1.3), (2, 3, 2))
+        return build_lattice((0, 1, 0, 0.7, 0, 1.3), (2, 3, 2))
     vertices = np.random.default_rng(1).random((120, 3))
     return vertices, Delaunay(vertices).simplices
 
@@ -28,12 +28,12 @@ class Spline:
         self.vertices, self.cells = vertices, cells
         self.split = split_points(vertices, cells)
         corners = vertices[cells]
-        self.table = coefficients(corners, *self.split)
+        self.table = control_factors(corners, *self.split)
         towards = np.einsum("tja,tjka->tjk", slope[cells], corners[:, None] - corners[:, :, None])
         self.numbers = np.concatenate((value[cells], towards.reshape(-1, 16)), axis=1)
 
     def at(self, weights: np.ndarray, which: np.ndarray, ways: np.ndarray | None = None):
-        factors = evaluated(weights, which, self.table, *self.split, ways)
+        factors = point_factors(weights, which, self.table, *self.split, ways)
         return np.einsum("mnd,nd->mn", factors, self.numbers[which])
 
     def value(self, weights: np.ndarray, which: np.ndarray) -> np.ndarray:

@@ -13,15 +13,15 @@ from weaves import changed, loosened, measured, plain, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.geometry import yarn_clearance
-from spacemap_vtk.textile.geometry.axes import axis_points
-from spacemap_vtk.textile.geometry.weave import Weave, build, estimate_bytes
+from spacemap_vtk.textile.geometry.cloth_axes import sample_axes
+from spacemap_vtk.textile.geometry.weave import Weave, build_weave, estimate_bytes
 from spacemap_vtk.textile.geometry.yarn_clearance import (
     Clearance,
-    clearance_of,
+    find_contact,
     least_clearance,
-    touching,
+    measure_clearance,
 )
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.figures import fabric_figures
@@ -29,7 +29,7 @@ from spacemap_vtk.textile.weave.figures import fabric_figures
 UNEQUAL = loosened(
     0.3,
     measured(
-        drawdown=tile(patterns.twill(2, 1), 5, 4),
+        drawdown=tile_drawdown(patterns.twill(2, 1), 5, 4),
         warp_diameter=np.array([0.2, 0.5, 0.1, 0.1, 0.3]),
         weft_diameter=np.array([0.4, 0.1, 0.1, 0.6]),
         warp_spacing=np.array([0.9, 0.4, 0.5, 0.3]),
@@ -37,7 +37,7 @@ UNEQUAL = loosened(
     ),
 )
 KEMP = measured(
-    drawdown=tile(patterns.twill(2, 1), 5, 4),
+    drawdown=tile_drawdown(patterns.twill(2, 1), 5, 4),
     warp_diameter=0.25,
     weft_diameter=0.30,
     warp_spacing=0.55,
@@ -56,7 +56,7 @@ def nearest_at(cloth: Cloth, found: Clearance, tolerance: float) -> None:
     """Both yarns' axes pass the place at their radii."""
     assert found.distance == 0.0
     end, pick = found.yarns[0], found.yarns[1] - cloth.size[0]
-    points, yarn = axis_points(cloth, 64)
+    points, yarn = sample_axes(cloth, 64)
     for number, radius in (
         (found.yarns[0], 0.5 * cloth.yarns[0].diameter[end]),
         (found.yarns[1], 0.5 * cloth.yarns[1].diameter[pick]),
@@ -68,11 +68,11 @@ def nearest_at(cloth: Cloth, found: Clearance, tolerance: float) -> None:
 def touches_and_never_overlaps(cloth: Cloth) -> None:
     size = np.max(cloth.warp.diameter) + np.max(cloth.weft.diameter)
     assert least_clearance(cloth).distance == pytest.approx(0, abs=1e-9 * size)
-    nearest_at(cloth, touching(cloth), 1e-9 * size)
-    made = build(cloth)
+    nearest_at(cloth, find_contact(cloth), 1e-9 * size)
+    made = build_weave(cloth)
     assert np.isfinite(made.points).all()
     assert len(made.points) == made.patches.max() + 1
-    found = clearance_of(made)
+    found = measure_clearance(made)
     assert abs(found.distance) <= (made.radial_error + 1e-12) * size
 
 
@@ -93,10 +93,10 @@ def test_many_cloths_touch_and_never_overlap(cloth: Cloth) -> None:
 @given(woven(most=4))
 def test_surfaces_hold_their_distance(cloth: Cloth) -> None:
     """No point of a warp yarn's surface lies inside a weft yarn, by the definition of a section."""
-    made = build(cloth)
+    made = build_weave(cloth)
     points, *_ = surface(made, np.linspace(0, 1, 5), made.family == 0)
     points = points.reshape(-1, 3)
-    axis, yarn = axis_points(cloth, samples=16)
+    axis, yarn = sample_axes(cloth, samples=16)
     weft = cloth.yarns[1]
     for pick in range(cloth.size[1]):
         line = axis[yarn == cloth.size[0] + pick]
@@ -111,7 +111,7 @@ def test_surfaces_hold_their_distance(cloth: Cloth) -> None:
 
 def test_crossings_share_the_distance() -> None:
     over = UNEQUAL.drawdown
-    points, yarn = axis_points(UNEQUAL, samples=1)
+    points, yarn = sample_axes(UNEQUAL, samples=1)
     share = UNEQUAL.height / UNEQUAL.diameter_sum
     x, y = (yarns.position for yarns in UNEQUAL.yarns)
     np.testing.assert_allclose(np.diff(x), UNEQUAL.warp.spacing)
@@ -126,7 +126,7 @@ def test_crossings_share_the_distance() -> None:
 
 
 def test_floats_over_unequal_yarns_bend() -> None:
-    straight = build(changed(UNEQUAL, drawdown=np.ones((4, 5), dtype=bool)))
+    straight = build_weave(changed(UNEQUAL, drawdown=np.ones((4, 5), dtype=bool)))
     parts = straight.tubes[0].parts
     # between unequal picks arc, straight, arc; between the equal ones in the middle one straight
     assert (parts == 2 + 3 + 1 + 3).all()
@@ -149,7 +149,7 @@ def test_kemp_by_an_independent_solution() -> None:
     assert weft.width == pytest.approx(0.45)
     # the weft crosses round yarns: it is Peirce's own
     assert np.degrees(weft.crimp.theta) == pytest.approx(50.033787, abs=5e-7)
-    points, yarn = axis_points(changed(KEMP, drawdown=plain(4, 6)), samples=200)
+    points, yarn = sample_axes(changed(KEMP, drawdown=plain(4, 6)), samples=200)
     step = np.linalg.norm(np.diff(points[yarn == 1], axis=0), axis=1)
     assert step.sum() == pytest.approx(5 * length + 0.80, rel=1e-6)
     figures = fabric_figures(changed(KEMP, drawdown=plain(4, 6)))
@@ -162,7 +162,7 @@ def test_kemp_by_an_independent_solution() -> None:
 
 @pytest.mark.parametrize("section", ["racetrack", "elliptic"])
 def test_sections_have_their_shape(section: str) -> None:
-    made = build(changed(KEMP, weft_section=section, exact=True, drawdown=[[1]]))
+    made = build_weave(changed(KEMP, weft_section=section, exact=True, drawdown=[[1]]))
     points, *_ = surface(made, np.linspace(0, 1, 9), slice(0, made.tube_patches))
     y, z = np.moveaxis(points[made.family[: made.tube_patches] == 1], -1, 0)[1:]
     z = z + KEMP.families[1].height / 2
@@ -175,11 +175,11 @@ def test_sections_have_their_shape(section: str) -> None:
 
 def test_figures_are_those_of_the_axes() -> None:
     figures = fabric_figures(UNEQUAL)
-    points, yarn = axis_points(UNEQUAL, samples=300)
+    points, yarn = sample_axes(UNEQUAL, samples=300)
     lengths = [np.linalg.norm(np.diff(points[yarn == k], axis=0), axis=1).sum() for k in range(9)]
     assert figures["warp"]["yarn_length"] == pytest.approx(sum(lengths[:5]), rel=1e-5)
     assert figures["weft"]["yarn_length"] == pytest.approx(sum(lengths[5:]), rel=1e-5)
-    made = build(UNEQUAL)
+    made = build_weave(UNEQUAL)
     tallest = 2 * abs(made.points[:, 2]).max()
     assert figures["thickness"] >= tallest * (1 - 1e-12)
     unit = fabric_figures(changed(UNEQUAL, drawdown=plain(5, 4)))
@@ -192,14 +192,14 @@ def sheared(made: Weave) -> np.ndarray:
 
 @pytest.mark.parametrize("cloth", [UNEQUAL, KEMP, changed(UNEQUAL, exact=True)])
 def test_clearance_after_deformation(cloth: Cloth) -> None:
-    made = build(changed(cloth, drawdown=plain(5, 4)))
+    made = build_weave(changed(cloth, drawdown=plain(5, 4)))
     # what is deformed as a whole cannot overlap: sections are sheared and flattened with the rest
-    assert clearance_of(made, sheared(made)).distance == pytest.approx(0, abs=2e-3)
+    assert measure_clearance(made, sheared(made)).distance == pytest.approx(0, abs=2e-3)
     # one yarn pushed down into those below it
     points = made.points.copy()
     mine = np.unique(made.patches[made.yarn == 7])
     points[mine, 2] -= 0.01
-    found = clearance_of(made, points)
+    found = measure_clearance(made, points)
     assert found.distance == pytest.approx(-0.01, abs=2e-3)
     assert found.yarns[1] == 7
     # and the place is where it crosses the yarn found
@@ -211,21 +211,21 @@ def test_clearance_after_deformation(cloth: Cloth) -> None:
     points[np.unique(made.patches[made.family == 1]), 2] += 5.0
     warp = cloth.yarns[0]
     room = warp.spacing - (warp.diameter[1:] + warp.diameter[:-1]) / 2
-    assert clearance_of(made, points).distance == pytest.approx(room.min(), abs=1e-12)
+    assert measure_clearance(made, points).distance == pytest.approx(room.min(), abs=1e-12)
     points[0] = np.nan
     with pytest.raises(GeometryError, match="finite"):
-        clearance_of(made, points)
+        measure_clearance(made, points)
 
 
 def test_two_straight_yarns() -> None:
     """The distance of skew lines, in closed form."""
-    made = build(
+    made = build_weave(
         changed(KEMP, weft_section="circular", weft_aspect=1.0, overhang=2.0, drawdown=[[1]])
     )
     points = made.points.copy()
     mine = np.unique(made.patches[made.yarn == 1])
     points[mine, 2] -= 0.1 + 0.5 * points[mine, 0]
-    found = clearance_of(made, points)
+    found = measure_clearance(made, points)
     # the weft's section is sheared: (0, 1) up and (0, 0.15) across stay, along the line it is 0.15
     tilt = np.array([1, 0, -0.5]) / np.sqrt(1.25)
     normal = np.cross(tilt, [0, 1, 0])
@@ -242,11 +242,11 @@ def test_shape_does_not_depend_on_the_unit(kind: str) -> None:
         "spline": changed(UNEQUAL, axis="spline"),
         "exact": changed(UNEQUAL, exact=True),
     }[kind]
-    reference, figures = build(cloth), fabric_figures(cloth)
+    reference, figures = build_weave(cloth), fabric_figures(cloth)
     size = abs(reference.points).max()
     gap = least_clearance(cloth)
     for unit in (1e3, 1e6, 1e-3, 1 / 3):
-        made = build(scaled(cloth, unit))
+        made = build_weave(scaled(cloth, unit))
         assert np.array_equal(made.patches, reference.patches)
         assert abs(made.points / unit - reference.points).max() < 1e-12 * size
         other = fabric_figures(scaled(cloth, unit))
@@ -264,7 +264,7 @@ def test_memory_is_estimated_from_above() -> None:
     )
     for cloth in (base, changed(base, exact=True), changed(base, axis="spline")):
         tracemalloc.start()
-        build(cloth)
+        build_weave(cloth)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         estimate = estimate_bytes(cloth)
@@ -273,7 +273,7 @@ def test_memory_is_estimated_from_above() -> None:
 
 def test_refusals() -> None:
     with pytest.raises(InputError, match=r"diameter of the weft.*4 values for 3 yarns"):
-        build(changed(UNEQUAL, drawdown=np.ones((3, 5))))
+        build_weave(changed(UNEQUAL, drawdown=np.ones((3, 5))))
     with pytest.raises(InputError, match=r"spacing of the warp.*allowed: one value, or 4"):
         changed(UNEQUAL, warp_spacing=np.ones(7)).check()
     with pytest.raises(GeometryError, match="yarns 2 and 3 overlap"):

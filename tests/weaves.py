@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.drafts import patterns
-from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.geometry.weave import Weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -23,7 +23,7 @@ PLAIN = [[1, 0], [0, 1]]
 
 def plain(ends: int, picks: int) -> np.ndarray:
     """Plain weave of so many yarns."""
-    return tile(patterns.plain(), ends, picks)
+    return tile_drawdown(patterns.plain(), ends, picks)
 
 
 def bernstein(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

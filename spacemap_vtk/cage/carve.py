@@ -15,7 +15,7 @@ _PAIRS = 2**17
 _SLACK = 1e-9
 
 
-def touched(
+def find_touched_cells(
     points: Floats, triangles: Ints, origin: Floats, spacing: Floats, divisions: Sequence[int]
 ) -> Bools:
     """Find the hexahedra that contain a point or are crossed by a triangle.
@@ -70,13 +70,13 @@ def touched(
         cell = low[triangle] + np.stack((x, y, z), axis=1)
         open_ = ~result[cell[:, 2], cell[:, 1], cell[:, 0]]
         cell, triangle = cell[open_], triangle[open_]
-        cell = cell[_overlap(corners[triangle] - (cell + 0.5)[:, None])]
+        cell = cell[_overlaps_unit_box(corners[triangle] - (cell + 0.5)[:, None])]
         result[cell[:, 2], cell[:, 1], cell[:, 0]] = True
         begin = end
     return result
 
 
-def _overlap(corners: Floats) -> Bools:
+def _overlaps_unit_box(corners: Floats) -> Bools:
     """Test whether triangles (n, 3, 3) overlap the unit box centred at the origin."""
     # The axes of the box need no test: the bounding boxes overlap already.
     edges = np.roll(corners, -1, axis=1) - corners
@@ -92,7 +92,7 @@ def _overlap(corners: Floats) -> Bools:
     return result
 
 
-def grown(kept: Bools, margin: int, fill: bool) -> Bools:
+def grow_cells(kept: Bools, margin: int, fill: bool) -> Bools:
     """Add margin layers and enclosed hexahedra to a carved cage.
 
     Parameters
@@ -116,7 +116,7 @@ def grown(kept: Bools, margin: int, fill: bool) -> Bools:
     return ndimage.binary_fill_holes(kept) if fill else kept
 
 
-def pieces(kept: Bools) -> tuple[list[int], int]:
+def count_pieces(kept: Bools) -> tuple[list[int], int]:
     """Count the connected pieces of a cage, by faces and by any contact.
 
     Parameters

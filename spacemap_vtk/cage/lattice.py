@@ -37,7 +37,7 @@ _LEAST_ULPS = 16
 _FLAT_SHARE = 0.05
 
 
-def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, Ints]:
+def build_lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, Ints]:
     """Split a box into ``nx * ny * nz`` hexahedra of five conforming tetrahedra each.
 
     Parameters
@@ -64,12 +64,12 @@ def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, 
 
     Examples
     --------
-    >>> points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
+    >>> points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     >>> len(points), len(tetrahedra)
     (72, 125)
     """
-    nx, ny, nz = _checked_divisions(divisions)
-    axes = _axes(bounds, (nx, ny, nz))
+    nx, ny, nz = _check_divisions(divisions)
+    axes = _vertex_coordinates(bounds, (nx, ny, nz))
     points = np.empty((nz + 1, ny + 1, nx + 1, 3))
     points[..., 0] = axes[0]
     points[..., 1] = axes[1][:, None]
@@ -87,7 +87,7 @@ def lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Floats, 
 
 
 def estimate_bytes(divisions: Sequence[int]) -> int:
-    """Estimate the peak memory of `lattice`.
+    """Estimate the peak memory of `build_lattice`.
 
     Parameters
     ----------
@@ -109,14 +109,14 @@ def estimate_bytes(divisions: Sequence[int]) -> int:
     >>> estimate_bytes((1000, 1000, 1000)) // 10**9
     208
     """
-    counts = _checked_divisions(divisions)
+    counts = _check_divisions(divisions)
     cells = prod(counts)
     vertices = prod(count + 1 for count in counts)
     # Per vertex 3 float64; per cell 5 x 4 int64, and 3 temporary int64.
     return 8 * (3 * vertices + 4 * TETRAHEDRA_PER_CELL * cells + 3 * cells)
 
 
-def _checked_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
+def _check_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
     values = tuple(divisions)
     if len(values) != 3 or not all(
         isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 1
@@ -131,7 +131,7 @@ def _checked_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
     return int(values[0]), int(values[1]), int(values[2])
 
 
-def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floats]:
+def _vertex_coordinates(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floats]:
     box = np.asarray(bounds, dtype=np.float64)
     if box.shape != (6,) or not np.isfinite(box).all():
         raise GeometryError(
@@ -159,7 +159,7 @@ def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[Floa
     return axes
 
 
-def padded_bounds(bounds: Sequence[float], padding: float) -> tuple[float, ...]:
+def pad_bounds(bounds: Sequence[float], padding: float) -> tuple[float, ...]:
     """Enlarge a bounding box, and give a flat one a volume.
 
     Parameters

@@ -26,22 +26,22 @@ _WEDGES = np.array(
 _CORNERS = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 
 
-def _pyramids(cells: AnyInts) -> AnyInts:
+def _split_pyramids(cells: AnyInts) -> AnyInts:
     """Split each pyramid into two tetrahedra."""
-    return joined(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
+    return join_apexes(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
 
 
-def _wedges(cells: AnyInts) -> AnyInts:
+def _split_wedges(cells: AnyInts) -> AnyInts:
     """Split each wedge into three tetrahedra."""
     turned = np.take_along_axis(cells, _WEDGES[cells.argmin(axis=1)], axis=1)
     # A pyramid on the face opposite the lowest corner, and the remaining tetrahedron.
     base = np.concatenate((turned[:, [1, 2, 5, 4]], turned[:, :1]), axis=1)
     rest = turned[:, [0, 4, 5, 3]]
-    both = np.concatenate((_pyramids(base).reshape(-1, 2, 4), rest[:, None]), axis=1)
+    both = np.concatenate((_split_pyramids(base).reshape(-1, 2, 4), rest[:, None]), axis=1)
     return both.reshape(-1, 4)
 
 
-def _hexahedra(cells: AnyInts) -> AnyInts:
+def _split_hexahedra(cells: AnyInts) -> AnyInts:
     """Split each hexahedron into six tetrahedra."""
     first = _CORNERS[cells.argmin(axis=1)]
     # Mirror the cell so that the lowest corner comes first.
@@ -49,15 +49,15 @@ def _hexahedra(cells: AnyInts) -> AnyInts:
     turned = np.take_along_axis(cells, order, axis=1)  # at position x + 2y + 4z
     faces = turned[:, [[1, 3, 7, 5], [2, 3, 7, 6], [4, 5, 7, 6]]]
     triangles = cut_quadrilaterals(faces.reshape(-1, 4)).reshape(-1, 6, 3)
-    return joined(turned[:, :1], triangles)
+    return join_apexes(turned[:, :1], triangles)
 
 
 #: Function for each number of corners: it splits cells, (n, corners) in VTK's order (the apex of a
 #: pyramid last), into tetrahedra, (m, 4), of any orientation.
-SPLITS = {5: _pyramids, 6: _wedges, 8: _hexahedra}
+SPLITS = {5: _split_pyramids, 6: _split_wedges, 8: _split_hexahedra}
 
 
-def joined(apex: AnyInts, triangles: AnyInts) -> AnyInts:
+def join_apexes(apex: AnyInts, triangles: AnyInts) -> AnyInts:
     """Join apex points (n, 1) with triangles (n, m, 3) to tetrahedra."""
     apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
     return np.concatenate((triangles, apexes), axis=2).reshape(-1, 4)
@@ -71,7 +71,7 @@ def cut_quadrilaterals(quads: AnyInts) -> AnyInts:
     return np.where(even[:, None, None], one, two)
 
 
-def volumes_of(vertices: Floats, tetrahedra: AnyInts) -> Floats:
+def tetrahedron_volumes(vertices: Floats, tetrahedra: AnyInts) -> Floats:
     """Compute the signed volumes of tetrahedra.
 
     Parameters
@@ -90,7 +90,7 @@ def volumes_of(vertices: Floats, tetrahedra: AnyInts) -> Floats:
     return np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
 
 
-def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
+def repair_tetrahedra(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
     """Reverse inverted tetrahedra and drop flat ones.
 
     Parameters
@@ -109,7 +109,7 @@ def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
     """
     corners = vertices[tetrahedra]
     a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-    volume = 6.0 * volumes_of(vertices, tetrahedra)
+    volume = 6.0 * tetrahedron_volumes(vertices, tetrahedra)
     longest = np.max([np.einsum("ij,ij->i", d, d) for d in (a, b, c, b - a, c - b, a - c)], axis=0)
     good = np.abs(volume) > FLAT * longest**1.5
     result = tetrahedra[good]
@@ -118,7 +118,7 @@ def mended(vertices: Floats, tetrahedra: AnyInts) -> tuple[AnyInts, int, int]:
     return result, int(inverted.sum()), int(np.count_nonzero(~good))
 
 
-def parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
+def count_parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
     """Count the connected parts of a mesh, by faces and by any contact.
 
     Parameters
@@ -147,7 +147,7 @@ def parts(tetrahedra: AnyInts) -> tuple[list[int], int]:
     return np.sort(np.bincount(by_faces))[::-1].tolist(), int(by_vertices.max()) + 1
 
 
-def bodies(points: Floats, triangles: AnyInts) -> int:
+def count_bodies(points: Floats, triangles: AnyInts) -> int:
     """Count the bodies that a closed surface encloses.
 
     Parameters

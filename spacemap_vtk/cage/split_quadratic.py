@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.cage.split import cut_quadrilaterals, joined
+from spacemap_vtk.cage.split import cut_quadrilaterals, join_apexes
 from spacemap_vtk.ndarrays import AnyInts
 
 
@@ -91,12 +91,12 @@ def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
     ]
     parts = []
     for corner in range(corners):
-        cut = _ring(corner, kind, middle)
+        cut = _midpoint_ring(corner, kind, middle)
         left.append(cut)
         if len(cut) == 3:
             parts.append(cells[:, [corner, *cut]])
         else:
-            parts.append(joined(cells[:, [corner]], cut_quadrilaterals(cells[:, cut])))
+            parts.append(join_apexes(cells[:, [corner]], cut_quadrilaterals(cells[:, cut])))
     lowest = cells[:, corners : kind.nodes].argmin(axis=1) + corners
     for apex in np.unique(lowest):
         chosen = cells[lowest == apex]
@@ -106,11 +106,11 @@ def split_quadratic(cells: AnyInts, kind: CellKind) -> AnyInts:
             if len(face) == 3:
                 parts.append(chosen[:, [apex, *face]])
             else:
-                parts.append(joined(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
+                parts.append(join_apexes(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
     return np.concatenate(parts)
 
 
-def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:
+def _midpoint_ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:
     """Return the midpoints of the edges at a corner, in circular order."""
     ring: list[int] = []
     pairs = []

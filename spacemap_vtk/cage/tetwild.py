@@ -34,7 +34,7 @@ from spacemap_vtk.vanishing import vanishing_folder
 EPSILON = 4e-3
 
 #: Seconds between two looks at the process, and at whether the work is cancelled.
-_LOOK = 0.05
+_POLL_INTERVAL = 0.05
 
 #: Program of the child process. It skips pytetwild's accessor, because importing PyVista takes as
 #: long as filling a small surface.
@@ -56,7 +56,7 @@ np.savez("mesh.npz", vertices=vertices, tetrahedra=tetrahedra)
 Mesh = tuple[Floats, Ints]
 
 
-def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
+def fill_surface(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
     """Fill a surface with tetrahedra.
 
     Parameters
@@ -90,7 +90,7 @@ def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
     def make() -> dict[str, NDArray[Any]]:
         # Scale to unit size at the origin: fTetWild has relative tolerances and float32 files.
         middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-        made = _run(
+        made = _run_tetwild(
             points=(points - middle) / size,
             triangles=triangles.astype(np.int32),
             edge_length=np.float64(edge_length / size),
@@ -103,11 +103,11 @@ def filled(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
             "tetrahedra": made["tetrahedra"].astype(np.int64),
         }
 
-    mesh = kept(make, points, triangles, edge_length, EPSILON, version("pytetwild"))
+    mesh = load_or_make(make, points, triangles, edge_length, EPSILON, version("pytetwild"))
     return mesh["vertices"], mesh["tetrahedra"]
 
 
-def kept(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDArray[Any]]:
+def load_or_make(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDArray[Any]]:
     """Load a mesh from the cache, or make and store it.
 
     Parameters
@@ -146,11 +146,11 @@ def _is_mesh(entry: dict[str, NDArray[Any]]) -> bool:
 _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or method = "carved"'
 
 
-def _run(**surface: Any) -> dict[str, NDArray[Any]]:
+def _run_tetwild(**surface: Any) -> dict[str, NDArray[Any]]:
     """Make a mesh in a child process, in a folder of its own."""
     with vanishing_folder() as folder:
         np.savez(folder / "surface.npz", **surface)
-        done = run_child([sys.executable, "-c", _PROGRAM], folder)
+        done = run_process([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():
             said = done.stderr.strip().splitlines()
             reason = said[-1][:200] if said else f"its process ended with {done.returncode}"
@@ -159,7 +159,7 @@ def _run(**surface: Any) -> dict[str, NDArray[Any]]:
             return dict(mesh)
 
 
-def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def run_process(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, or end it where the work that waits for it is cancelled."""
     # Files, not pipes: a pipe that nobody reads stops the program when it is full.
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
@@ -167,7 +167,7 @@ def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProce
         try:
             while process.poll() is None:
                 cancel.check()
-                time.sleep(_LOOK)
+                time.sleep(_POLL_INTERVAL)
         finally:
             process.kill()
             process.wait()

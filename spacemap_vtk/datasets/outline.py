@@ -10,7 +10,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
 
-from spacemap_vtk.cage.carve import grown
+from spacemap_vtk.cage.carve import grow_cells
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -18,7 +18,7 @@ from spacemap_vtk.ndarrays import Bools, Floats, Ints
 #: Points (N, 3) in m, and triangles (F, 3); a segment repeats its second end.
 Outline = tuple[Floats, Ints]
 #: Function of the origin, spacing and divisions of a lattice. It returns the hexahedra that an
-#: object touches, see `spacemap_vtk.cage.carve.touched`.
+#: object touches, see `spacemap_vtk.cage.carve.find_touched_cells`.
 Touch = Callable[[Floats, Floats, Sequence[int]], Bools]
 
 #: Largest number of voxels along the longest side of the object that an envelope encloses.
@@ -51,7 +51,7 @@ def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outlin
     room = distance + 3 * voxel
     counts = np.ceil((high - low + 2 * room) / voxel).astype(np.int64)
     origin = low - room
-    solid = grown(touch(origin, np.full(3, voxel), counts.tolist()), 0, True)
+    solid = grow_cells(touch(origin, np.full(3, voxel), counts.tolist()), 0, True)
     # A point in a voxel is at most half a diagonal, 0.87 voxels, from the voxel's centre.
     reach = distance + 0.9 * voxel
     from scipy import ndimage  # imported here: it takes a tenth of a second

@@ -112,9 +112,9 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
         parts.append(cut(numbers[rows[:, None] + np.arange(corners)].astype(np.int64)))
     if not parts:
         raise GeometryError(f"{what} has no cells with a volume")
-    tetrahedra, _, flat = split.mended(vertices, np.concatenate(parts))
+    tetrahedra, _, flat = split.repair_tetrahedra(vertices, np.concatenate(parts))
     # Tetrahedra from other cells have any orientation, so only the original ones are counted.
-    inverted = split.mended(vertices, np.concatenate(whole))[1] if whole else 0
+    inverted = split.repair_tetrahedra(vertices, np.concatenate(whole))[1] if whole else 0
     if not len(tetrahedra):
         raise GeometryError(
             f"{what}: all {flat} tetrahedra are flat", allowed="at least one with a volume"

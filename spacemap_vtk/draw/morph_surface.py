@@ -33,7 +33,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
 )
 from spacemap_vtk.draw.detail.yarn_recorder import SurfaceRecorder
 from spacemap_vtk.draw.frame import camera_of, relief_of
-from spacemap_vtk.embedding.morph_targets import morph_targets
+from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_writer_memory
@@ -121,7 +121,7 @@ def make_moving_surface(
         places, aim = _displacements(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
         for _ in range(_TRIES):
             scene.update(times[0])
-            found = morph_targets(places, aim)
+            found = find_morph_targets(places, aim)
             cut = usual and len(found.shapes) > (room := max(8, 2 * _LARGE // (12 * len(rows))))
             if cut:
                 count = len(found.shapes)

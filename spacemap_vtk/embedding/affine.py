@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import Points, Riding, Work, displacement_table
+from spacemap_vtk.embedding.interpolation import (
+    BlockFunction,
+    EmbeddedPoints,
+    Points,
+    check_displacement,
+)
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.memory import is_streamed
 from spacemap_vtk.ndarrays import AnyInts, Floats
@@ -28,7 +33,7 @@ _BLOCK, _COMPILED_BLOCK = 2**13, 2**17
 _FLAT = 1e-12
 
 
-class AffineInterpolation(Riding):
+class AffineInterpolation(EmbeddedPoints):
     """Interpolation from the vertices of linear tetrahedra to fixed points.
 
     Affine functions of position are reproduced up to rounding, inside and outside.
@@ -86,11 +91,11 @@ class AffineInterpolation(Riding):
             self._feet = locate(points[self._beyond], vertices, tetrahedra, "clamp").weights
         many = len(points) > WORTHWHILE
         self._threads = threads or (None if many else 1)  # for few points, threads cost more
-        self._loops: ModuleType | None = loops("spacemap_vtk.embedding.ride_loops", many)
+        self._loops: ModuleType | None = loops("spacemap_vtk.embedding.interpolation_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = blocks(len(points), width)
 
-    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
+    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> BlockFunction:
         if self._loops is None:
             return super()._mover(table, points, moved, shift)
         # For each map: origin, displacement there, and its slopes, four numbers each.
@@ -133,7 +138,7 @@ class AffineInterpolation(Riding):
         (T, 3, 3) float64
             dx'/dx; the identity for a flat tetrahedron, which has no map.
         """
-        table = displacement_table(displacement, self.vertex_count)
+        table = check_displacement(displacement, self.vertex_count)
         return np.eye(3) + self._slopes(table).transpose(0, 2, 1)
 
     def _slopes(self, columns: Floats) -> Floats:
@@ -160,10 +165,10 @@ class AffineInterpolation(Riding):
         corners = self._cells[self._tetrahedron[self._beyond]]
         return np.einsum("na,na...->n...", self._feet, columns[corners])
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
         maps, points = self._maps(table), self._points if points is None else points
         if self._loops is not None:
-            carry = self._loops.carry
+            carry = self._loops.apply_maps
             return lambda block: carry(maps, self._tetrahedron[block], points[block], out[block])
         # One row for each coefficient, so that each operation runs over contiguous memory.
         rows = np.ascontiguousarray(maps.T)

@@ -20,7 +20,7 @@ _SLACK = 1e-6  # in cells: exceeds the rounding of the position where a face cut
 _FAR = 1e9  # in cells: exceeds the number of cells along any side
 
 
-class Grid:
+class BackgroundGrid:
     """Equal cells over all tetrahedra, each with the tetrahedra that reach into it, in CSR form."""
 
     def __init__(self, frames: Frames, threads: int | None = None) -> None:
@@ -32,7 +32,7 @@ class Grid:
         low, high = frames.low[usable] - margin, frames.high[usable] + margin
         self._low, self._high = low.min(axis=0), high.max(axis=0)
         size = self._high - self._low
-        self._shape = _shape(size, max(_CELLS_PER_TETRAHEDRON * len(usable), _FEWEST_CELLS))
+        self._shape = _choose_shape(size, max(_CELLS_PER_TETRAHEDRON * len(usable), _FEWEST_CELLS))
         self._per_length = self._shape / size
         first, last = self._indices(low), self._indices(high)
         self._start, self._candidates = self._fill(usable, first, last - first + 1)
@@ -140,7 +140,7 @@ class Grid:
         return begin, end + 1
 
 
-def _shape(size: Floats, cells: float) -> Ints:
+def _choose_shape(size: Floats, cells: float) -> Ints:
     """Choose numbers of nearly cubic cells along a box; a thin side gets one."""
     shape = np.ones(3, dtype=np.int64)
     remaining = cells

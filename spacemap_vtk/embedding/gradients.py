@@ -98,7 +98,7 @@ def cofactors(gradients: Floats) -> Floats:
     return np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)), axis=1)
 
 
-def turned_normals(normals: NDArray[Any], cofactor: Floats, which: AnyInts) -> NDArray[np.float32]:
+def deform_normals(normals: NDArray[Any], cofactor: Floats, which: AnyInts) -> NDArray[np.float32]:
     """Compute unit normals of a deformed surface.
 
     Parameters
@@ -191,7 +191,7 @@ def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
             which = of_size[some]
             others = around.indices[around.indptr[which][:, None] + np.arange(size)]
             others = others[others != which[:, None]].reshape(len(which), -1)
-            factors = _fit(vertices[others] - vertices[which][:, None])  # (n, 3, m)
+            factors = _fit_quadratics(vertices[others] - vertices[which][:, None])  # (n, 3, m)
             own = -factors.sum(axis=2, keepdims=True)
             shape = (len(which), 3, size)
             data.append(np.concatenate((factors, own), axis=2).ravel())
@@ -205,7 +205,7 @@ def vertex_gradients(vertices: Floats, tetrahedra: AnyInts) -> csr_matrix:
     )
 
 
-def _fit(offsets: Floats) -> Floats:
+def _fit_quadratics(offsets: Floats) -> Floats:
     """Compute factors (n, 3, m) that turn differences to m neighbours into the gradient."""
     length = np.linalg.norm(offsets, axis=2)
     size = length.mean(axis=1)

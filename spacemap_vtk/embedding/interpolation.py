@@ -31,12 +31,12 @@ _ROW = 32  # points of a tetrahedron in one product: half and twice as many are 
 #: Coordinates in single or double precision.
 Points = NDArray[Any]
 #: Function that processes one block of points.
-Work = Callable[[slice], None]
+BlockFunction = Callable[[slice], None]
 #: Function that writes the values at the points of a block, (n, k), from those at vertices, (V, k).
-_Write = Callable[[Floats, Points], None]
+_Writer = Callable[[Floats, Points], None]
 
 
-class Riding:
+class EmbeddedPoints:
     """Fixed points embedded in a mesh, for any values at its vertices.
 
     Notes
@@ -51,11 +51,11 @@ class Riding:
     def __init__(self, points: int, vertices: int) -> None:
         self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
         """Make the function that computes the values at a block of points."""
         raise NotImplementedError
 
-    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
+    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> BlockFunction:
         """Make the function that moves a block of points."""
         write = self._writer(table, shift, points)
 
@@ -117,7 +117,7 @@ class Riding:
         InputError
             The number of points differs from the located ones, or the displacement is not (V, 3).
         """
-        table = displacement_table(displacement, self.vertex_count)
+        table = check_displacement(displacement, self.vertex_count)
         if points.shape != (self.point_count, 3):
             raise InputError(
                 f"points of shape {points.shape}", allowed=f"({self.point_count}, 3): those located"
@@ -129,7 +129,7 @@ class Riding:
         return moved, shift
 
 
-class Interpolation(Riding):
+class Interpolation(EmbeddedPoints):
     """Barycentric interpolation from the vertices of a mesh to fixed points.
 
     Affine functions of position are reproduced up to rounding, inside and outside. Quadratic
@@ -172,19 +172,19 @@ class Interpolation(Riding):
         super().__init__(count, vertex_count)
         self._threads = threads
         self._blocks = blocks(count, _BLOCK)
-        self._writes: list[_Write] = []
-        ride = loops("spacemap_vtk.embedding.ride_loops", count > WORTHWHILE)
+        self._writes: list[_Writer] = []
+        ride = loops("spacemap_vtk.embedding.interpolation_loops", count > WORTHWHILE)
         for rows in self._blocks:
             weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
             if corners.shape[1] == 10 and weights.shape[1] == 4:
                 weights = quadratic_weights(weights)
-            self._writes.append(_writer(ride, weights, tetrahedron, corners))
+            self._writes.append(_make_writer(ride, weights, tetrahedron, corners))
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
         return lambda block: self._writes[block.start // _BLOCK](table, out[block])
 
 
-def displacement_table(values: ArrayLike, vertex_count: int) -> Floats:
+def check_displacement(values: ArrayLike, vertex_count: int) -> Floats:
     """Convert displacements of vertices to a checked table."""
     table = np.ascontiguousarray(values, dtype=np.float64)
     if table.shape != (vertex_count, 3):
@@ -200,16 +200,16 @@ def displacement_table(values: ArrayLike, vertex_count: int) -> Floats:
     return table
 
 
-def _writer(
+def _make_writer(
     ride: ModuleType | None,
     weights: Floats,
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
-) -> _Write:
+) -> _Writer:
     """Prepare the interpolation to one block of points."""
     # Views of the location where possible, and 32-bit vertex numbers: reading memory limits speed.
     if ride is not None:
-        return partial(ride.apply, np.ascontiguousarray(weights), tetrahedron, corners)
+        return partial(ride.apply_weights, np.ascontiguousarray(weights), tetrahedron, corners)
     # Points of a tetrahedron are sorted together, in rows of equal length, padded with zero
     # weights. A product of many small matrices takes half the time of a sparse one, and needs no
     # SciPy.

@@ -111,7 +111,7 @@ class LatticePattern:
         tetrahedron[:] = number if there is True else np.where(there, number, -1)
 
 
-def recognise(vertices: Floats, tetrahedra: AnyInts) -> LatticePattern | None:
+def recognise_lattice(vertices: Floats, tetrahedra: AnyInts) -> LatticePattern | None:
     """Recognise a lattice from its mesh; return None for other meshes."""
     # Only the mesh itself decides: every vertex of every tetrahedron must be at its position up to
     # rounding. So a lattice that was moved, refined or renumbered is not recognised.

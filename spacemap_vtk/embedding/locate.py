@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from spacemap_vtk.embedding.background_grid import Grid
+from spacemap_vtk.embedding.background_grid import BackgroundGrid
 from spacemap_vtk.embedding.frames import Frames
-from spacemap_vtk.embedding.lattice_locate import recognise
+from spacemap_vtk.embedding.lattice_locate import recognise_lattice
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
@@ -117,9 +117,9 @@ def locate(
         )
     given = np.asarray(points)
     single = given.dtype in (np.float32, np.float16)
-    places = _checked_points(given, "point", np.float32 if single else np.float64)
-    nodes = _checked_points(vertices, "vertex of the cage", np.float64)
-    cells = _checked_tetrahedra(tetrahedra, len(nodes))
+    places = _check_points(given, "point", np.float32 if single else np.float64)
+    nodes = _check_points(vertices, "vertex of the cage", np.float64)
+    cells = _check_tetrahedra(tetrahedra, len(nodes))
     epsilon = float(np.finfo(np.float32 if single else np.float64).eps)
     tetrahedron = np.empty(len(places), dtype=np.int32)
     weights = np.empty((len(places) if weighted else 0, 4))
@@ -127,7 +127,7 @@ def locate(
     def part(which: slice | NDArray[np.intp]) -> Floats:
         return np.asarray(places[which], np.float64)  # block by block: a full copy would be large
 
-    pattern = recognise(nodes, cells)
+    pattern = recognise_lattice(nodes, cells)
     left: NDArray[np.intp] | None = None  # points that must be searched; None: all
     if pattern is not None:
 
@@ -142,7 +142,7 @@ def locate(
             return Location(tetrahedron, weights, np.zeros(len(places), dtype=np.bool_), 0, 0.0)
 
     frames = Frames(nodes, cells, epsilon)
-    grid = Grid(frames, threads)
+    grid = BackgroundGrid(frames, threads)
 
     def search(some: slice) -> None:
         block = some if left is None else left[some]
@@ -183,7 +183,7 @@ def locate(
     return Location(tetrahedron, weights, is_outside, count, largest)
 
 
-def _checked_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[Any]:
+def _check_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[Any]:
     result = np.ascontiguousarray(values, dtype=kind)
     if result.ndim != 2 or result.shape[1] != 3:
         raise GeometryError(f"{what} coordinates of shape {result.shape}", allowed="(N, 3)")
@@ -198,7 +198,7 @@ def _checked_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[An
     return result
 
 
-def _checked_tetrahedra(values: ArrayLike, vertex_count: int) -> AnyInts:
+def _check_tetrahedra(values: ArrayLike, vertex_count: int) -> AnyInts:
     result = np.asarray(values)
     if result.ndim != 2 or result.shape[1] != 4 or result.dtype.kind not in "iu":
         raise GeometryError(

@@ -25,7 +25,7 @@ class MorphTargets(NamedTuple):
     error: float
 
 
-def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> MorphTargets:
+def find_morph_targets(displacements: NDArray[np.floating], tolerance: float) -> MorphTargets:
     """Find the fewest leading singular shapes that keep every point within a tolerance.
 
     Parameters
@@ -53,9 +53,9 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     Examples
     --------
     >>> import numpy as np
-    >>> from spacemap_vtk.embedding.morph_targets import morph_targets
+    >>> from spacemap_vtk.embedding.morph_targets import find_morph_targets
     >>> swing = np.sin(np.linspace(0.0, 6.0, 50))[:, None, None] * np.ones((4, 3))
-    >>> morph_targets(swing, 1e-9).weights.shape
+    >>> find_morph_targets(swing, 1e-9).weights.shape
     (50, 1)
     """
     count, points, parts = displacements.shape
@@ -64,10 +64,10 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     left = few.reshape(count, -1).astype(np.float64)
     # The reduced form serves both shapes of matrix: many times of few points, or the reverse.
     times = np.linalg.svd(left, full_matrices=False)[0]
-    taken, error = 0, _largest(left, parts)
+    taken, error = 0, _largest_distance(left, parts)
     while error > tolerance and taken < times.shape[1]:
         left -= np.outer(times[:, taken], times[:, taken] @ left)
-        taken, error = taken + 1, _largest(left, parts)
+        taken, error = taken + 1, _largest_distance(left, parts)
     weights = times[:, :taken]
     shapes = np.empty((taken, points, parts))
     for some in blocks(points, _PART):  # in blocks: all in double precision would not fit
@@ -81,6 +81,6 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     return MorphTargets(shapes[kept] * peaks[:, None, None], weights / peaks, error)
 
 
-def _largest(displacements: Floats, parts: int) -> float:
+def _largest_distance(displacements: Floats, parts: int) -> float:
     squares = np.square(displacements).reshape(len(displacements), -1, parts).sum(axis=2)
     return float(np.sqrt(squares.max(initial=0.0)))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk import cancel
 from spacemap_vtk.embedding.frames import Frames
-from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
+from spacemap_vtk.embedding.triangles import FACES, boundary_faces, nearest_on_triangles
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import blocks
 
@@ -31,14 +31,14 @@ class NearestTetrahedron:
         from scipy.spatial import cKDTree  # imported here: it takes a tenth of a second
 
         usable = np.flatnonzero(frames.usable)
-        owner, self._face = boundary(tetrahedra[usable], frames.positive[usable])
+        owner, self._face = boundary_faces(tetrahedra[usable], frames.positive[usable])
         self._owner = usable[owner]
         corners = vertices[tetrahedra[self._owner[:, None], FACES[self._face]]]  # (B, 3, 3)
         self._corners = np.ascontiguousarray(corners.transpose(1, 2, 0))
         middles = corners.mean(axis=1)
         self._middles = cKDTree(middles)
         self._order = _morton_order(middles)
-        self._levels = _levels(self._corners[:, :, self._order])
+        self._levels = _build_box_tree(self._corners[:, :, self._order])
         self._distance = frames.distance
 
     def find(self, points: Floats) -> tuple[NDArray[np.int32], Floats, Floats]:
@@ -96,7 +96,7 @@ def _morton_order(middles: Floats) -> NDArray[np.intp]:
     return np.argsort(code, kind="stable")
 
 
-def _levels(corners: Floats) -> list[Boxes]:
+def _build_box_tree(corners: Floats) -> list[Boxes]:
     """Build the boxes of a binary tree over triangles, without the root, leaves last."""
     # Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
     # each triangle, and empty boxes up to a power of two, which are infinitely far away.

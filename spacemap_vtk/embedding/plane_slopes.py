@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
-from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.split import repair_tetrahedra
 from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import vertex_gradients
@@ -41,8 +41,8 @@ class PlaneSlopes:
 
     Examples
     --------
-    >>> from spacemap_vtk.cage.lattice import lattice
-    >>> vertices, cells = lattice([0, 2, 0, 2, 0, 1], [2, 2, 1])
+    >>> from spacemap_vtk.cage.lattice import build_lattice
+    >>> vertices, cells = build_lattice([0, 2, 0, 2, 0, 1], [2, 2, 1])
     >>> bent = vertices[:, [0]] ** 2 * [0, 0, 1.0]
     >>> PlaneSlopes(np.array([[0.5, 0.7, 0.5]]), vertices, cells).at(bent).tolist()
     [[[1.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]]]
@@ -54,7 +54,9 @@ class PlaneSlopes:
         if self._surface is not None and self._surface.normal != 2:
             self._surface = None
         if cells.shape[1] > 4:
-            cells = mended(vertices, split_quadratic(cells, TETRAHEDRON))[0].astype(np.int64)
+            cells = repair_tetrahedra(vertices, split_quadratic(cells, TETRAHEDRON))[0].astype(
+                np.int64
+            )
         if self._surface is None:
             where = locate(places, vertices, cells, weighted=False)
             gradients = vertex_gradients(vertices, cells)
@@ -62,7 +64,7 @@ class PlaneSlopes:
             self._ride = AffineInterpolation(places, where, vertices, cells)
         else:
             where = locate(places, vertices, cells)
-            self._along = _of_quads(places, where, vertices, *self._surface[:2])
+            self._along = _sheet_slopes(places, where, vertices, *self._surface[:2])
 
     def at(self, displacement: NDArray[Any]) -> Floats:
         """Compute both vectors at each point.
@@ -88,7 +90,7 @@ class PlaneSlopes:
         return np.eye(3)[:2, None] + grown
 
 
-def _of_quads(
+def _sheet_slopes(
     places: Floats, where: Location, vertices: Floats, pairs: Ints, quads: Ints
 ) -> list[Interpolation]:
     """Prepare slopes along x and y from the midpoints of a sheet's vertex pairs."""

@@ -16,16 +16,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.embedding.gradients import has_volume, vertex_gradients
-from spacemap_vtk.embedding.interpolation import Interpolation, Points, Riding, displacement_table
+from spacemap_vtk.embedding.interpolation import (
+    EmbeddedPoints,
+    Interpolation,
+    Points,
+    check_displacement,
+)
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
+from spacemap_vtk.embedding.worsey_farin import control_factors, point_factors, split_points
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import blocks, for_each
 
 _BLOCK = 2**12  # points that are prepared in one block; it limits the temporary memory
 
 
-class SmoothInterpolation(Riding):
+class SmoothInterpolation(EmbeddedPoints):
     """Smooth interpolation of a displacement to fixed points.
 
     Parameters
@@ -103,9 +108,9 @@ class SmoothInterpolation(Riding):
             here, which = np.unique(tetrahedron[block], return_inverse=True)
             row = np.searchsorted(good, here)
             corners = vertices[cells[here]]
-            table = coefficients(corners, centres[row], faces[row])
+            table = control_factors(corners, centres[row], faces[row])
             asked = ways(block, corners[which])
-            found = evaluated(self._foot[block], which, table, centres[row], faces[row], asked)
+            found = point_factors(self._foot[block], which, table, centres[row], faces[row], asked)
             edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
             slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
             result[:, block, :4] = found[:, :, :4]
@@ -116,7 +121,7 @@ class SmoothInterpolation(Riding):
         return result
 
     def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
-        table = displacement_table(displacement, self.vertex_count)
+        table = check_displacement(displacement, self.vertex_count)
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def apply(self, values: ArrayLike) -> Floats:
@@ -137,7 +142,7 @@ class SmoothInterpolation(Riding):
             Row i is the gradient of coordinate i; for points outside, at the nearest point of the
             mesh.
         """
-        table = displacement_table(displacement, self._slopes.shape[1])
+        table = check_displacement(displacement, self._slopes.shape[1])
         if not self._along:
             rows = self._prepare(lambda _, corners: _axes(corners))[1:]
             self._along = [self._interpolation(row) for row in rows]

@@ -16,7 +16,9 @@ Coordinates = Floats  # (3, n): one row an axis
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
-def boundary(tetrahedra: AnyInts, positive: Bools) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def boundary_faces(
+    tetrahedra: AnyInts, positive: Bools
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Find the faces that can contain the nearest point of a mesh to a point outside.
 
     Parameters
@@ -56,9 +58,9 @@ def nearest_on_triangles(
     """Compute the squared distance to triangles, and barycentric weights of the nearest points."""
     ab, ac, bc = b - a, c - a, c - b
     ap, bp = points - a, points - b
-    along_ab, to_ab = _on_edge(ap, ab)
-    along_ac, to_ac = _on_edge(ap, ac)
-    along_bc, to_bc = _on_edge(bp, bc)
+    along_ab, to_ab = _nearest_on_edge(ap, ab)
+    along_ac, to_ac = _nearest_on_edge(ap, ac)
+    along_bc, to_bc = _nearest_on_edge(bp, bc)
     squared = np.minimum(np.minimum(to_ab, to_ac), to_bc)
     on_ab, on_ac = to_ab == squared, to_ac == squared
     # Cross products are used, because the Gram matrix loses all digits in a needle.
@@ -75,7 +77,7 @@ def nearest_on_triangles(
     return squared, np.stack((np.maximum(1.0 - v - w, 0.0), v, w))
 
 
-def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[Floats, Floats]:
+def _nearest_on_edge(p: Coordinates, edge: Coordinates) -> tuple[Floats, Floats]:
     """Compute the parameter of the nearest point of an edge, and its squared distance."""
     length = dot(edge, edge)
     t = np.clip(dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)

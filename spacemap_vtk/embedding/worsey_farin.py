@@ -61,7 +61,7 @@ def split_points(vertices: Floats, tetrahedra: AnyInts) -> tuple[Floats, Floats]
     return centres, faces
 
 
-class Names:
+class CoefficientIndex:
     """Positions of the coefficients in the table of a tetrahedron."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Names:
         return self.place.setdefault(key, len(self.place))
 
 
-def _name(i: int, parts: list[Any]) -> tuple[Any, ...]:
+def _coefficient_name(i: int, parts: list[Any]) -> tuple[Any, ...]:
     """Name a coefficient of a piece of face i by its three parts, sorted."""
     parts = sorted(parts, key=str)
     # Coefficients without the split point of the face belong to several pieces.
@@ -85,9 +85,9 @@ _EXPONENTS = [
 _FACTORS = np.array([6.0 / np.prod([(1, 1, 2, 6)[e] for e in powers]) for powers in _EXPONENTS])
 
 
-def _pieces() -> tuple[Names, NDArray[np.intp]]:
+def _number_coefficients() -> tuple[CoefficientIndex, NDArray[np.intp]]:
     """Build names, and the twenty positions of each piece: that of face i without corner l."""
-    names, table = Names(), np.zeros((4, 4, 20), dtype=np.intp)
+    names, table = CoefficientIndex(), np.zeros((4, 4, 20), dtype=np.intp)
     for i in range(4):
         for corner in range(4):
             if i == corner:
@@ -95,23 +95,23 @@ def _pieces() -> tuple[Names, NDArray[np.intp]]:
             j, k = (v for v in range(4) if v not in (i, corner))
             for at, (a, b, m, n) in enumerate(_EXPONENTS):
                 parts = ["c"] * a + ["s"] * b + [j] * m + [k] * n
-                table[i, corner, at] = names(*_name(i, parts))
+                table[i, corner, at] = names(*_coefficient_name(i, parts))
     return names, table
 
 
-_NAMES, _TABLE = _pieces()
+_INDEX, _TABLE = _number_coefficients()
 
 
-def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
+def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
     """Compute the control points of all pieces, as factors of the twenty numbers."""
     count = len(corners)
-    result = np.zeros((count, len(_NAMES.place), NUMBERS))
+    result = np.zeros((count, len(_INDEX.place), NUMBERS))
 
     def put(i: int, parts: list[Any], value: Floats) -> None:
-        result[:, _NAMES.place[_name(i, parts)]] = value
+        result[:, _INDEX.place[_coefficient_name(i, parts)]] = value
 
     def get(i: int, parts: list[Any]) -> Floats:
-        return result[:, _NAMES.place[_name(i, parts)]]
+        return result[:, _INDEX.place[_coefficient_name(i, parts)]]
 
     unit = np.eye(NUMBERS)
 
@@ -199,7 +199,7 @@ def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
     return result
 
 
-def evaluated(
+def point_factors(
     weights: Floats,
     which: AnyInts,
     table: Floats,

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructu
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
 from spacemap_vtk import extensions
-from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.split import repair_tetrahedra
 from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
 from spacemap_vtk.datasets.arrays import (
     add_array,
@@ -30,10 +30,10 @@ from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
     QuadraticGradients,
     cofactors,
-    turned_normals,
+    deform_normals,
     vertex_averages,
 )
-from spacemap_vtk.embedding.interpolation import Interpolation, Riding
+from spacemap_vtk.embedding.interpolation import EmbeddedPoints, Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
@@ -192,7 +192,7 @@ class BarycentricWarp(Stage):
             if self.smooth and elements.shape[1] > 4:
                 # The spline passes through all nodes.
                 pieces = split_quadratic(elements, TETRAHEDRON)
-                elements = mended(vertices, pieces)[0].astype(np.int64)
+                elements = repair_tetrahedra(vertices, pieces)[0].astype(np.int64)
             # Quadratic tetrahedra have straight sides: their corners determine where a point lies.
             corners = elements[:, :4]
             count = points.GetNumberOfPoints()
@@ -223,7 +223,7 @@ class BarycentricWarp(Stage):
                     ]
                     + f'; a cage that fTetWild makes holds them with cage.inflate = "{room}"'
                 )
-            ride: Riding
+            ride: EmbeddedPoints
             places, clamp = points_of(points), self.outside == "clamp"
             if self.smooth:
                 places = places.astype(np.float64, copy=False)
@@ -295,7 +295,7 @@ class _Ride:
     cells: Ints
     elements: Ints
     location: Location
-    interpolation: Riding
+    interpolation: EmbeddedPoints
     note: str
 
     def serves(
@@ -325,7 +325,7 @@ class _Ride:
             gradients = self._slopes.gradients(displacement)
             if isinstance(self._slopes, AffineInterpolation):
                 each = self.location.tetrahedron
-        return turned_normals(normals, cofactors(gradients), each)
+        return deform_normals(normals, cofactors(gradients), each)
 
 
 def _stand(

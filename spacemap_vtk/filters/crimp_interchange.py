@@ -21,16 +21,16 @@ from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
+from spacemap_vtk.textile.crimp.crimp_geometry import CrimpGeometry
 from spacemap_vtk.textile.crimp.interchange import CrimpState, Interchange, YarnMechanics
-from spacemap_vtk.textile.crimp.recrimp import Recrimp
-from spacemap_vtk.textile.geometry.axes import ALL, Share
-from spacemap_vtk.textile.geometry.partition import share_of
+from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection
+from spacemap_vtk.textile.geometry.partition import select_piece
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 
 #: Strain of inextensible yarns above which the stage warns.
 _STRAIN = 0.01
 #: Excess length of slack yarns, over the length of their path, above which the stage warns.
-_SPARE = 0.02
+_SLACK = 0.02
 #: Tolerance between the input's points and those of its cloth, over its size: float32 precision.
 _APART = 1e-5
 #: Crossings whose slopes are prepared at a time; they need some hundred megabytes.
@@ -76,10 +76,10 @@ class CrimpInterchange(YarnParameters, Stage):
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT
 
-    _kept: _Woven | None = None
-    _crossed: _Crossed | None = None
+    _kept: _PreparedYarns | None = None
+    _crossed: _ClothCrossings | None = None
     #: The crossings of a whole cloth, and the share of them that the input has.
-    _lent: tuple[_Crossed, Share] | None = None
+    _lent: tuple[_ClothCrossings, YarnSelection] | None = None
     #: Kinds of warnings issued so far. An animation would repeat them with each frame's numbers.
     _told: set[str] | None = None
 
@@ -89,7 +89,7 @@ class CrimpInterchange(YarnParameters, Stage):
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # this process has no points
         lent = self._lent
-        whole, part = lent or (self._crossings(*inputs), ALL)
+        whole, part = lent or (self._crossings(*inputs), ALL_YARNS)
         kept = self._prepared(inputs[0], inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "CrimpInterchange, on port 1,")
         state, stretch = whole.at(field).cropped(part)
@@ -111,7 +111,7 @@ class CrimpInterchange(YarnParameters, Stage):
         # Keep the order of `arrays`, which a set would lose: pieces of a cloth must agree in it to
         # be joined, and files must be reproducible.
         for name in [n for n, array in self.arrays.items() if array.association == "cell"]:
-            values = _shown(name, state, tension)
+            values = _crossing_values(name, state, tension)
             if len(values) == 1:
                 values = np.concatenate([values, values])
             add_array(output.GetCellData(), name, values.ravel()[kept.recrimp.crossing])
@@ -148,16 +148,16 @@ class CrimpInterchange(YarnParameters, Stage):
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
         now = whole.at(field)
         self._tell_of(*now, whole.crimp)
-        return _shown(name, now.state, whole.tension)
+        return _crossing_values(name, now.state, whole.tension)
 
-    def borrow(self, whole: CrimpInterchange | None, part: Share = ALL) -> None:
+    def borrow(self, whole: CrimpInterchange | None, part: YarnSelection = ALL_YARNS) -> None:
         """Use the crossings of another stage's last update, which has the whole cloth.
 
         Parameters
         ----------
         whole : CrimpInterchange or None
             A stage with the same settings and the same cage; None: use none.
-        part : Share, optional
+        part : YarnSelection, optional
             Slices of the yarns whose crossings the input has.
         """
         lent = None
@@ -181,7 +181,7 @@ class CrimpInterchange(YarnParameters, Stage):
             )
         # Excess length: yarn length over path length, both per length of the cloth at rest.
         spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
-        if (slack := (state.slack & (spare > _SPARE)).any(axis=0) & ~jammed).any():
+        if (slack := (state.slack & (spare > _SLACK)).any(axis=0) & ~jammed).any():
             self._tell_once(
                 "slack",
                 f"at {slack.sum()} of {count} crossings yarns lie slack: they are up to "
@@ -204,7 +204,7 @@ class CrimpInterchange(YarnParameters, Stage):
         self._told.add(kind)
         self.warn(text)
 
-    def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Crossed:
+    def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _ClothCrossings:
         """Return the crossings of the whole cloth of a weave or of a piece of it."""
         kept, settings = self._crossed, tuple(self.settings.values())
         if kept is None or not kept.serves(settings, weave, cage):
@@ -221,10 +221,10 @@ class CrimpInterchange(YarnParameters, Stage):
                     allowed='axis = "arcs" of [weave]',
                 )
             arrays = cloth_arrays(weave)
-            kept = self._crossed = _Crossed(settings, arrays, cloth, self.yarns(cloth), cage)
+            kept = self._crossed = _ClothCrossings(settings, arrays, cloth, self.yarns(cloth), cage)
         return kept
 
-    def _prepared(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Woven:
+    def _prepared(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _PreparedYarns:
         kept = self._kept
         settings = *self.settings.values(), *self.piece
         if kept is not None and kept.settings == settings and kept.serves(weave, cage):
@@ -237,8 +237,12 @@ class CrimpInterchange(YarnParameters, Stage):
         )
         cloth = cloth_of(weave)
         assert cloth is not None
-        share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
-        recrimp = Recrimp(cloth, share)
+        share = (
+            ALL_YARNS
+            if self.piece.of == 1
+            else select_piece(cloth, self.piece.number, self.piece.of)
+        )
+        recrimp = CrimpGeometry(cloth, share)
         points = points_of(weave)
         feet = recrimp.spread(recrimp.feet)
         woven = feet + recrimp.rest
@@ -249,7 +253,7 @@ class CrimpInterchange(YarnParameters, Stage):
             )
         precision = points.dtype.type
         vertices = points_of(cage).astype(np.float64)
-        self._kept = _Woven(
+        self._kept = _PreparedYarns(
             settings=settings,
             weave=Geometry(weave),
             cage=Geometry(cage),
@@ -278,21 +282,21 @@ def estimate_bytes(points: int) -> int:
     return points * (24 + 24 + 1000 // 12)
 
 
-class _Now(NamedTuple):
+class _CrossingState(NamedTuple):
     """State of the crossings at one time."""
 
     state: CrimpState
     stretch: Floats
     """(2, picks, ends) Of space along warp and weft."""
 
-    def cropped(self, part: Share) -> _Now:
+    def cropped(self, part: YarnSelection) -> _CrossingState:
         """Return the state of a share of the yarns."""
         ends, picks = part
         fields: Any = (values[..., picks, ends] for values in self.state)
-        return _Now(CrimpState(*fields), self.stretch[:, picks, ends])
+        return _CrossingState(CrimpState(*fields), self.stretch[:, picks, ends])
 
 
-class _Crossed:
+class _ClothCrossings:
     """Crossings of a whole cloth in a cage, computed once for a cloth, its yarns and a cage."""
 
     def __init__(
@@ -318,7 +322,7 @@ class _Crossed:
         self._slopes = [
             PlaneSlopes(places[some], vertices, elements) for some in blocks(len(places), _BLOCK)
         ]
-        self._last: tuple[NDArray[Any], _Now] | None = None
+        self._last: tuple[NDArray[Any], _CrossingState] | None = None
 
     def serves(
         self, settings: tuple[Any, ...], weave: vtkPointSet, cage: vtkUnstructuredGrid
@@ -329,18 +333,20 @@ class _Crossed:
         same = same and all(np.array_equal(a, arrays[n], True) for n, a in self._arrays.items())
         return same and self._cage.matches(cage)
 
-    def at(self, field: NDArray[Any]) -> _Now:
+    def at(self, field: NDArray[Any]) -> _CrossingState:
         """Return the state of the crossings for a displacement of the cage's vertices."""
         if self._last is None or not np.array_equal(self._last[0], field):
             # `at` gives the images of unit vectors along x (weft), then y (warp); warp comes first.
             found = [slopes.at(field)[::-1] for slopes in self._slopes]
             stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
             asked = np.concatenate(stretch, axis=1).reshape(self._shape)
-            self._last = field.copy(), _Now(self._interchange.solve(asked), asked)
+            self._last = field.copy(), _CrossingState(self._interchange.solve(asked), asked)
         return self._last[1]
 
 
-def _shown(name: str, state: CrimpState, tension: Floats) -> NDArray[np.float32 | np.uint8]:
+def _crossing_values(
+    name: str, state: CrimpState, tension: Floats
+) -> NDArray[np.float32 | np.uint8]:
     """Return an array's values at the crossings, (2 or 1, picks, ends)."""
     values: NDArray[Any] = {
         "crimp": state.crimp,
@@ -355,13 +361,13 @@ def _shown(name: str, state: CrimpState, tension: Floats) -> NDArray[np.float32 
 
 
 @dataclass
-class _Woven:
+class _PreparedYarns:
     """Results that depend only on the weave and the cage at rest."""
 
     settings: tuple[Any, ...]
     weave: Geometry
     cage: Geometry
-    recrimp: Recrimp
+    recrimp: CrimpGeometry
     slopes: PlaneSlopes
     foot: vtkDataArray
     precision: Any

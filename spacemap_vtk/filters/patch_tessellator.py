@@ -90,7 +90,7 @@ class PatchTessellator(Stage):
     _chosen: int = AUTOMATIC_SIDES
     _strands: bool = False
     _detail: Detail | None = None
-    _kept: _Patches | None = None
+    _kept: _PreparedPatches | None = None
     _skin: Skin | None = None
 
     @property
@@ -138,7 +138,7 @@ class PatchTessellator(Stage):
             output.ShallowCopy(grid)
             self._drop_ghosts(output)
             return
-        if not _only_patches(grid):
+        if not _has_only_patches(grid):
             if self._skin is None:
                 self._skin = Skin()
             self._skin.extract(grid, self.sides, output)
@@ -154,7 +154,7 @@ class PatchTessellator(Stage):
         weights = None if rational is None else vtk_to_numpy(rational)
         strands = prepared.strands(grid)
         surfaces = [group.evaluate(points_of(grid), weights, strands) for group in prepared.groups]
-        positions, normals = map(_joined, zip(*surfaces, strict=True))
+        positions, normals = map(_concatenate, zip(*surfaces, strict=True))
         prepared.close_seams(positions)
         if strands is not None and self._strands:
             output.GetPointData().AddArray(prepared.coordinates(strands))
@@ -171,7 +171,7 @@ class PatchTessellator(Stage):
             # In float32 like the positions: double precision would take twice the bytes for
             # nothing.
             numbers = vtk_to_numpy(array)
-            values = _joined(
+            values = _concatenate(
                 [
                     group.tessellation.interpolate(numbers, weights, np.float32)
                     for group in prepared.groups
@@ -189,22 +189,22 @@ class PatchTessellator(Stage):
             for data in (output.GetCellData(), output.GetPointData()):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
-    def _prepared(self, grid: vtkUnstructuredGrid) -> _Patches:
+    def _prepared(self, grid: vtkUnstructuredGrid) -> _PreparedPatches:
         sides: int | AnyInts = self.sides
         if self._detail is not None and self.subdivisions is None:
             patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
             each = self._detail(points_of(grid), patches)
             sides = int(each[0]) if len(each) and (each == each[0]).all() else each
         if self._kept is None or not self._kept.serves(grid, sides):
-            self._kept = _Patches(grid, sides)
+            self._kept = _PreparedPatches(grid, sides)
         return self._kept
 
 
-def _joined(parts: Sequence[AnyFloats]) -> AnyFloats:
+def _concatenate(parts: Sequence[AnyFloats]) -> AnyFloats:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def sides_seen(pixels: float, plies: int = 1) -> int:
+def sides_for_pixels(pixels: float, plies: int = 1) -> int:
     """Return how many facets a quarter of a yarn's outline needs to look round.
 
     Parameters
@@ -316,7 +316,7 @@ class _Group:
         return ways
 
 
-class _Patches:
+class _PreparedPatches:
     """Results that depend only on connectivity and subdivisions."""
 
     def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> None:
@@ -352,7 +352,7 @@ class _Patches:
             ]
         self.polygons: vtkCellArray = to_cells(self._quads())
         self.patches = patches
-        self._seams = _seams(patches, self.groups) if len(self.groups) > 1 else []
+        self._seams = _find_seams(patches, self.groups) if len(self.groups) > 1 else []
         self.told: list[bytes | None] = []
         self.placed: tuple[vtkDataArray, int] | None = None
         self.woven: Strands | None = None
@@ -387,7 +387,7 @@ class _Patches:
             if places is array and places.GetMTime() == time:
                 return self.woven
         self.placed = None if places is None else (places, places.GetMTime())
-        told = _told(grid)
+        told = _strand_inputs(grid)
         if told != self.told:
             self.told, self.woven, self.ways = told, None, None
             cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
@@ -401,7 +401,9 @@ class _Patches:
     def coordinates(self, strands: Strands) -> vtkDataArray:
         """Return the direction of the fibres: the same array as long as the yarns are the same."""
         if self.ways is None:
-            self.ways = to_array(_joined([g.coordinates(strands) for g in self.groups]), STRANDS)
+            self.ways = to_array(
+                _concatenate([g.coordinates(strands) for g in self.groups]), STRANDS
+            )
         return self.ways
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
@@ -422,12 +424,16 @@ class _Patches:
         name = array.GetName()
         kept = self.arrays.get(name)
         # Return the same object for the same values, so that renderers need not upload them again.
-        if kept is not None and kept[0].GetMTime() == kept[1] and _equal(kept[0], array):
+        if (
+            kept is not None
+            and kept[0].GetMTime() == kept[1]
+            and _have_equal_values(kept[0], array)
+        ):
             made = kept[2]
         else:
             values = vtk_to_numpy(array)
             parts = [np.repeat(values[g.numbers], g.sides**2, axis=0) for g in self.groups]
-            made = to_array(_joined(parts), name)
+            made = to_array(_concatenate(parts), name)
         self.arrays[name] = array, array.GetMTime(), made
         return made
 
@@ -437,7 +443,7 @@ class _Patches:
 _Seam = tuple[AnyInts, AnyInts, AnyInts, AnyFloats]
 
 
-def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
+def _find_seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
     """Return the seams where edges with more facets meet edges with fewer."""
     degree = math.isqrt(patches.shape[1]) - 1
     order = bezier.quadrilateral_order(degree, degree)
@@ -481,7 +487,7 @@ def _seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
     return seams
 
 
-def _told(grid: vtkUnstructuredGrid) -> list[bytes | None]:
+def _strand_inputs(grid: vtkUnstructuredGrid) -> list[bytes | None]:
     """Return the data that determine the strands of fibres and plies."""
     field = grid.GetFieldData()
     seen = (f"cloth_{family}_{key}" for family in FAMILIES for key in ("twist", "plies"))
@@ -489,14 +495,14 @@ def _told(grid: vtkUnstructuredGrid) -> list[bytes | None]:
     return [None if array is None else vtk_to_numpy(array).tobytes() for array in arrays]
 
 
-def _equal(first: vtkDataArray, second: vtkDataArray) -> bool:
+def _have_equal_values(first: vtkDataArray, second: vtkDataArray) -> bool:
     if first is second:
         return True
     a, b = vtk_to_numpy(first), vtk_to_numpy(second)
     return a.dtype == b.dtype and np.array_equal(a, b)
 
 
-def _only_patches(grid: vtkPointSet) -> bool:
+def _has_only_patches(grid: vtkPointSet) -> bool:
     if not isinstance(grid, vtkUnstructuredGrid) or not grid.GetNumberOfCells():
         return False
     return grid.GetCellType(0) == VTK_BEZIER_QUADRILATERAL and bool(grid.IsHomogeneous())

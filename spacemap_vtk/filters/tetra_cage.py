@@ -16,16 +16,21 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk import cancel
-from spacemap_vtk.cage.carve import grown, pieces, touched
-from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
-from spacemap_vtk.cage.split import bodies, mended, parts, volumes_of
-from spacemap_vtk.cage.tetwild import EPSILON, filled, kept
+from spacemap_vtk.cage.carve import count_pieces, find_touched_cells, grow_cells
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, build_lattice, estimate_bytes, pad_bounds
+from spacemap_vtk.cage.split import (
+    count_bodies,
+    count_parts,
+    repair_tetrahedra,
+    tetrahedron_volumes,
+)
+from spacemap_vtk.cage.tetwild import EPSILON, fill_surface, load_or_make
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth, set_patches
 from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
-from spacemap_vtk.embedding.holding import holding, share_filled
+from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
@@ -34,8 +39,8 @@ from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.units import format_quantity
 
@@ -186,8 +191,8 @@ class TetraCage(Stage):
 
     def _box(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
-        bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
-        chosen = self.divisions or _cubes(bounds)
+        bounds = np.array(pad_bounds(whole, self.padding)).reshape(3, 2)
+        chosen = self.divisions or _cubic_divisions(bounds)
         if self.divisions is None:
             self.in_use = {"divisions": chosen}
         divisions = np.array(chosen)
@@ -204,19 +209,19 @@ class TetraCage(Stage):
             value=list(chosen),
             cure="Use fewer divisions: a cage is meant to be coarse.",
         )
-        vertices, tetrahedra = lattice(bounds.ravel().tolist(), divisions.tolist())
+        vertices, tetrahedra = build_lattice(bounds.ravel().tolist(), divisions.tolist())
         if not carved:
             return vertices, tetrahedra
         kept = np.zeros(divisions[::-1], dtype=bool)
         cells = bounds[:, 0], (bounds[:, 1] - bounds[:, 0]) / divisions, divisions.tolist()
         if cloth is not None:
-            kept = _touched_by_yarns(cloth, points_of(data).dtype, whole, *cells)
+            kept = _find_cells_of_yarns(cloth, points_of(data).dtype, whole, *cells)
         elif data.GetNumberOfPoints():  # a process may have no points
-            kept = touched(*outline(data, polygons_of(data)), *cells)
+            kept = find_touched_cells(*outline(data, polygons_of(data)), *cells)
         if self._processes is not None:
             kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
-        kept = grown(kept, self.margin, self.fill)
-        sizes, loose = pieces(kept)
+        kept = grow_cells(kept, self.margin, self.fill)
+        sizes, loose = count_pieces(kept)
         if len(sizes) > 1:
             self.warn(
                 f"the cage falls into {len(sizes)} pieces, of "
@@ -241,14 +246,14 @@ class TetraCage(Stage):
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
         if cloth is not None:
-            touch = partial(_touched_by_yarns, cloth, points_of(data).dtype, whole)
+            touch = partial(_find_cells_of_yarns, cloth, points_of(data).dtype, whole)
             return self._filled(envelope(low, high, touch, self.inflate), diagonal)
         points, triangles = outline(data, polygons_of(data))
-        touch = partial(touched, points, triangles)
+        touch = partial(find_touched_cells, points, triangles)
         tolerance = EPSILON * diagonal
         if self.inflate > 0.0:
             made = self._filled(envelope(low, high, touch, self.inflate), diagonal)
-            return holding(points, *made, _FURTHEST * tolerance), made[1]
+            return enclose_points(points, *made, _FURTHEST * tolerance), made[1]
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
             raise GeometryError(
@@ -265,13 +270,13 @@ class TetraCage(Stage):
                 "own judgement: compare the cage, or give it an envelope (cage.inflate)"
             )
         vertices, tetrahedra = self._filled((points, triangles), diagonal)
-        inside = float(volumes_of(vertices, tetrahedra).sum())
-        sizes, loose = parts(tetrahedra)
+        inside = float(tetrahedron_volumes(vertices, tetrahedra).sum())
+        sizes, loose = count_parts(tetrahedra)
         if len(sizes) > loose:
             # A part that can rotate about an edge or a vertex is not held: solvers would fail.
             join = partial(self._joined, partial(envelope, low, high, touch), diagonal)
             length = self.edge_length or diagonal / 10
-            mesh = kept(join, points, triangles, length, _ENVELOPES, EPSILON)
+            mesh = load_or_make(join, points, triangles, length, _ENVELOPES, EPSILON)
             vertices, tetrahedra = mesh["vertices"], mesh["tetrahedra"]
             distance = format_quantity(float(f"{float(mesh['distance']):.3g}"), "m")
             self.warn(
@@ -279,10 +284,10 @@ class TetraCage(Stage):
                 f"hang on an edge or a vertex alone: the cage fills an envelope at {distance} "
                 "from it (cage.inflate sets another)"
             )
-        vertices = holding(points, vertices, tetrahedra, _FURTHEST * tolerance)
-        volume = float(volumes_of(vertices, tetrahedra).sum())
+        vertices = enclose_points(points, vertices, tetrahedra, _FURTHEST * tolerance)
+        volume = float(tetrahedron_volumes(vertices, tetrahedra).sum())
         closed = triangles[: 0 if open_ else None]
-        self._filled_share = share_filled(points, closed, inside, volume, tolerance)
+        self._filled_share = enclosed_share(points, closed, inside, volume, tolerance)
         if self._filled_share * _LARGER < 1.0:
             self.warn(
                 f"the cage is {1 / self._filled_share:.2g} times as large as what the object's "
@@ -293,12 +298,12 @@ class TetraCage(Stage):
 
     def _joined(self, around: Callable[[float], Outline], diagonal: float) -> dict[str, Any]:
         """Return the mesh of the narrowest envelope that joins all that the widest one joins."""
-        most = bodies(*around(_ENVELOPES[-1] * diagonal))
+        most = count_bodies(*around(_ENVELOPES[-1] * diagonal))
         for share in _ENVELOPES:
             skin = around(share * diagonal)
-            if bodies(*skin) <= most:
+            if count_bodies(*skin) <= most:
                 vertices, tetrahedra = self._filled(skin, diagonal)
-                sizes, loose = parts(tetrahedra)
+                sizes, loose = count_parts(tetrahedra)
                 if len(sizes) == loose <= most:
                     break
         return {
@@ -308,8 +313,8 @@ class TetraCage(Stage):
         }
 
     def _filled(self, surface: Outline, diagonal: float) -> tuple[Floats, Ints]:
-        vertices, made = filled(*surface, self.edge_length or diagonal / 10)
-        tetrahedra, _, flat = mended(vertices, made)
+        vertices, made = fill_surface(*surface, self.edge_length or diagonal / 10)
+        tetrahedra, _, flat = repair_tetrahedra(vertices, made)
         if not len(tetrahedra):
             raise GeometryError(
                 f"all {flat} tetrahedra of the cage are flat",
@@ -337,13 +342,13 @@ class TetraCage(Stage):
         output.ShallowCopy(volume.grid)
 
 
-def _cubes(bounds: Floats) -> tuple[int, ...]:
+def _cubic_divisions(bounds: Floats) -> tuple[int, ...]:
     """Return the numbers of hexahedra that make them nearly cubes."""
     sides = bounds[:, 1] - bounds[:, 0]
     return tuple(np.maximum(1, np.rint(_ALONG * sides / sides.max())).astype(int).tolist())
 
 
-def _touched_by_yarns(
+def _find_cells_of_yarns(
     cloth: Cloth,
     kind: DTypeLike,
     whole: Sequence[float],
@@ -383,9 +388,9 @@ def _touched_by_yarns(
                     break
                 cancel.check()
                 chosen = np.array(some)
-                share = Share(nothing, chosen) if number else Share(chosen, nothing)
+                share = YarnSelection(nothing, chosen) if number else YarnSelection(chosen, nothing)
                 patches = vtkUnstructuredGrid()
-                set_patches(patches, build(cloth, share, kind))
+                set_patches(patches, build_weave(cloth, share, kind))
                 shape = outline(patches, polygons_of(patches))
-                kept |= touched(*shape, origin, spacing, divisions)
+                kept |= find_touched_cells(*shape, origin, spacing, divisions)
     return kept

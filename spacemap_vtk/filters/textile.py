@@ -10,9 +10,9 @@ import numpy as np
 
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.partition import whole_bounds
-from spacemap_vtk.textile.geometry.weave import Counts
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.partition import cloth_bounds
+from spacemap_vtk.textile.geometry.weave import PatchCounts
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.yarn import section_factor
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 
 
-class Measure(NamedTuple):
+class FabricFigure(NamedTuple):
     """A figure of a textile, with its unit."""
 
     key: str
@@ -67,7 +67,7 @@ class Textile:
         return None
 
     @property
-    def measures(self) -> Sequence[Measure]:
+    def measures(self) -> Sequence[FabricFigure]:
         """Other figures."""
         return ()
 
@@ -107,7 +107,7 @@ class Woven(Textile):
         raise NotImplementedError(f"{type(self).__name__} does not state its cloth")
 
     @property
-    def counts(self) -> Counts:
+    def counts(self) -> PatchCounts:
         """Upper limits for the numbers of control points and patches; builds nothing.
 
         Raises
@@ -169,14 +169,14 @@ class Woven(Textile):
         """Whether control points are stored in single precision."""
         return False
 
-    def lend(self, other: Woven, part: Share | None = None) -> None:
+    def lend(self, other: Woven, part: YarnSelection | None = None) -> None:
         """Let another source of the same class and settings make all or part of this cloth.
 
         Parameters
         ----------
         other : Woven
             The source that then need not read and compute the cloth again.
-        part : Share, optional
+        part : YarnSelection, optional
             Slices of the yarns whose crossings it makes; by default all.
         """
         raise NotImplementedError(f"{type(self).__name__} does not make parts of its cloth")
@@ -194,7 +194,7 @@ class Woven(Textile):
     @property
     def extent(self) -> Floats:
         """Size of the cloth along x, y and z [m], (3,)."""
-        return np.ptp(whole_bounds(self.cloth).reshape(3, 2), axis=1)
+        return np.ptp(cloth_bounds(self.cloth).reshape(3, 2), axis=1)
 
     @property
     def linear_densities(self) -> Floats | None:

@@ -21,10 +21,10 @@ from spacemap_vtk.parameters import (
 )
 from spacemap_vtk.textile.drafts import drawdown, patterns
 from spacemap_vtk.textile.weave.cloth import AXES
-from spacemap_vtk.textile.weave.naming import FAMILIES
+from spacemap_vtk.textile.weave.families import FAMILIES
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.textile.weave.threads import SECTIONS
-from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, linear_density, twist
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, parse_twist, parse_yarn_count
 
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Words for warp and weft in the parameters' texts; `crossed` is the number of the other family.
@@ -45,7 +45,7 @@ _WORDS = [
 _YARNS = (1e-6, 0.02)
 
 
-def both(declared: _P) -> tuple[_P, _P]:
+def declare_both(declared: _P) -> tuple[_P, _P]:
     """Declare a parameter for the warp and the weft, with the words of each in its texts."""
     warp, weft = copy(declared), copy(declared)
     for made, words in zip((warp, weft), _WORDS, strict=True):
@@ -59,7 +59,7 @@ def both(declared: _P) -> tuple[_P, _P]:
     return warp, weft
 
 
-def key_of(quantity: str, family: int) -> str:
+def parameter_name(quantity: str, family: int) -> str:
     """Return the name of the parameter for a quantity of the warp (0) or the weft (1)."""
     return f"{FAMILIES[family]}_{quantity}"
 
@@ -77,10 +77,10 @@ class Pattern(Parameter[Any]):
     def convert(self, value: Any) -> Any:
         """Convert to a name in canonical spelling, or to a tuple of strings of 0 and 1."""
         if isinstance(value, str):
-            return patterns.canonical(value)
+            return patterns.normalise_name(value)
         if not isinstance(value, Iterable):
             raise InputError("not a weave")
-        return tuple(drawdown.rows(drawdown.from_matrix(list(value))))
+        return tuple(drawdown.to_rows(drawdown.from_matrix(list(value))))
 
     def text(self, value: Any) -> str:
         """Format the name or the rows."""
@@ -92,7 +92,7 @@ class YarnCount(Real):
 
     def parse(self, text: str) -> float:
         """Convert to kg/m."""
-        return linear_density(text)
+        return parse_yarn_count(text)
 
     @property
     def form(self) -> str:
@@ -108,7 +108,7 @@ class Twist(Real):
 
     def parse(self, text: str) -> float:
         """Convert to turns per metre, positive for Z."""
-        return twist(text)
+        return parse_twist(text)
 
     @property
     def form(self) -> str:
@@ -129,9 +129,9 @@ class PerYarn(Series):
     each = "repeated over the yarns"
 
 
-def repeat_of(pattern: Any) -> Bools:
+def pattern_repeat(pattern: Any) -> Bools:
     """Return one repeat of a pattern."""
-    read = patterns.named if isinstance(pattern, str) else drawdown.from_matrix
+    read = patterns.build_pattern if isinstance(pattern, str) else drawdown.from_matrix
     return read(pattern)
 
 
@@ -154,7 +154,7 @@ class WeaveParameters(Parameterised):
         "and end; of a .wpo they are always cut off.",
         when={"draft": ()},
     )
-    ends, picks = both(
+    ends, picks = declare_both(
         Integer(
             None,
             "Number of {name} yarns.",
@@ -163,7 +163,7 @@ class WeaveParameters(Parameterised):
             automatic="the draft's own number, or 7",
         )
     )
-    warp_diameter, weft_diameter = both(
+    warp_diameter, weft_diameter = declare_both(
         PerYarn(
             Real(
                 "0.25 mm",
@@ -177,7 +177,7 @@ class WeaveParameters(Parameterised):
             group="Yarn",
         )
     )
-    warp_count, weft_count = both(
+    warp_count, weft_count = declare_both(
         PerYarn(
             YarnCount(
                 "30 tex",
@@ -206,7 +206,7 @@ class WeaveParameters(Parameterised):
         maximum=1.0,
         group="Yarn",
     )
-    warp_spacing, weft_spacing = both(
+    warp_spacing, weft_spacing = declare_both(
         PerYarn(
             Real(
                 "0.5 mm",
@@ -220,7 +220,7 @@ class WeaveParameters(Parameterised):
             group="Spacing",
         )
     )
-    warp_sett, weft_sett = both(
+    warp_sett, weft_sett = declare_both(
         Real(
             None,
             '{Yarns} in a length, in place of their spacing: "20 /cm" or "50 {per_inch}".',
@@ -242,7 +242,7 @@ class WeaveParameters(Parameterised):
         automatic="from a crimp, or the middle of the feasible interval",
         group="Crimp",
     )
-    warp_crimp, weft_crimp = both(
+    warp_crimp, weft_crimp = declare_both(
         Real(
             None,
             "Crimp c{number} = l{number} / p{crossed} - 1 of the {name} where it changes side, as "
@@ -252,7 +252,7 @@ class WeaveParameters(Parameterised):
             group="Crimp",
         )
     )
-    warp_section, weft_section = both(
+    warp_section, weft_section = declare_both(
         Choice(
             "circular",
             "Section of the {name} yarns; a racetrack is a rectangle between two half circles.",
@@ -260,7 +260,7 @@ class WeaveParameters(Parameterised):
             group="Section",
         )
     )
-    warp_aspect, weft_aspect = both(
+    warp_aspect, weft_aspect = declare_both(
         Real(
             None,
             "Width over height of the {name}'s section.",
@@ -278,7 +278,7 @@ class WeaveParameters(Parameterised):
         when={"draft": ()},
         group="Section",
     )
-    warp_layer, weft_layer = both(
+    warp_layer, weft_layer = declare_both(
         PerYarn(
             Integer(
                 None,
@@ -331,7 +331,7 @@ class WeaveParameters(Parameterised):
         AXES,
         group="Patches",
     )
-    warp_twist, weft_twist = both(
+    warp_twist, weft_twist = declare_both(
         PerYarn(
             Twist(
                 None,
@@ -345,7 +345,7 @@ class WeaveParameters(Parameterised):
             group="Twist and colour",
         )
     )
-    warp_plies, weft_plies = both(
+    warp_plies, weft_plies = declare_both(
         PerYarn(
             Integer(
                 None,
@@ -358,7 +358,7 @@ class WeaveParameters(Parameterised):
             group="Twist and colour",
         )
     )
-    warp_color, weft_color = both(
+    warp_color, weft_color = declare_both(
         PerYarn(
             Color("{color}", "Colour of the {name}."),
             automatic="the draft's, or {color}",

@@ -15,25 +15,25 @@ from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError, Remark
 from spacemap_vtk.filters.base import Provided, Stage, written
 from spacemap_vtk.filters.textile import Woven
-from spacemap_vtk.filters.weave_parameters import WeaveParameters, key_of, repeat_of
+from spacemap_vtk.filters.weave_parameters import WeaveParameters, parameter_name, pattern_repeat
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.io.registry import describe_readers, unreadable_reason
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry import weave
-from spacemap_vtk.textile.geometry.axes import ALL, Share
-from spacemap_vtk.textile.geometry.partition import cropped, share_of, whole_bounds
+from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection
+from spacemap_vtk.textile.geometry.partition import cloth_bounds, crop_cloth, select_piece
 from spacemap_vtk.textile.weave.as_draft import as_draft
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.feasible import feasible_intervals
 from spacemap_vtk.textile.weave.figures import fabric_figures
-from spacemap_vtk.textile.weave.resolve import Asked, ThreadsAsked, resolve
+from spacemap_vtk.textile.weave.resolve import ClothRequest, ThreadsRequest, resolve
 
 #: Ends and picks of a pattern if no number is given.
 SIZE = 7
 #: Groups of parameters that follow from each other, so that only one of a group may be given.
-_RIVALS = (
+_ALTERNATIVES = (
     ("warp_diameter", "warp_count"),
     ("weft_diameter", "weft_count"),
     ("warp_spacing", "warp_sett"),
@@ -77,7 +77,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     #: The parameters, and the cloth that they resolve to.
     _resolved: tuple[tuple[Any, ...], Cloth] | None = None
     #: The part of the cloth to make, as the yarns whose crossings it has; None: the whole cloth.
-    _part: tuple[Share, Cloth] | None = None
+    _part: tuple[YarnSelection, Cloth] | None = None
     #: A cloth, its mass per area and, if pieces were requested, its bounds.
     _whole: tuple[Cloth, float, Floats | None] | None = None
 
@@ -95,11 +95,11 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 raise
             ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
-            self._resolved = key, resolve(source, asked, key_of)
+            self._resolved = key, resolve(source, asked, parameter_name)
         return self._resolved[1]
 
     @property
-    def counts(self) -> weave.Counts:
+    def counts(self) -> weave.PatchCounts:
         """Upper limits for the numbers of control points and patches."""
         cloth = self.cloth if self._part is None else self._part[1]
         # A piece has its share of the yarns, and at most one yarn more.
@@ -120,7 +120,9 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
         """Interval of feasible values for each parameter: crimps, diameters, spacings."""
-        return {key_of(*which): ends for which, ends in feasible_intervals(self.cloth).items()}
+        return {
+            parameter_name(*which): ends for which, ends in feasible_intervals(self.cloth).items()
+        }
 
     @property
     def draft_file(self) -> Path | None:
@@ -140,7 +142,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         return as_draft(self.cloth, self.source, self.asked, title)
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> ClothRequest:
         """Values of the parameters for the fabric, including a pattern's default size.
 
         Raises
@@ -151,17 +153,19 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         # Only here are the parameters' names, which users write, translated to warp and weft.
         self._refuse_rivals()
         size = SIZE if self.draft is None else None
-        each = [field.name for field in fields(ThreadsAsked)]
+        each = [field.name for field in fields(ThreadsRequest)]
         warp, weft = (
-            ThreadsAsked(**{name: getattr(self, key_of(name, family)) for name in each})
+            ThreadsRequest(**{name: getattr(self, parameter_name(name, family)) for name in each})
             for family in (0, 1)
         )
-        own = {f.name: getattr(self, f.name) for f in fields(Asked) if f.name in self.parameters}
+        own = {
+            f.name: getattr(self, f.name) for f in fields(ClothRequest) if f.name in self.parameters
+        }
         own |= {"ends": self.ends or size, "picks": self.picks or size}
-        return Asked(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
+        return ClothRequest(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
 
     def _refuse_rivals(self) -> None:
-        for rivals in _RIVALS:
+        for rivals in _ALTERNATIVES:
             given = [key for key in rivals if getattr(self, key) is not None]
             if given[1:]:
                 raise InputError(
@@ -195,7 +199,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     def source(self) -> Draft:
         """Draft from the file, or one repeat of the pattern."""
         if self.draft is None:
-            return Draft(repeat_of(self.pattern))
+            return Draft(pattern_repeat(self.pattern))
         if self.pattern != self.parameter("pattern").default:
             raise InputError(
                 "there are a pattern and a draft, and a cloth has one weave",
@@ -231,8 +235,12 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         for text in cloth.warnings:
             if not isinstance(text, Remark):
                 self.warn(text)
-        share = share_of(cloth, self.piece.number, self.piece.of) if self.piece.of > 1 else ALL
-        made = weave.build(cloth, share, np.float32 if self.single else np.float64)
+        share = (
+            select_piece(cloth, self.piece.number, self.piece.of)
+            if self.piece.of > 1
+            else ALL_YARNS
+        )
+        made = weave.build_weave(cloth, share, np.float32 if self.single else np.float64)
         set_patches(output, made)
         add_array(output.GetCellData(), "yarn", numbers[made.yarn])
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
@@ -248,7 +256,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         add_number(output.GetFieldData(), "radial_error", made.radial_error)
         if self._whole is None or (self._whole[0] is not cloth and self._part is None):
             # Figures of all yarns, the same for each piece.
-            bounds = whole_bounds(cloth) if self.piece.of > 1 else None
+            bounds = cloth_bounds(cloth) if self.piece.of > 1 else None
             self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
         _, mass, bounds = self._whole
         # A cage that is a sheet can weigh as much as the weave.
@@ -257,13 +265,13 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         made.places[:, 3] = numbers[made.places[:, 3].astype(np.int64)]
         add_array(output.GetFieldData(), PLACES, made.places)
         if self.piece.of > 1:
-            tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
+            tell_bounds(output, cloth_bounds(cloth) if bounds is None else bounds)
 
-    def lend(self, other: Woven, part: Share | None = None) -> None:
+    def lend(self, other: Woven, part: YarnSelection | None = None) -> None:
         """Let another source of the same class and settings make all or part of this cloth."""
         assert isinstance(other, WeaveSource)
         other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
-        other._part = None if part is None else (part, cropped(self.cloth, part))
+        other._part = None if part is None else (part, crop_cloth(self.cloth, part))
         other.Modified()
 
     def _require(self, size: int, ends: int, picks: int, pieces: int = 1) -> None:

@@ -9,11 +9,10 @@ import numpy as np
 from vtkmodules import vtkCommonDataModel
 from vtkmodules.vtkCommonDataModel import vtkFieldData, vtkPointSet, vtkUnstructuredGrid
 
-from spacemap_vtk.cage.split import parts
+from spacemap_vtk.cage.split import count_parts, tetrahedron_volumes
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
 from spacemap_vtk.datasets.outline import edge_faults, outline
-from spacemap_vtk.embedding.holding import volumes_of
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.ndarrays import Floats
@@ -86,9 +85,9 @@ def _cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:
         "vertices": len(vertices),
         "tetrahedra": len(tetrahedra),
         "quadratic": grid.GetCells().GetMaxCellSize() > 4,
-        "volume": float(np.abs(volumes_of(vertices, tetrahedra)).sum()),
+        "volume": float(np.abs(tetrahedron_volumes(vertices, tetrahedra)).sum()),
         "filled": filled_share(grid),
-        "pieces": parts(tetrahedra)[0],
+        "pieces": count_parts(tetrahedra)[0],
         "points_outside": where.outside,
         "largest_distance": where.largest_distance,
     }

@@ -14,7 +14,7 @@ from math import ceil, isqrt, prod
 import numpy as np
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES, sides_seen
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES, sides_for_pixels
 from spacemap_vtk.memory import fits
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import face_of, face_scale
@@ -222,7 +222,7 @@ def choose_level(
         return LevelOfDetail(choose_form(cloth, window=window))
     counts = cloth.ends, cloth.picks
     scale = face_scale(scene, scene.woven.cloth, request.size)
-    sides = cloth.subdivisions or sides_seen(scale * cloth.height)
+    sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if face_of(scene) else None
     shader = opengl and not request.wireframe
@@ -278,7 +278,7 @@ def choose_near(
 def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
     """Choose facets that look round, where a metre has at most `scale` pixels."""
     plies = cloth.plies if cloth.width * scale > _PLIES else 1
-    sides = sides_seen(cloth.height * scale, plies)
+    sides = sides_for_pixels(cloth.height * scale, plies)
     level = LevelOfDetail(
         sides=sides,
         plies=plies,

@@ -26,12 +26,12 @@ from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts import drawdown
-from spacemap_vtk.textile.geometry.weave import build, count
+from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
 from spacemap_vtk.textile.geometry.yarn_clearance import (
     Clearance,
-    clearance_in_steps,
-    clearance_of,
-    touching,
+    find_contact,
+    measure_clearance,
+    measure_in_steps,
 )
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.textile.weave.figures import fabric_figures
@@ -295,7 +295,9 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     elif room and time is not None:
         scene.update_stage(scene.warp, time)
         moved = points_of(scene.patches)
-        figures["deformed_clearance"] = _clearance(clearance_of(build(woven.cloth), moved))
+        figures["deformed_clearance"] = _clearance(
+            measure_clearance(build_weave(woven.cloth), moved)
+        )
     figures["warnings"] = scene.warnings
     return figures
 
@@ -311,11 +313,11 @@ def cloth(scene: Scene) -> dict[str, Any]:
         figures |= fabric_figures(woven)
         figures["fibre_volume_fraction"] = textile.fibre_share * figures["volume_fraction"]
         figures["feasible_height"] = list(woven.feasible_heights)
-        counts, figures["radial_error"] = count(woven)
+        counts, figures["radial_error"] = count_patches(woven)
         figures["patches"], figures["control_points"] = counts.patches, counts.points
         figures["memory_bytes"] = counts.bytes(woven.exact)
     loom = textile.source.loom_for(over)
-    floats, means = drawdown.floats(over), drawdown.mean_floats(over)
+    floats, means = drawdown.longest_floats(over), drawdown.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
@@ -326,8 +328,8 @@ def cloth(scene: Scene) -> dict[str, Any]:
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
         }
     figures |= {
-        "drawdown": drawdown.rows(over),
-        "repeat": list(drawdown.repeat(over)),
+        "drawdown": drawdown.to_rows(over),
+        "repeat": list(drawdown.repeat_size(over)),
         "shafts": loom.shafts,
         "treadles": loom.treadles,
         "threading": [list(shafts) for shafts in loom.threading],
@@ -343,9 +345,9 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
     assert scene.woven is not None
     woven = scene.woven.cloth
     if woven.axis == "arcs":
-        figures["least_clearance"] = _clearance(touching(woven))
+        figures["least_clearance"] = _clearance(find_contact(woven))
     elif woven.drawdown.size <= MOST_CROSSINGS:
-        figures["least_clearance"] = _clearance((yield from clearance_in_steps(woven)))
+        figures["least_clearance"] = _clearance((yield from measure_in_steps(woven)))
 
 
 def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:

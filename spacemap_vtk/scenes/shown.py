@@ -15,7 +15,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.drafts.wif import MAX_CROSSINGS
 from spacemap_vtk.ndarrays import Bools, Bytes
 from spacemap_vtk.textile.drafts.draft import Draft
-from spacemap_vtk.textile.drafts.drawdown import rows
+from spacemap_vtk.textile.drafts.drawdown import to_rows
 from spacemap_vtk.textile.drafts.loom import Loom
 
 Colors = Bytes
@@ -127,7 +127,7 @@ def as_draft(shown: Shown) -> Draft:
 def as_pattern(shown: Shown) -> Changes:
     """Return the scene values of an edited drawdown."""
     ends, picks = shown.size
-    return {"draft": None, "pattern": rows(shown.drawdown), "ends": ends, "picks": picks}
+    return {"draft": None, "pattern": to_rows(shown.drawdown), "ends": ends, "picks": picks}
 
 
 def as_colors(family: str, colors: Colors) -> Changes:

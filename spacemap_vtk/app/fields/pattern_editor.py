@@ -21,7 +21,7 @@ from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
 from spacemap_vtk.app.fields.number_editors import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.weave_parameters import repeat_of
+from spacemap_vtk.filters.weave_parameters import pattern_repeat
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.scenes.assignments import value_of
 from spacemap_vtk.textile.drafts import drawdown
@@ -88,7 +88,7 @@ class PatternEditor(Editor):
         self.line.setText(self.shown)
         self.line.setCursorPosition(0)
         try:
-            self.grid.show_repeat(repeat_of(value))
+            self.grid.show_repeat(pattern_repeat(value))
         except InputError:
             return
         picks, ends = self.grid.repeat.shape
@@ -99,7 +99,7 @@ class PatternEditor(Editor):
             self.edited.emit(value_of(self.line.text()), 0)
 
     def _submit_repeat(self, burst: int) -> None:
-        self.edited.emit(drawdown.rows(self.grid.repeat), burst)
+        self.edited.emit(drawdown.to_rows(self.grid.repeat), burst)
 
     def _resize_repeat(self) -> None:
         axis, more = self.sender().property("change")
@@ -109,7 +109,7 @@ class PatternEditor(Editor):
             repeat = np.concatenate([repeat, np.roll(repeat, 1, 1 - axis).take([-1], axis)], axis)
         elif repeat.shape[axis] > 1:
             repeat = repeat.take(range(repeat.shape[axis] - 1), axis)
-        self.edited.emit(drawdown.rows(repeat), 0)
+        self.edited.emit(drawdown.to_rows(repeat), 0)
 
 
 class PatternGrid(QWidget):

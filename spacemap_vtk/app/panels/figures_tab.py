@@ -35,7 +35,7 @@ from spacemap_vtk.scenes.figure_list import (
     yarn_figures,
 )
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.cross_section import CrossSection, cross_section
+from spacemap_vtk.textile.geometry.cross_section import CrossSection, cut_cloth
 from spacemap_vtk.units import UNITS
 
 #: Time without changes until the figures are computed, in ms.
@@ -92,7 +92,7 @@ def _compute_figures(
         yield
         families = range(2 if figures["thickness"] is not None else 0)
         cuts, colors = (
-            [cross_section(cloth, n) for n in families],
+            [cut_cloth(cloth, n) for n in families],
             [t.colors for t in cloth.threads],
         )
         return _Result(key, figures, False, cuts, colors)

@@ -16,7 +16,7 @@ from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.app.work.frame_request import Pull
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.textile.crimp.biaxial import stretch_map
+from spacemap_vtk.textile.crimp.biaxial import compute_stretch_map
 from spacemap_vtk.textile.crimp.interchange import Interchange
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 
@@ -106,7 +106,7 @@ class PullTab(QWidget):
             try:
                 cloth = scene.woven.cloth
                 self._crossings = Interchange(cloth, stage.yarns(cloth))
-                result = stretch_map(self._crossings)
+                result = compute_stretch_map(self._crossings)
                 hint = _HINT + _LINE_HINTS[stage.inextensible]
             except SpacemapError as error:
                 hint = f"The map cannot be computed: {html.escape(str(error))}"

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from spacemap_vtk.datasets.arrays import points_of, to_array
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.textile.geometry.point_clearance import gaps
+from spacemap_vtk.textile.geometry.point_clearance import point_clearances
 from spacemap_vtk.units import UNITS
 
 #: Name of the array of numbers that are shown as colours.
@@ -159,6 +159,6 @@ def compute_clearances(surface: vtkPolyData, asked: Bools | None = None) -> Sing
     if asked is not None:
         wanted = np.zeros(len(points), bool)
         wanted[corners[asked]] = True
-    found = gaps(points, vtk_to_numpy(normals), yarn, reach, wanted, reach > 0.0)
+    found = point_clearances(points, vtk_to_numpy(normals), yarn, reach, wanted, reach > 0.0)
     there = found if wanted is None else found[wanted]
     return found.astype(np.float32) if np.isfinite(there).all() else None

@@ -21,7 +21,7 @@ from spacemap_vtk.datasets.arrays import (
 from spacemap_vtk.draw.actors.contact_shadows import blur
 from spacemap_vtk.draw.actors.load_arrows import ARROW_COLORS, Arrows
 from spacemap_vtk.draw.actors.surface_actor import rgb, rgb_table
-from spacemap_vtk.embedding.triangles import boundary
+from spacemap_vtk.embedding.triangles import boundary_faces
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import Style
@@ -287,7 +287,7 @@ def _cage_edges(elements: Ints, points: AnyFloats) -> Ints:
     if len(elements) > _DENSE:
         corners = points[elements[:, :4]]
         positive = np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0
-        whose, face = boundary(elements[:, :4], positive)
+        whose, face = boundary_faces(elements[:, :4], positive)
         shown[:] = False
         # A face contains the edges that do not end at the opposite corner.
         np.logical_or.at(shown, whose, (ends != face[:, None, None]).all(axis=2))

@@ -43,7 +43,7 @@ from spacemap_vtk.ndarrays import Bytes, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
-from spacemap_vtk.textile.geometry.faces import grid_lines, layers, tubes
+from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines, yarn_shading
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Names of the textures. The first two contain the colours of yarns where they lie on top, and 0
@@ -382,7 +382,7 @@ class SheetActor(SurfaceActor):
         if self._shown == wanted and self._crossings is crossings:
             return
         self._shown, self._crossings = wanted, crossings
-        warp, weft = tubes(cloth)
+        warp, weft = yarn_shading(cloth)
         vertex = self.GetShaderProperty().GetVertexCustomUniforms()
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
@@ -403,7 +403,9 @@ class SheetActor(SurfaceActor):
             colors = _yarn_colors(cloth, color)
         else:
             colors = _crossing_colors(crossings, color, wanted[2])
-        warp_over, weft_over, warp_under, weft_under = layers(cloth.drawdown, *colors, cloth.layers)
+        warp_over, weft_over, warp_under, weft_under = color_layers(
+            cloth.drawdown, *colors, cloth.layers
+        )
         for all_of, over in ((warp_under, warp_over), (weft_under, weft_over)):
             all_of[..., :3] += over[..., :3]
             all_of[..., 3] = over[..., 3]

@@ -21,9 +21,9 @@ from spacemap_vtk.draw.detail.part_stages import PartStages
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.partition import telling_parts
-from spacemap_vtk.textile.geometry.point_clearance import crossing_means, spread_over
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.partition import representative_parts
+from spacemap_vtk.textile.geometry.point_clearance import average_at_crossings, extrapolate_values
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Number of yarns made on each side of a tile. Yarns whose axes are splines need more, because a
@@ -98,7 +98,7 @@ def measure_tile(
 ) -> ClothTile | None:
     """Measure the tile where the given ends and picks cross; None if it cannot be measured."""
     cloth, beside = stages.cloth, margin_yarns(stages.cloth)
-    part = Share(
+    part = YarnSelection(
         *(
             slice(max(core.start - beside, 0), min(core.stop + beside, size))
             for core, size in zip((ends, picks), cloth.size, strict=True)
@@ -142,7 +142,7 @@ class SampledClearances:
     def __init__(self, scene: Scene, sides: int) -> None:
         self._stages = PartStages(scene)
         self._stages.surface.choose(sides)
-        self._parts, self._weaves = telling_parts(self._stages.cloth, _MOST)
+        self._parts, self._weaves = representative_parts(self._stages.cloth, _MOST)
         #: Vertices of the last cage (strains without a cage), and the clearances found for them.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None
 
@@ -170,14 +170,14 @@ class SampledClearances:
             if tile is None:
                 return None
             mean = tile.clearance[tile.inner_quads].mean(axis=1)
-            means = crossing_means(cloth, (of_ends, of_picks), tile.facets, mean)
+            means = average_at_crossings(cloth, (of_ends, of_picks), tile.facets, mean)
             number = np.arange(picks)[of_picks, None] * ends + np.arange(ends)[of_ends]
             known.append(number.ravel())
             values.append(means.reshape(2, -1))
             there = tile.clearance[np.isfinite(tile.clearance)]
             spans += [there.min(), there.max()]
         cells = _cells_of_yarns(picks, rows)[:, None] * columns + _cells_of_yarns(ends, columns)
-        found = spread_over(
+        found = extrapolate_values(
             self._weaves,
             cloth.drawdown,
             strains.reshape(rows * columns, -1),

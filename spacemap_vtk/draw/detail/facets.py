@@ -17,7 +17,7 @@ from spacemap_vtk.draw.camera import CameraView, pixels_per_metre_at_focus, proj
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bools, Floats, Ints
 from spacemap_vtk.scenes.level_of_detail import LEAST_SIDES, LevelOfDetail
-from spacemap_vtk.textile.geometry.plies import sharpness
+from spacemap_vtk.textile.geometry.plies import outline_curvature
 from spacemap_vtk.textile.patches.bezier import quadrilateral_order
 
 #: Largest distance between facets and their patch in pixels. Half a pixel is visible in an outline.
@@ -80,7 +80,7 @@ class FacetChooser:
         if not camera.GetParallelProjection():
             far = camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
-        bent = sharpness(self.plies) * _curvature_bounds(points, patches[sight])
+        bent = outline_curvature(self.plies) * _curvature_bounds(points, patches[sight])
         found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
         return found
 
@@ -104,7 +104,7 @@ def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: CameraVie
 def coarse_scale(plies: int, points: AnyFloats, patches: AnyInts) -> float:
     """Return the pixels per metre up to which patches of plied yarns need only LEAST_SIDES."""
     some = patches[:: 1 + len(patches) // _SAMPLE]
-    bent = sharpness(plies) * _curvature_bounds(points, some).max(initial=0.0)
+    bent = outline_curvature(plies) * _curvature_bounds(points, some).max(initial=0.0)
     return 8 * _ERROR * LEAST_SIDES**2 / max(float(bent), 1e-30)
 
 

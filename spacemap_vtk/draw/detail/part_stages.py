@@ -18,7 +18,7 @@ from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.axes import Share
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 
 
 def yarn_settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
@@ -56,13 +56,13 @@ class PartStages:
             if isinstance(stage, BarycentricWarp):
                 stage.color_array = self.scene.warp.color_array
 
-    def choose_part(self, part: Share) -> None:
+    def choose_part(self, part: YarnSelection) -> None:
         """Make only the given yarns, cut to the part where they cross one another."""
         source = self.source
         assert isinstance(source, Woven)
         self._woven.lend(source, part)
 
-    def use_crossings(self, crimp: CrimpInterchange | None, part: Share) -> None:
+    def use_crossings(self, crimp: CrimpInterchange | None, part: YarnSelection) -> None:
         """Use the crossings of the whole cloth for a part; None: solve the part's crossings."""
         for stage in self.all:
             if isinstance(stage, CrimpInterchange):

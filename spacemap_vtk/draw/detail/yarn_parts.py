@@ -22,10 +22,10 @@ from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.scenes.level_of_detail import DrawnCloth, Form, LevelOfDetail, choose_near
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.partition import cropped, share_of
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.partition import crop_cloth, select_piece
 from spacemap_vtk.textile.geometry.weave import estimate_counts
-from spacemap_vtk.textile.weave.threads import Some
+from spacemap_vtk.textile.weave.threads import YarnIndices
 
 #: Number of the sheet's cells made on each side of those in sight, because yarns bend differently
 #: near a cut.
@@ -65,14 +65,14 @@ class YarnPieces:
         if self._level.form is Form.TILES:
             yield from self._visible_tiles(time, sheet, part, sight)
             return
-        cloth = cropped(self._cloth, part)
+        cloth = crop_cloth(self._cloth, part)
         self._stages.choose_part(part)
         self._stages.use_crossings(sheet.crimp_stage, part)
         share_in_sight = estimate_counts(cloth).patches / estimate_counts(self._cloth).patches
         count = ceil(self._level.pieces * share_in_sight)
         columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
         for number in range(count):
-            share = share_of(cloth, number, count)
+            share = select_piece(cloth, number, count)
             if _has_visible_cell(columns, share.ends, cloth.size[0]) or _has_visible_cell(
                 rows, share.picks, cloth.size[1]
             ):
@@ -81,7 +81,7 @@ class YarnPieces:
                 yield surface
 
     def _visible_tiles(
-        self, time: float, sheet: ClothSheet, part: Share, sight: Sequence[Bools]
+        self, time: float, sheet: ClothSheet, part: YarnSelection, sight: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
         """Yield tiles whose clearances were measured together with the neighbouring yarns."""
         whole = isqrt(self._cloth.drawdown.size // self._level.pieces)
@@ -173,7 +173,7 @@ class NearYarns:
         return self._light.update(time).output
 
     def _patch_count(self, part: tuple[slice, slice]) -> int:
-        cloth = cropped(self._sheet.cloth, yarns_of_cells(self._sheet, *part))
+        cloth = crop_cloth(self._sheet.cloth, yarns_of_cells(self._sheet, *part))
         return estimate_counts(cloth).patches
 
 
@@ -197,16 +197,16 @@ def cell_range(seen: Bools, beside: int = 0) -> slice:
     return slice(max(int(found[0]) - beside, 0), min(int(found[-1]) + 1 + beside, len(seen)))
 
 
-def yarns_of_cells(sheet: ClothSheet, columns: slice, rows: slice) -> Share:
+def yarns_of_cells(sheet: ClothSheet, columns: slice, rows: slice) -> YarnSelection:
     """Return the yarns that cross in the given cells of a sheet."""
     ends, picks = (
         slice(cells.start * count // of, -(-cells.stop * count // of))
         for cells, count, of in zip((columns, rows), sheet.cloth.size, sheet.cells, strict=True)
     )
-    return Share(ends, picks)
+    return YarnSelection(ends, picks)
 
 
-def _has_visible_cell(seen: Bools, some: Some, count: int) -> bool:
+def _has_visible_cell(seen: Bools, some: YarnIndices, count: int) -> bool:
     """Test whether any of the yarns is in a seen cell or next to one."""
     assert isinstance(some, slice)
     if some.start >= some.stop:

@@ -9,19 +9,19 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import ScaledNumbers, YarnCurves
 from spacemap_vtk.draw.actors.color_values import color_values, scale_unit
 from spacemap_vtk.draw.actors.surface_actor import RAMP, color_bar_title, natural_span
-from spacemap_vtk.embedding.morph_targets import morph_targets
+from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyInts, Bytes, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.geometry.strand_curves import (
+    PointFilter,
     StrandCurves,
-    Within,
+    build_strand_curves,
     fibre_count,
-    strand_curves,
 )
-from spacemap_vtk.textile.geometry.weave import Weave, build
+from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 
 #: Largest error of a number, as a share of its scale: a step between two colours.
 _STEP = 1 / 512
@@ -46,7 +46,7 @@ class YarnRecorder:
         self._made: Weave | None = None
         if scene.woven is not None:
             self._cloth = scene.woven.cloth
-            made = build(self._cloth, kind=np.float32)
+            made = build_weave(self._cloth, kind=np.float32)
             # The patches of a part of a weave have other points, and are not supported.
             if len(made.points) == scene.patches.GetNumberOfPoints():
                 self._made = made
@@ -70,7 +70,7 @@ class YarnRecorder:
             self._points = np.zeros((self._times, *found.shape), np.float32)
         self._points[number] = found
 
-    def strands(self, fibres: int | None, within: Within | None = None) -> StrandCurves:
+    def strands(self, fibres: int | None, within: PointFilter | None = None) -> StrandCurves:
         """Return the deformed plies (0), or a number of fibres of each yarn (None: all)."""
         assert self._made is not None
         patches, cloth = self._scene.patches, self._cloth
@@ -78,7 +78,7 @@ class YarnRecorder:
         weights = None if rational is None else vtk_to_numpy(rational)
         fibres = fibre_count(cloth) if fibres is None else fibres
         made, points = self._made, points_of(patches)
-        return strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
+        return build_strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
 
     @property
     def colors(self) -> Bytes:
@@ -131,7 +131,7 @@ class SurfaceRecorder(YarnRecorder):
         color, span = self._scene.view.color, natural_span(self._values)
         unit, size = scale_unit(color, max(map(abs, span)))
         mean = self._values.mean(axis=0)
-        found = morph_targets((self._values - mean)[..., None], _STEP * (span[1] - span[0]))
+        found = find_morph_targets((self._values - mean)[..., None], _STEP * (span[1] - span[0]))
         return ScaledNumbers(
             color_bar_title(color, unit),
             (span[0] / size, span[1] / size),

@@ -27,7 +27,7 @@ from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shown import shown_of
-from spacemap_vtk.textile.geometry.cross_section import cross_section
+from spacemap_vtk.textile.geometry.cross_section import cut_cloth
 from spacemap_vtk.units import format_quantity
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def make_figure(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -
         if name == "section":
             for family, number in enumerate((asked.end, asked.pick)):
                 yarn = None if number is None else number - 1
-                rows.append([section_tile(cross_section(woven.cloth, family, yarn))])
+                rows.append([section_tile(cut_cloth(woven.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
             drawn.append(_cloth_scene(sweep.runs[0]))
             rows.append(

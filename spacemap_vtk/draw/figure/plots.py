@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics.response.cage_response import Motion, Response
 from spacemap_vtk.mechanics.response.energy import EnergyBalance, balance_energies
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.textile.crimp.biaxial import Tensile, tensile_tests
+from spacemap_vtk.textile.crimp.biaxial import TensileTest, simulate_tensile_tests
 from spacemap_vtk.textile.crimp.interchange import Interchange
 from spacemap_vtk.units import format_quantity
 
@@ -218,15 +218,15 @@ def crossings_of(scene: Scene) -> Interchange:
     return Interchange(cloth, stage.yarns(cloth))
 
 
-def tensile_tests_of(scene: Scene) -> list[Tensile]:
+def tensile_tests_of(scene: Scene) -> list[TensileTest]:
     """Compute tensile tests of a cloth: strips along warp and weft, and both pulled alike."""
     crossings = crossings_of(scene)
     assert scene.woven is not None  # `crossings_of` has checked it
     crimp = max(float(family.crimp.crimp) for family in scene.woven.cloth.families)
-    return tensile_tests(crossings, crimp + _PAST)
+    return simulate_tensile_tests(crossings, crimp + _PAST)
 
 
-def tensile_table(tests: list[Tensile]) -> str:
+def tensile_table(tests: list[TensileTest]) -> str:
     """Return tensile tests as CSV."""
     rows = [
         [test.name, *(format(float(value), ".9g") for value in values)]
@@ -236,7 +236,7 @@ def tensile_table(tests: list[Tensile]) -> str:
     return format_csv([_COLUMNS, *rows])
 
 
-def tensile_plot(title: str, tests: list[Tensile]) -> Figure:
+def tensile_plot(title: str, tests: list[TensileTest]) -> Figure:
     """Plot force per width and change of width against extension."""
     figure = titled_figure(f"{title}\nforce per width of its yarns")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)

@@ -21,7 +21,7 @@ from spacemap_vtk.io.drafts.wif import read_wif
 from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.textile.drafts.draft import Draft
-from spacemap_vtk.textile.drafts.drawdown import rows
+from spacemap_vtk.textile.drafts.drawdown import to_rows
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: Characters that mean a crossing in a row: True where the end lies over the pick.
@@ -156,7 +156,7 @@ def read_picture(path: Path) -> Draft:
 
 def format_rows(draft: Draft) -> bytes:
     """Return a drawdown as rows of 0 and 1, the first pick first."""
-    return "".join(f"{row}\n" for row in rows(draft.drawdown)).encode()
+    return "".join(f"{row}\n" for row in to_rows(draft.drawdown)).encode()
 
 
 def row_losses(draft: Draft) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import MidSurface, find_mid_surface
 from spacemap_vtk.mechanics.modal.model import Model
@@ -38,7 +38,7 @@ def coarsen(model: Model) -> Model | None:
     # Lines that are nearly evenly spaced: every second one if the number of cells is even.
     rows, columns = (np.rint(np.linspace(0, n - 1, (n - 1) // 2 + 1)) for n in grid.shape)
     kept = grid[np.ix_(rows.astype(np.int64), columns.astype(np.int64))]
-    points, cells = lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
     own = find_mid_surface(points, cells)
     assert own is not None
     order = np.lexsort(own.nodal(points)[: len(own.pairs), :2].T)

@@ -12,12 +12,12 @@ from spacemap_vtk.textile.crimp.interchange import Interchange, Resultants
 #: The tests, in the order of their curves.
 TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
 #: Bisection steps that find the extension of a free direction.
-_HALVINGS = 24
+_BISECTIONS = 24
 #: How far the map goes beyond straight yarns: share of the crimp, and least and largest amount.
-_PAST = (0.25, 0.02, 0.05)
+_RANGE_ABOVE = (0.25, 0.02, 0.05)
 #: How far the map goes below rest, as a multiple of its range above rest, unless yarns jam earlier
 #: or later.
-_BELOW = 1.5
+_RANGE_BELOW = 1.5
 #: Largest number of solutions in a map.
 _SOLUTIONS = 60_000
 #: Least and largest number of points along one side of a map.
@@ -43,7 +43,7 @@ class StretchMap(NamedTuple):
     stretch."""
 
 
-class Tensile(NamedTuple):
+class TensileTest(NamedTuple):
     """A tensile test of n steps."""
 
     name: str
@@ -55,7 +55,9 @@ class Tensile(NamedTuple):
     """(2, n) Largest strain of any yarn."""
 
 
-def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> list[Tensile]:
+def simulate_tensile_tests(
+    crossings: Interchange, largest: float, steps: int = 51
+) -> list[TensileTest]:
     """Simulate tensile tests along the warp, along the weft, and along both.
 
     Parameters
@@ -69,7 +71,7 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
 
     Returns
     -------
-    list of Tensile
+    list of TensileTest
         In the order of `TESTS`. In a strip test the other direction is as wide as it is without
         force: the largest width at which its yarns do not pull, or the width at which they jam.
     """
@@ -83,7 +85,7 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
             stretch[1 - family] = 0.1
             low = crossings.resultants(stretch).stretch[1 - family] * (1.0 + 1e-12)
             high = np.maximum(low, 1.0 + largest)
-            for _ in range(_HALVINGS):
+            for _ in range(_BISECTIONS):
                 stretch[1 - family] = 0.5 * (low + high)
                 taut = crossings.resultants(stretch).force[1 - family] > threshold
                 low = np.where(taut, low, stretch[1 - family])
@@ -92,11 +94,11 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
         force, strain, _, _, held = crossings.resultants(stretch)
         if family < 2:
             force[1 - family] = 0.0  # if it is jammed, the jam balances the pull of the yarns
-        result.append(Tensile(name, held - 1.0, force, strain))
+        result.append(TensileTest(name, held - 1.0, force, strain))
     return result
 
 
-def stretch_map(crossings: Interchange) -> StretchMap:
+def compute_stretch_map(crossings: Interchange) -> StretchMap:
     """Compute the response to stretches of warp and weft, from jammed to beyond straight yarns.
 
     Parameters
@@ -112,40 +114,40 @@ def stretch_map(crossings: Interchange) -> StretchMap:
     """
     state = crossings.solve(np.ones((2, *crossings.shape)))
     crimp = state.crimp.max(axis=(1, 2))
-    share, some, most = _PAST
+    share, some, most = _RANGE_ABOVE
     high = 1.0 + crimp + np.clip(share * crimp, some, most)
     side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kinds), *_SIDE))
     low = np.empty(2)
     for family in (0, 1):
-        jam = _jam(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some
-        low[family] = max(jam.min(), min(jam.max(), 1.0 - _BELOW * (high[family] - 1.0)))
+        jam = _jam_stretch(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some
+        low[family] = max(jam.min(), min(jam.max(), 1.0 - _RANGE_BELOW * (high[family] - 1.0)))
     axes = np.linspace(low, high, side, axis=1)
     found = crossings.resultants(np.stack(np.meshgrid(*axes)).reshape(2, -1))
     # On a line along which both stretches grow, slack yarns become taut exactly once.
     span, aside = (high - low)[:, None], np.linspace(-1.0, 1.0, side)
     start = 1.0 + span * np.array([[1.0], [-1.0]]) * aside
     below, above = -np.ones(side), np.ones(side)
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (below + above)
-        loose = _slack(crossings.resultants(np.maximum(start + span * middle, 0.1)))
+        loose = _is_slack(crossings.resultants(np.maximum(start + span * middle, 0.1)))
         below, above = np.where(loose, middle, below), np.where(loose, above, middle)
     return StretchMap(
         axes[0],
         axes[1],
         found.force.reshape(2, side, side),
         found.strain.reshape(2, side, side),
-        _slack(found).reshape(side, side),
+        _is_slack(found).reshape(side, side),
         start + span * above,
-        np.stack([_jam(crossings, family, axes[1 - family]) for family in (0, 1)]),
+        np.stack([_jam_stretch(crossings, family, axes[1 - family]) for family in (0, 1)]),
     )
 
 
-def _slack(found: Resultants) -> Bools:
+def _is_slack(found: Resultants) -> Bools:
     """Check where yarns are longer than their room by more than rounding."""
     return np.asarray((found.slack > 1e-9).any(axis=0))
 
 
-def _jam(crossings: Interchange, family: int, other: Floats) -> Floats:
+def _jam_stretch(crossings: Interchange, family: int, other: Floats) -> Floats:
     """Compute the least stretch of a family for each stretch of the other family."""
     stretch = np.stack([other, other])
     stretch[family] = 0.1

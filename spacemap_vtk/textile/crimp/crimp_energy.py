@@ -24,20 +24,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.weave.peirce import bend, jam_height
+from spacemap_vtk.textile.weave.peirce import jam_height, solve_gaps
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 #: Shares of D: remaining distance at which Newton's method stops, and the movement that is assumed
 #: to precede its first step.
-_ENOUGH, _FIRST = 1e-10, 1e-3
+_TOLERANCE, _FIRST_MOVE = 1e-10, 1e-3
 #: The last step turns angles by less than this, in rad: near a jam heights hardly change.
-_TURNED = 1e-6
+_ANGLE_TOLERANCE = 1e-6
 #: Largest turn of an angle in one step, in rad.
-_TURN = 0.5
+_MOST_TURN = 0.5
 #: Share of the distance to a jam that heights keep: at the jam itself the derivatives of heights
 #: and D by the angle vanish.
-_INSIDE = 0.01
+_JAM_MARGIN = 0.01
 #: Angle, in rad, below which a yarn that is pressed towards its other side counts as straight.
 _STRAIGHT = 1e-4
 #: Straight parts, as shares of D: one that is too short to divide by, and one of a yarn that counts
@@ -49,7 +49,7 @@ _EQUAL = 1e-12
 _TINY = 1e-150
 
 
-def some(arrays: Arrays, which: NDArray) -> Arrays:
+def select_crossings(arrays: Arrays, which: NDArray) -> Arrays:
     """Select some of the crossings."""
     return type(arrays)(*(array.take(which, axis=-1) for array in arrays))
 
@@ -88,7 +88,7 @@ class CrimpEnergy(NamedTuple):
         return value + fade * distance, push - fade, contact, moment
 
 
-class Slopes(NamedTuple):
+class AngleDerivatives(NamedTuple):
     """Energy of crossings and its derivatives by the angles of their yarns."""
 
     value: Floats
@@ -109,7 +109,7 @@ class Slopes(NamedTuple):
     curve: Floats
     """(3, n) Second derivatives of the same: by theta1 twice, by both, by theta2 twice."""
 
-    def pulled(self, stiff: Floats) -> Slopes:
+    def pulled(self, stiff: Floats) -> AngleDerivatives:
         """Add the pull of yarns of a given stiffness; slack yarns push."""
         own, other = stiff * self.own, stiff * self.other
         slope = self.slope + own * self.over + (other * self.over)[::-1]
@@ -124,17 +124,17 @@ class Slopes(NamedTuple):
         return (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
 
 
-def slopes(
+def angle_derivatives(
     energy: CrimpEnergy,
     room: Floats,
     length: Floats,
     heights: Floats,
     distance: Floats,
     press: Floats | float = 0.0,
-) -> Slopes:
+) -> AngleDerivatives:
     """Compute the energy and its derivatives by the angles."""
     # Arrays are reused in place, because allocating new ones costs as much as the arithmetic.
-    theta, s, over, sin, cos, half = bend(room, heights, distance)
+    theta, s, over, sin, cos, half = solve_gaps(room, heights, distance)
     over -= length
     bow, cross = 1.0 - cos, cos[::-1]
     both = 1.0 - bow[0] * bow[1]
@@ -176,10 +176,10 @@ def slopes(
     by_turn *= turn
     square += by_turn
     curve = np.stack([square[0], mixed, square[1]])
-    return Slopes(value, theta, half, s, over, own, other, turn, slope, curve)
+    return AngleDerivatives(value, theta, half, s, over, own, other, turn, slope, curve)
 
 
-def pulls(
+def yarn_forces(
     energy: CrimpEnergy,
     room: Floats,
     length: Floats,
@@ -188,14 +188,14 @@ def pulls(
     along: tuple[Floats, Floats],
 ) -> Floats:
     """Compute the forces, (2, n), as derivatives at given heights, without the push of jams."""
-    gap = bend(room, heights, distance)
+    gap = solve_gaps(room, heights, distance)
     force = energy.tension * np.maximum(gap.length - length, 0.0)
     moment = energy.unpulled(gap.theta, distance)[-1]
     lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
     return force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
 
 
-def forces(
+def energy_derivatives(
     energy: CrimpEnergy,
     room: Floats,
     length: Floats,
@@ -208,7 +208,7 @@ def forces(
     # `along` holds d(room) and -d(length) by the stretch: spacing and floats of each yarn.
     low, high = distances
     little = 1e-9 * energy.tension.max(axis=0) * energy.full
-    now = slopes(energy, room, length, heights, distance)
+    now = angle_derivatives(energy, room, length, heights, distance)
     # Push of a jam into which bending turns a yarn.
     jammed = (now.straight < _JAMMED * distance) & (now.slope < -little)
     push = np.where(jammed, -now.slope / distance, 0.0)
@@ -219,7 +219,7 @@ def forces(
     firm = ((distance <= low) & (press > little)) | ((distance >= high) & (press < -little))
     firm |= low >= high
     press = np.where(firm, press, 0.0)
-    now = slopes(energy, room, length, heights, distance, press)
+    now = angle_derivatives(energy, room, length, heights, distance, press)
     # A yarn that is neither slack nor strained counts as pulling: then the stiffness at rest is
     # that of a cloth under tension.
     pull = energy.tension * (now.over >= -1e-12 * length)
@@ -261,7 +261,7 @@ def forces(
     return now.value, slope, tangent
 
 
-class _Place(NamedTuple):
+class _NewtonState(NamedTuple):
     """State of the crossings, and Newton's step from it."""
 
     heights: Floats
@@ -283,7 +283,7 @@ class _Place(NamedTuple):
     """(n,) Larger of the changes of h1 and D that led to this state."""
 
 
-def least(
+def minimise_energy(
     energy: CrimpEnergy,
     room: Floats,
     length: Floats,
@@ -302,14 +302,16 @@ def least(
     if (tight := top[0] + top[1] < 1.001 * d).any():
         d = np.where(tight, d - 0.1 * (d - low), d)
         top = jam_height(room, d)
-    inside = _INSIDE * (top[0] + top[1] - d)
+    inside = _JAM_MARGIN * (top[0] + top[1] - d)
     h = np.clip(height, d - top[1] + inside, top[0] - inside)
-    heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST * d
+    heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST_MOVE * d
     for _ in range(100):
-        now = slopes(energy, room, length, heights, d, press)
-        step, press, first, over = _step(energy.tension, now, d, press, low, high)
+        now = angle_derivatives(energy, room, length, heights, d, press)
+        step, press, first, over = _newton_step(energy.tension, now, d, press, low, high)
         part = np.ones_like(d) if at is None else np.minimum(3.0 * at.part, 1.0)
-        to = _Place(heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves)
+        to = _NewtonState(
+            heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves
+        )
         if at is not None:
             worse = np.flatnonzero(~(to.value <= at.value * (1.0 + 1e-12) + noise))
             if len(worse):
@@ -317,11 +319,11 @@ def least(
                     new[..., worse] = old[..., worse]
                 part[worse] /= 3.0
         at = to
-        heights, d, top = _moved(room, at, low, high)
+        heights, d, top = _apply_step(room, at, low, high)
         moves = np.maximum(np.abs(heights[0] - at.heights[0]), np.abs(d - at.distance))
         # Steps that keep shrinking at the rate of this one would move less than the tolerance.
-        done = (moves * moves <= _ENOUGH * d * at.moves) & (part > 0.9)
-        done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _TURNED
+        done = (moves * moves <= _TOLERANCE * d * at.moves) & (part > 0.9)
+        done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _ANGLE_TOLERANCE
         # The step must not make a taut yarn slack.
         done &= ((now.over <= 0.0) | (over > -_EQUAL * d)).all(axis=0)
         if 8 * np.count_nonzero(done) > len(done):
@@ -331,7 +333,7 @@ def least(
             on = np.flatnonzero(~done)
             if not len(on):
                 return result[0], result[1]
-            energy, at = some(energy, on), some(at, on)
+            energy, at = select_crossings(energy, on), select_crossings(at, on)
             live = live[on]
             room, length, heights, top, d, low, high, press, moves, noise = (
                 one.take(on, axis=-1)
@@ -341,12 +343,12 @@ def least(
     return result[0], result[1]
 
 
-def _step(
-    tension: Floats, now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+def _newton_step(
+    tension: Floats, now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
     """Compute Newton's step, the press on D, whether the warp leads, and `over` after the step."""
     taut = now.over > 0.0
-    step, press, first, over = _towards(now, d, press, low, high)
+    step, press, first, over = _bounded_step(now, d, press, low, high)
     # A yarn that becomes taut in the step counts as taut from the start of the step.
     new = (over > 0.0) > taut
     for _ in range(2):
@@ -355,24 +357,26 @@ def _step(
             break
         taut[:, which] |= new[:, which]
         mine = (one.take(which, axis=-1) for one in (d, press, low, high))
-        pushed = some(now, which).pulled(tension[:, which] * (taut & (now.over <= 0.0))[:, which])
-        found = _towards(pushed, *mine)
+        pushed = select_crossings(now, which).pulled(
+            tension[:, which] * (taut & (now.over <= 0.0))[:, which]
+        )
+        found = _bounded_step(pushed, *mine)
         step[:, which], press[which], first[which], over[:, which] = found
         new = (over > 0.0) > taut
     size = np.maximum(np.abs(step[0]), np.abs(step[1]))
-    return step * (_TURN / np.maximum(size, _TURN)), press, first, over
+    return step * (_MOST_TURN / np.maximum(size, _MOST_TURN)), press, first, over
 
 
-def _towards(
-    now: Slopes, d: Floats, press: Floats, low: Floats, high: Floats
+def _bounded_step(
+    now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
-    """Compute the results of `_step` for yarns that stay as taut or slack as they are."""
+    """Compute the results of `_newton_step` for yarns that stay as taut or slack as they are."""
     (a, b, c), slope, turn = now.curve, now.slope, now.turn
     # At a saddle, use the curvatures by size; otherwise the step would climb.
     saddle = np.flatnonzero(~((a > 0.0) & (a * c * (1.0 - 1e-10) > b * b)))
     if len(saddle):
         a, b, c = np.stack([a, b, c])
-        a[saddle], b[saddle], c[saddle] = _size(a[saddle], b[saddle], c[saddle])
+        a[saddle], b[saddle], c[saddle] = _positive_matrix(a[saddle], b[saddle], c[saddle])
     across = np.stack([c, a])
     by = 1.0 / (a * c - b * b)
     yielding = (across * turn - b * turn[::-1]) * by
@@ -391,16 +395,22 @@ def _towards(
         taken = (
             one.take(ends, axis=-1) for one in (np.stack([a, b, c]), step, d, press, low, high)
         )
-        past, *found = _ended(some(now, ends), *taken)
+        past, *found = _end_step_at_limit(select_crossings(now, ends), *taken)
         for array, value in zip((step, more, first), found, strict=True):
             array[..., ends[past]] = value[..., past]
     return step, more, first, now.over + now.own * step + now.other * step[::-1]
 
 
-def _ended(
-    now: Slopes, curve: Floats, step: Floats, d: Floats, press: Floats, low: Floats, high: Floats
+def _end_step_at_limit(
+    now: AngleDerivatives,
+    curve: Floats,
+    step: Floats,
+    d: Floats,
+    press: Floats,
+    low: Floats,
+    high: Floats,
 ) -> tuple[Bools, Floats, Floats, Bools]:
-    """Check whether a step passes a jam or a straight yarn, and end it there as `_towards` does."""
+    """Check whether a step passes a jam or a straight yarn; compute the step that ends there."""
     turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
     weight = now.straight / (1.0 - bow[0] * bow[1])
     # Derivatives of a straight part by the angle of its own yarn and of the other one.
@@ -428,20 +438,22 @@ def _ended(
     return over.max(axis=0) > 0.0, way + (far - pull / stiff) * aside, press, first
 
 
-def _size(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
+def _positive_matrix(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
     """Replace the eigenvalues of matrices [[a, b], [b, c]] by their sizes, none of them 0."""
     root = np.maximum(np.abs(a * c - b * b), 1e-12 * (a + c) ** 2 + _TINY**2)
     trace = np.sqrt(a * a + 2.0 * b * b + c * c + 2.0 * root)
     return (a * a + b * b + root) / trace, b * (a + c) / trace, (c * c + b * b + root) / trace
 
 
-def _moved(room: Floats, at: _Place, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
+def _apply_step(
+    room: Floats, at: _NewtonState, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Compute heights, D and jam heights after a step; D and the leading angle decide."""
     step = at.part * at.step
     d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]
     d = np.minimum(np.maximum(d, low), high)
     top = jam_height(room, d)
-    most = top - _INSIDE * np.maximum(at.top - at.heights, 0.0)
+    most = top - _JAM_MARGIN * np.maximum(at.top - at.heights, 0.0)
     p, t, half = (np.where(at.first, one[0], one[1]) for one in (room, at.half, 0.5 * step))
     few, many = np.minimum(p, d), np.maximum(p, d)
     last = few / (many + np.sqrt((many - few) * (many + few)))

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.crimp.crimp_energy import CrimpEnergy
-from spacemap_vtk.textile.drafts.drawdown import repeat
+from spacemap_vtk.textile.drafts.drawdown import repeat_size
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.peirce import bend, taut_height
+from spacemap_vtk.textile.weave.peirce import solve_gaps, taut_height
 
 #: Least straight share of a yarn's length at rest in formulas for bending: a jammed yarn bends too.
 _STRAIGHT = 0.05
@@ -92,15 +92,15 @@ class Crossings(NamedTuple):
         return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.full)
 
 
-def crossings(
+def build_crossings(
     cloth: Cloth, tension: Floats, contact: float, bending: tuple[float, float], flattest: float
 ) -> tuple[Crossings, Floats]:
     """Compute the crossings of a cloth, and the area of each."""
     (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
     full = np.add.outer(weft.diameter, warp.diameter)
     rest = np.array(cloth.shares)[:, None, None] * full
-    along = _around(weft.spacing, cloth.families[0].crossed)
-    across = _around(warp.spacing, cloth.families[1].crossed)
+    along = _mean_spacing_around(weft.spacing, cloth.families[0].crossed)
+    across = _mean_spacing_around(warp.spacing, cloth.families[1].crossed)
 
     def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
         """Spread values of picks (for the warp) and ends (for the weft) over all crossings."""
@@ -113,7 +113,10 @@ def crossings(
     # gap of the cloth.
     flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
     share, float_ = np.empty((2, *shape))
-    share[0], share[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
+    share[0], share[1] = (
+        _floats_per_change(cloth.drawdown),
+        _floats_per_change(cloth.drawdown.T)[:, None],
+    )
     float_[0] = _float_spacing(cloth.drawdown, weft.spacing, along)
     float_[1] = _float_spacing(cloth.drawdown.T, warp.spacing, across).T
     loose = np.isinf(share)
@@ -121,7 +124,7 @@ def crossings(
     # reaches its length.
     floats, own = float_ * np.where(loose, 0.0, share), np.where(loose, 0.0, spacing)
     flat = np.where(loose, -10.0 * full, flat)
-    gap = bend(own - flat, rest, full)
+    gap = solve_gaps(own - flat, rest, full)
     length = np.where(loose, 1e3 * full, gap.length)
     whole = np.where(loose, spacing, length + flat + floats)
     stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
@@ -134,7 +137,7 @@ def crossings(
     gain = own * give * gap.sin / np.maximum((give * gap.cos).sum(axis=0), 1e-300)
     gain[1] *= -1.0
     hard = not isfinite(contact)
-    jam, most = _jam(own, flat, floats, length, full)
+    jam, most = _find_jam(own, flat, floats, length, full)
     pull = part * np.where(np.isinf(tension), 1.0, tension) / whole
     yarns = (
         own,
@@ -163,7 +166,7 @@ def crossings(
     )
 
 
-def _jam(
+def _find_jam(
     own: Floats, flat: Floats, floats: Floats, length: Floats, full: Floats
 ) -> tuple[Floats, Floats]:
     """Find stretch and height at which a yarn of given length has no straight part left."""
@@ -181,9 +184,9 @@ def _jam(
     return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
 
 
-def _floats(drawdown: Bools) -> Floats:
+def _floats_per_change(drawdown: Bools) -> Floats:
     """Compute, for the yarn of each column, the gaps without a change of side per gap with one."""
-    period = repeat(drawdown)[1]
+    period = repeat_size(drawdown)[1]
     line = drawdown[:period]
     changes = np.count_nonzero(line != np.roll(line, 1, axis=0), axis=0)
     with np.errstate(divide="ignore"):
@@ -200,7 +203,7 @@ def _float_spacing(drawdown: Bools, spacing: Floats, around: Floats) -> Floats:
     return np.broadcast_to(spacing @ same / same.sum(axis=0), drawdown.shape)
 
 
-def _around(spacing: Floats, alone: float) -> Floats:
+def _mean_spacing_around(spacing: Floats, alone: float) -> Floats:
     """Compute the mean spacing on both sides of each yarn."""
     if not len(spacing):
         return np.array([alone])

@@ -38,11 +38,18 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk import cancel
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.crimp.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
-from spacemap_vtk.textile.crimp.crossings import Crossings, crossings
-from spacemap_vtk.textile.crimp.joined import Joined, Said
+from spacemap_vtk.textile.crimp.crimp_energy import (
+    CrimpEnergy,
+    angle_derivatives,
+    energy_derivatives,
+    minimise_energy,
+    select_crossings,
+    yarn_forces,
+)
+from spacemap_vtk.textile.crimp.crossings import Crossings, build_crossings
+from spacemap_vtk.textile.crimp.length_correction import CrossingResults, LengthCorrection
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.peirce import bend, both_taut
+from spacemap_vtk.textile.weave.peirce import solve_gaps, taut_heights
 
 #: Share of a section that fibres fill in the closest (hexagonal) packing.
 CLOSEST = pi / (2.0 * sqrt(3.0))
@@ -89,7 +96,7 @@ class CrimpState(NamedTuple):
     """(2, ...) Stretches that are reached: those given, or those at which the crossing jams."""
 
 
-class Forces(NamedTuple):
+class EnergyDerivatives(NamedTuple):
     """Energy of crossings, and its derivatives by the stretches along warp and weft."""
 
     energy: Floats
@@ -153,16 +160,16 @@ class Interchange:
             )
         yarns = YarnMechanics() if yarns is None else yarns
         self.shape = cloth.drawdown.shape
-        tension = _tension(yarns, self.shape)
+        tension = _check_tension(yarns, self.shape)
         self._stretches = bool(np.isfinite(tension).all())
         self._hinged = any(yarns.bending)
         self._contact = yarns.contact
         #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
         self.cell: Floats
-        self._cells, self.cell = crossings(cloth, tension, *yarns[1:])
+        self._cells, self.cell = build_crossings(cloth, tension, *yarns[1:])
         same = all((field == field[..., :1]).all() for field in self._cells)
         loose = self._cells.loose.reshape(2, *self.shape)
-        self._joined = None if same else Joined(cloth, loose)
+        self._joined = None if same else LengthCorrection(cloth, loose)
 
     def solve(self, stretch: ArrayLike) -> CrimpState:
         """Compute the state of the crossings.
@@ -182,7 +189,7 @@ class Interchange:
         for begin in range(0, asked.shape[1], _BLOCK):
             cancel.check()
             here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
-            found.append(self._solved(some(cells, here), asked[:, here]))
+            found.append(self._solved(select_crossings(cells, here), asked[:, here]))
         *fields, grown, slack = (
             self._laid(np.concatenate(parts, axis=-1), back) for parts in zip(*found, strict=True)
         )
@@ -190,10 +197,12 @@ class Interchange:
         if self._joined is None:
             return state
         floor = 0.5 * self._laid(cells.floor, back)
-        height = self._joined.heights(state.height, floor, Said(grown, state.stretch, slack))
+        height = self._joined.heights(
+            state.height, floor, CrossingResults(grown, state.stretch, slack)
+        )
         return state._replace(height=height, distance=2.0 * height.sum(axis=0))
 
-    def forces(self, stretch: ArrayLike) -> Forces:
+    def forces(self, stretch: ArrayLike) -> EnergyDerivatives:
         """Compute the crossings' energy and its derivatives by the stretch.
 
         Parameters
@@ -215,7 +224,7 @@ class Interchange:
         """
         cells, asked, back = self._alike(stretch)
         found = self._pulls(cells, asked)
-        return Forces(*(self._laid(array, back) for array in found))
+        return EnergyDerivatives(*(self._laid(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
         """Compute the forces of the whole cloth for many uniform stretches.
@@ -233,17 +242,17 @@ class Interchange:
         asked = np.asarray(stretch, np.float64)
         first, back = self._kinds
         shape = 2, len(first), asked.shape[1]
-        cells = some(self._cells, np.repeat(first, asked.shape[1]))
+        cells = select_crossings(self._cells, np.repeat(first, asked.shape[1]))
         held, h, d = self._find(cells, np.tile(asked, len(first)))
         room, length = cells.asked(held)
-        over = (bend(room, np.stack([h, d - h]), d).length - length) / cells.whole
+        over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.whole
         over = np.where(cells.loose, held - 1.0, over)
         strain = np.maximum(over, 0.0)
         force = np.zeros_like(held)
         if self._stretches:
             along = cells.own, cells.floats
             energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
-            force = pulls(energy, room, length, heights, d, along)
+            force = yarn_forces(energy, room, length, heights, d, along)
             force += np.where(cells.loose, cells.tension * strain * cells.spacing**2, 0.0)
         weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
         return Resultants(
@@ -260,11 +269,11 @@ class Interchange:
         return len(self._kinds[0])
 
     def _solved(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
-        """Compute the fields of `CrimpState`, and lengths and slack for `Said`."""
+        """Compute the fields of `CrimpState`, and lengths and slack for `CrossingResults`."""
         held, h, d = self._find(cells, asked)
         heights = np.stack([h, d - h])
         room, length = cells.asked(held)
-        gap = bend(room, heights, d)
+        gap = solve_gaps(room, heights, d)
         over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
@@ -272,9 +281,11 @@ class Interchange:
         # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
         at = np.flatnonzero(d <= cells.floor)
         if self._stretches and len(at):
-            free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
+            free = select_crossings(
+                cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at
+            )
             taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
-            contact[at] = 2.0 * np.maximum(slopes(free, *taken).press(), 0.0)
+            contact[at] = 2.0 * np.maximum(angle_derivatives(free, *taken).press(), 0.0)
         return (
             0.5 * heights,
             d,
@@ -301,7 +312,7 @@ class Interchange:
         asked = asked.reshape(2, -1)
         if np.ptp(asked, axis=1).max() <= 1e-14:
             first, back = self._kinds
-            return some(self._cells, first), asked[:, first], back
+            return select_crossings(self._cells, first), asked[:, first], back
         return self._cells, asked, slice(None)
 
     def _laid(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
@@ -330,7 +341,9 @@ class Interchange:
         held, h, d = self._find(cells, stretch)
         energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
         along, bounds = (cells.own, cells.floats), (cells.floor, cells.full)
-        value, force, tangent = forces(energy, room, length, np.stack([h, d - h]), d, along, bounds)
+        value, force, tangent = energy_derivatives(
+            energy, room, length, np.stack([h, d - h]), d, along, bounds
+        )
         # Yarns that never change side are straight.
         pull = np.where(cells.loose, cells.tension, 0.0)
         over = np.maximum(held - 1.0, 0.0) * cells.spacing
@@ -359,13 +372,13 @@ class Interchange:
             d = np.clip(full - give, floor, full)
             h = np.where(slack, h, most[0] + share[0] * give)
         if self._stretches and self._hinged:
-            return held, *least(cells.energy(True), room, length, h, d, floor, full)
+            return held, *minimise_energy(cells.energy(True), room, length, h, d, floor, full)
 
         def settle(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
             chosen = np.flatnonzero(which)
             if len(chosen):
                 mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
-                h[chosen], d[chosen] = least(some(energy, chosen), *mine)
+                h[chosen], d[chosen] = minimise_energy(select_crossings(energy, chosen), *mine)
 
         h = np.where(slack, bent, h)
         settle(slack, cells.bending(), full, full)
@@ -373,7 +386,9 @@ class Interchange:
         pulled = ~slack
         if not self._stretches or self._contact == 0.0:
             flat = np.flatnonzero(pulled & (floor < full))
-            heights = both_taut(*(one.take(flat, axis=-1) for one in (room, length, most, floor)))
+            heights = taut_heights(
+                *(one.take(flat, axis=-1) for one in (room, length, most, floor))
+            )
             both = heights[0] + heights[1]
             d[flat] = np.clip(both, floor[flat], full[flat])
             h[flat] = heights[0] * d[flat] / both
@@ -383,7 +398,7 @@ class Interchange:
         return held, h, d
 
 
-def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
+def _check_tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
     """Compute EA at each crossing, and refuse impossible yarns."""
     tension = np.asarray(yarns.tension, np.float64)
     tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]

@@ -111,7 +111,7 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     membrane[:2, :2] = stretched[::-1, ::-1]
     lean = pressed = 0.0
     for k, family in enumerate(cloth.families):
-        rods = _rods(cloth, k)
+        rods = _mean_yarn(cloth, k)
         bending[1 - k] = rods.bending * yarns.bending[k] / family.spacing
         lean += family.spacing / (rods.shear * yarns.bending[k])
         pressed += rods.pressure * yarns.bending[k] / 2.0
@@ -128,7 +128,7 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     return Plate(membrane, np.diag(bending))
 
 
-class _Rods(NamedTuple):
+class _MeanYarn(NamedTuple):
     """Stiffness of a family's mean yarn for a bending rigidity B of 1."""
 
     bending: float
@@ -139,9 +139,9 @@ class _Rods(NamedTuple):
     """Mean pressure on a crossing [1/m²]."""
 
 
-def _rods(cloth: Cloth, number: int) -> _Rods:
+def _mean_yarn(cloth: Cloth, number: int) -> _MeanYarn:
     """Compute the response of a family's mean yarn along whole repeats, continued periodically."""
-    crossed, repeats = cloth.yarns[1 - number], drawdown.repeat(cloth.drawdown)
+    crossed, repeats = cloth.yarns[1 - number], drawdown.repeat_size(cloth.drawdown)
     count, width = (
         size - size % each
         for size, each in (
@@ -175,4 +175,4 @@ def _rods(cloth: Cloth, number: int) -> _Rods:
         sheared += float((12.0 * across / cubes).sum())
         # Each change of side presses the crossings at both of its ends.
         pressure += float((2.0 * changes * 12.0 * rise / length**3).mean(axis=1).sum())
-    return _Rods(bending / count, sheared / count, pressure / count)
+    return _MeanYarn(bending / count, sheared / count, pressure / count)

@@ -12,7 +12,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.textile.drafts.drawdown import as_drawdown
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
-from spacemap_vtk.textile.weave.threads import Lengths, along
+from spacemap_vtk.textile.weave.threads import Lengths, repeat_values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,8 +53,8 @@ class DraftThreads:
         """
         return replace(
             self,
-            spacing=None if self.spacing is None else along(self.spacing, count),
-            thickness=None if self.thickness is None else along(self.thickness, count),
+            spacing=None if self.spacing is None else repeat_values(self.spacing, count),
+            thickness=None if self.thickness is None else repeat_values(self.thickness, count),
             colors=None if self.colors is None else np.resize(self.colors, (count, 3)),
         )
 
@@ -142,7 +142,7 @@ class Draft:
         loom = self.loom
         if loom is None:
             return self
-        ends, picks = _used(loom.threading), _used(loom.sheds())
+        ends, picks = _used_slice(loom.threading), _used_slice(loom.sheds())
         drawdown = self.drawdown[picks, ends]
         if drawdown.shape == self.drawdown.shape:
             return self
@@ -177,7 +177,7 @@ class Draft:
         return Loom.from_drawdown(drawdown)
 
 
-def _used(rows: Rows) -> slice:
+def _used_slice(rows: Rows) -> slice:
     """Find where the rows that are not empty begin and end."""
     used = [index for index, row in enumerate(rows) if row]
     return slice(used[0], used[-1] + 1) if used else slice(None)

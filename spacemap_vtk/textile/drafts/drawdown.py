@@ -42,25 +42,25 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
     result: list[list[object]] = []
     for number, row in enumerate(matrix, start=1):
         if not isinstance(row, (str, Sequence, np.ndarray)) or not len(row):
-            raise _bad_row(number, row, "is no row of 0 and 1")
+            raise _row_error(number, row, "is no row of 0 and 1")
         cells = [{"0": 0, "1": 1}.get(c, c) for c in row] if isinstance(row, str) else list(row)
         for column, cell in enumerate(cells, start=1):
             if not np.isscalar(cell) or cell not in (0, 1):
-                raise _bad_row(number, row, f"has {cell!r} at end {column}")
+                raise _row_error(number, row, f"has {cell!r} at end {column}")
         if result and len(cells) != len(result[0]):
-            raise _bad_row(number, row, f"has {len(cells)} ends, but row 1 has {len(result[0])}")
+            raise _row_error(number, row, f"has {len(cells)} ends, but row 1 has {len(result[0])}")
         result.append(cells)
     return np.array(result, dtype=bool)
 
 
-def tile(matrix: ArrayLike, ends: int, picks: int) -> Bools:
+def tile_drawdown(matrix: ArrayLike, ends: int, picks: int) -> Bools:
     """Repeat a drawdown over a cloth, and cut it off at the far edges."""
     unit = as_drawdown(matrix)
-    at_least_one(ends=ends, picks=picks)
+    check_counts(ends=ends, picks=picks)
     return unit[np.arange(picks)[:, None] % len(unit), np.arange(ends) % unit.shape[1]]
 
 
-def repeat(drawdown: ArrayLike) -> tuple[int, int]:
+def repeat_size(drawdown: ArrayLike) -> tuple[int, int]:
     """Find the size of the smallest repeat of a drawdown.
 
     Parameters
@@ -77,7 +77,7 @@ def repeat(drawdown: ArrayLike) -> tuple[int, int]:
     return _period(matrix.T), _period(matrix)
 
 
-def floats(drawdown: ArrayLike) -> tuple[int, int]:
+def longest_floats(drawdown: ArrayLike) -> tuple[int, int]:
     """Find the longest floats of a cloth on either side.
 
     Parameters
@@ -107,14 +107,14 @@ def mean_floats(drawdown: ArrayLike) -> tuple[float | None, float | None]:
     warp, weft : float or None
         None if the yarns never change side.
     """
-    ends, picks = repeat(drawdown)
+    ends, picks = repeat_size(drawdown)
     unit = as_drawdown(drawdown)[:picks, :ends]
     changes = (np.count_nonzero(unit != np.roll(unit, 1, axis)) for axis in (0, 1))
     warp, weft = (unit.size / count if count else None for count in changes)
     return warp, weft
 
 
-def rows(drawdown: ArrayLike) -> list[str]:
+def to_rows(drawdown: ArrayLike) -> list[str]:
     """Write a drawdown as text, the inverse of `from_matrix`.
 
     Parameters
@@ -129,7 +129,7 @@ def rows(drawdown: ArrayLike) -> list[str]:
 
     Examples
     --------
-    >>> rows([[True, False]])
+    >>> to_rows([[True, False]])
     ['10']
     """
     digits = as_drawdown(drawdown).astype(np.uint8) + ord("0")
@@ -149,7 +149,7 @@ def as_drawdown(drawdown: ArrayLike) -> Bools:
     return matrix
 
 
-def at_least_one(**counts: int) -> None:
+def check_counts(**counts: int) -> None:
     """Refuse numbers of yarns that are not whole or are below 1."""
     for key, count in counts.items():
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
@@ -158,7 +158,7 @@ def at_least_one(**counts: int) -> None:
             )
 
 
-def _bad_row(number: int, row: object, what: str) -> InputError:
+def _row_error(number: int, row: object, what: str) -> InputError:
     return InputError(
         f"row {number} {what}",
         key="matrix",

@@ -49,8 +49,8 @@ class Loom:
 
     def __post_init__(self) -> None:
         lifted = self.tieup if self.liftplan is None else self.liftplan
-        object.__setattr__(self, "shafts", max(self.shafts, highest(self.threading, lifted)))
-        treadles = max(self.treadles, len(self.tieup), highest(self.treadling))
+        object.__setattr__(self, "shafts", max(self.shafts, highest_number(self.threading, lifted)))
+        treadles = max(self.treadles, len(self.tieup), highest_number(self.treadling))
         object.__setattr__(self, "treadles", treadles)
 
     def sheds(self) -> Rows:
@@ -111,8 +111,8 @@ class Loom:
         Loom
             A rising-shed loom with tie-up and treadling.
         """
-        shaft_of_end, first_end = _numbered(drawdown.T)
-        treadle_of_pick, first_pick = _numbered(drawdown)
+        shaft_of_end, first_end = _number_rows(drawdown.T)
+        treadle_of_pick, first_pick = _number_rows(drawdown)
         raised = drawdown[np.ix_(first_pick, first_end)]
         return cls(
             threading=tuple((shaft,) for shaft in shaft_of_end),
@@ -122,13 +122,13 @@ class Loom:
 
     def threaded(self, end: int, shafts: tuple[int, ...]) -> Loom:
         # An end without shafts floats. Shafts beyond the last one are added to the loom.
-        return replace(self, threading=_put(self.threading, end, shafts, "end"))
+        return replace(self, threading=_replace_row(self.threading, end, shafts, "end"))
 
     def treadled(self, pick: int, pressed: tuple[int, ...]) -> Loom:
         # `pressed` holds treadles, or shafts if there is a liftplan.
         name = "treadling" if self.liftplan is None else "liftplan"
         rows: Rows = getattr(self, name)
-        return replace(self, **{name: _put(rows, pick, pressed, "pick")})  # type: ignore[arg-type]
+        return replace(self, **{name: _replace_row(rows, pick, pressed, "pick")})  # type: ignore[arg-type]
 
     def tied(self, treadle: int, shafts: tuple[int, ...]) -> Loom:
         if self.liftplan is not None:
@@ -137,7 +137,7 @@ class Loom:
             )
         # The treadle may have no tie yet.
         ties = (*self.tieup, *((),) * (self.treadles - len(self.tieup)))
-        return replace(self, tieup=_put(ties, treadle, shafts, "treadle"))
+        return replace(self, tieup=_replace_row(ties, treadle, shafts, "treadle"))
 
     @staticmethod
     def toggled(row: tuple[int, ...], number: int) -> tuple[int, ...]:
@@ -154,15 +154,15 @@ class Loom:
         """Highest shaft and treadle in use: the loom needs at least that many."""
         lifted = self.tieup if self.liftplan is None else self.liftplan
         ties = max((number for number, tie in enumerate(self.tieup, start=1) if tie), default=0)
-        return highest(self.threading, lifted), max(ties, highest(self.treadling))
+        return highest_number(self.threading, lifted), max(ties, highest_number(self.treadling))
 
     def tiled(self, ends: int, picks: int) -> Loom:
         # Repeat threading and treadling over a cloth of another size, and cut them off there.
         return replace(
             self,
-            threading=_along(self.threading, ends),
-            treadling=_along(self.treadling, picks),
-            liftplan=None if self.liftplan is None else _along(self.liftplan, picks),
+            threading=_repeat_rows(self.threading, ends),
+            treadling=_repeat_rows(self.treadling, picks),
+            liftplan=None if self.liftplan is None else _repeat_rows(self.liftplan, picks),
         )
 
     @property
@@ -191,12 +191,12 @@ class Loom:
         )
 
 
-def highest(*rows: Iterable[tuple[int, ...]]) -> int:
+def highest_number(*rows: Iterable[tuple[int, ...]]) -> int:
     """Find the highest number in any row."""
     return max(chain.from_iterable(chain.from_iterable(rows)), default=0)
 
 
-def _numbered(lines: Bools) -> tuple[list[int], list[int]]:
+def _number_rows(lines: Bools) -> tuple[list[int], list[int]]:
     """Number distinct rows from 1; return each row's number and each number's first row."""
     number: dict[bytes, int] = {}
     first: list[int] = []
@@ -210,11 +210,11 @@ def _numbered(lines: Bools) -> tuple[list[int], list[int]]:
     return numbers, first
 
 
-def _along(rows: Rows, count: int) -> Rows:
+def _repeat_rows(rows: Rows, count: int) -> Rows:
     return tuple(rows[i % len(rows)] for i in range(count)) if rows else rows
 
 
-def _put(rows: Rows, number: int, row: tuple[int, ...], what: str) -> Rows:
+def _replace_row(rows: Rows, number: int, row: tuple[int, ...], what: str) -> Rows:
     if not 1 <= number <= len(rows):
         raise InputError(f"there is no {what} {number}", allowed=f"1 to {len(rows)}")
     if any(n < 1 for n in row):

@@ -17,7 +17,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.parameters import suggestion
-from spacemap_vtk.textile.drafts.drawdown import at_least_one
+from spacemap_vtk.textile.drafts.drawdown import check_counts
 
 _Counts = tuple[int, ...]
 #: Largest number of yarns in a repeat; a larger one is a typing error.
@@ -33,7 +33,7 @@ def twill(*counts: int, direction: str = "right") -> Bools:
     """Build a twill: each end repeats its neighbour, one pick later."""
     # Any even number of floats is possible: 3, 1, 1, 2 goes over 3, under 1, over 1, under 2.
     for name, count in zip(cycle(("over", "under")), counts, strict=False):
-        at_least_one(**{name: count})
+        check_counts(**{name: count})
     line = np.repeat(np.arange(len(counts)) % 2 == 0, counts)
     end = np.arange(len(line))
     pick = end[:, None]
@@ -42,7 +42,7 @@ def twill(*counts: int, direction: str = "right") -> Bools:
 
 def satin(shafts: int, step: int, face: str = "warp") -> Bools:
     """Build a satin: one binding point in each end and pick of the repeat, none adjacent."""
-    at_least_one(shafts=shafts)
+    check_counts(shafts=shafts)
     if step not in range(2, shafts - 1) or gcd(step, shafts) != 1:
         steps = [str(k) for k in range(2, min(shafts, 100) - 1) if gcd(k, shafts) == 1]
         raise InputError(
@@ -59,13 +59,13 @@ def satin(shafts: int, step: int, face: str = "warp") -> Bools:
 
 def basket(n: int) -> Bools:
     """Build basket (hopsack) weave: plain weave of groups of n ends and n picks."""
-    at_least_one(n=n)
+    check_counts(n=n)
     return np.kron(plain(), np.ones((n, n), dtype=bool))
 
 
 def rib(over: int, under: int, family: str = "warp") -> Bools:
     """Build a rib: plain weave extended along one family, whose floats lie side by side."""
-    at_least_one(over=over, under=under)
+    check_counts(over=over, under=under)
     return np.repeat(plain(), (over, under), axis=0 if family == "warp" else 1)
 
 
@@ -75,7 +75,7 @@ def satin_step(shafts: int) -> int:
 
 
 @dataclass(frozen=True)
-class _Weave:
+class _WeaveGrammar:
     """Grammar of the names of a weave."""
 
     #: Allowed numbers of counts.
@@ -88,22 +88,22 @@ class _Weave:
     example: str
 
 
-def _satin(counts: _Counts, face: str) -> Bools:
+def _build_satin(counts: _Counts, face: str) -> Bools:
     step = counts[1] if counts[1:] else satin_step(counts[0])
     return satin(counts[0], step, face)
 
 
 _WEAVES = {
-    "plain": _Weave((0,), (), lambda counts, word: plain(), "plain"),
-    "twill": _Weave(
+    "plain": _WeaveGrammar((0,), (), lambda counts, word: plain(), "plain"),
+    "twill": _WeaveGrammar(
         tuple(range(2, 17, 2)),
         ("right", "left"),
         lambda counts, word: twill(*counts, direction=word),
         "twill 2/1 left",
     ),
-    "satin": _Weave((1, 2), ("warp", "weft"), _satin, "satin 8/3"),
-    "basket": _Weave((1,), (), lambda counts, word: basket(counts[0]), "basket 2"),
-    "rib": _Weave(
+    "satin": _WeaveGrammar((1, 2), ("warp", "weft"), _build_satin, "satin 8/3"),
+    "basket": _WeaveGrammar((1,), (), lambda counts, word: basket(counts[0]), "basket 2"),
+    "rib": _WeaveGrammar(
         (1, 2),
         ("warp", "weft"),
         lambda counts, word: rib(counts[0], counts[-1], word),
@@ -118,7 +118,7 @@ _SYNONYMS = {
     "s": "left",
 }
 #: Words that are allowed and have no effect.
-_IDLE = {"weave", "faced"}
+_IGNORED_WORDS = {"weave", "faced"}
 
 #: The grammar, for messages and help.
 GRAMMAR = (
@@ -127,7 +127,7 @@ GRAMMAR = (
 )
 
 
-def canonical(text: str) -> str:
+def normalise_name(text: str) -> str:
     """Normalise the name of a pattern.
 
     Parameters
@@ -147,17 +147,17 @@ def canonical(text: str) -> str:
 
     Examples
     --------
-    >>> canonical("2/2 Twill, Z")
+    >>> normalise_name("2/2 Twill, Z")
     'twill 2/2'
     """
-    name, counts, word = _parsed(text)
-    _made(name, counts, word)  # refuse names of weaves that cannot be woven
+    name, counts, word = _parse_name(text)
+    _build(name, counts, word)  # refuse names of weaves that cannot be woven
     usual = _WEAVES[name].words[:1]
     parts = [name, "/".join(map(str, counts)), "" if word in usual else word]
     return " ".join(part for part in parts if part)
 
 
-def named(text: str) -> Bools:
+def build_pattern(text: str) -> Bools:
     """Build one repeat of a named pattern.
 
     Parameters
@@ -173,17 +173,17 @@ def named(text: str) -> Bools:
     Raises
     ------
     InputError
-        As for `canonical`.
+        As for `normalise_name`.
 
     Examples
     --------
-    >>> named("twill 1/2 left").astype(int).tolist()
+    >>> build_pattern("twill 1/2 left").astype(int).tolist()
     [[1, 0, 0], [0, 0, 1], [0, 1, 0]]
     """
-    return _made(*_parsed(text))
+    return _build(*_parse_name(text))
 
 
-def _made(name: str, counts: _Counts, word: str) -> Bools:
+def _build(name: str, counts: _Counts, word: str) -> Bools:
     try:
         return _WEAVES[name].make(counts, word)
     except InputError as error:
@@ -193,7 +193,7 @@ def _made(name: str, counts: _Counts, word: str) -> Bools:
         ) from None
 
 
-def _parsed(text: str) -> tuple[str, _Counts, str]:
+def _parse_name(text: str) -> tuple[str, _Counts, str]:
     """Split a name into the weave, its counts and its side."""
     names: list[str] = []
     counts: list[_Counts] = []
@@ -212,7 +212,7 @@ def _parsed(text: str) -> tuple[str, _Counts, str]:
             names.append(word)
         elif word in side_words:
             words.append(word)
-        elif word not in _IDLE:
+        elif word not in _IGNORED_WORDS:
             known = [*_WEAVES, *side_words, *_SYNONYMS, "sateen"]
             raise InputError(f'"{token}" is not a word for a weave', cure=suggestion(token, known))
     if len(names) != 1:

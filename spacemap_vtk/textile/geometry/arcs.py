@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.geometry.axis import Axes
+from spacemap_vtk.textile.geometry.axis_parts import Axes
 from spacemap_vtk.textile.patches.bezier import rational_handles
 from spacemap_vtk.textile.weave.peirce import Crimp, solve
 from spacemap_vtk.textile.weave.threads import Yarns
@@ -57,7 +57,7 @@ class Gaps(NamedTuple):
     """(yarns or 1, gaps) Stretch of space along the yarn."""
 
 
-class Plan(NamedTuple):
+class PartPlan(NamedTuple):
     """Numbers of parts of the gaps; they stay the same when heights change."""
 
     pieces: Ints
@@ -66,7 +66,7 @@ class Plan(NamedTuple):
     """(yarns, gaps) Whether there is a straight part between the arcs."""
 
 
-def gaps_of(
+def build_gaps(
     crossed: Yarns,
     arc: Floats,
     height: Floats,
@@ -111,10 +111,10 @@ def gaps_of(
     if kept is None:
         return gaps
     flats = height.shape[1] // kept.shape[1]
-    return _passed_by(gaps, np.repeat(kept, flats, axis=1))
+    return _remove_bounds(gaps, np.repeat(kept, flats, axis=1))
 
 
-def _passed_by(gaps: Gaps, kept: Bools) -> Gaps:
+def _remove_bounds(gaps: Gaps, kept: Bools) -> Gaps:
     """Remove the bounds that are not kept; shorter rows end in gaps of zero length."""
     kept = np.pad(kept, ((0, 0), (1, 1)), constant_values=True)
     count = kept.sum(axis=1, keepdims=True)
@@ -133,26 +133,26 @@ def _passed_by(gaps: Gaps, kept: Bools) -> Gaps:
     )
 
 
-def plan_of(gaps: Gaps, exact: bool) -> Plan:
+def plan_parts(gaps: Gaps, exact: bool) -> PartPlan:
     """Choose the numbers of parts of the gaps."""
-    return _plan(_bends(gaps), gaps.spacing, exact)
+    return _count_parts(_solve_gaps(gaps), gaps.spacing, exact)
 
 
-def _bends(gaps: Gaps) -> Crimp:
+def _solve_gaps(gaps: Gaps) -> Crimp:
     # Peirce's formulas hold in each gap if D is the sum of the radii of its two arcs.
     rise = np.abs(np.diff(gaps.height, axis=1))
     return solve(gaps.spacing, rise, gaps.arc[:, :-1] + gaps.arc[:, 1:])
 
 
-def _plan(crimp: Crimp, spacing: Floats, exact: bool) -> Plan:
+def _count_parts(crimp: Crimp, spacing: Floats, exact: bool) -> PartPlan:
     flat = crimp.theta < FLAT
     # Jammed square cloth has arcs of 60 degrees; rounding must not split them.
     longest = 2.0 * LONGEST_ARC if exact else LONGEST_ARC
     pieces = np.where(flat, 0, np.ceil(crimp.theta / longest - 1e-9).astype(np.int64))
-    return Plan(pieces, np.where(flat, spacing, crimp.straight) > 0.0)
+    return PartPlan(pieces, np.where(flat, spacing, crimp.straight) > 0.0)
 
 
-def _fit(gaps: Gaps, plan: Plan) -> Floats:
+def _radius_factors(gaps: Gaps, plan: PartPlan) -> Floats:
     """Compute the factors that fit the arc radii of a plan into gaps without room for them."""
     # Two arcs alone fit where (D - h)^2 + p^2 = D^2. In a plan without a straight part the arcs
     # must fill the gap, so there the factor may also exceed 1.
@@ -163,8 +163,8 @@ def _fit(gaps: Gaps, plan: Plan) -> Floats:
     return np.where(np.isfinite(fit), np.minimum(fit, longest), 1.0)
 
 
-def lay_gaps(
-    radius: Floats, lateral: Floats, gaps: Gaps, exact: bool = False, plan: Plan | None = None
+def build_axes(
+    radius: Floats, lateral: Floats, gaps: Gaps, exact: bool = False, plan: PartPlan | None = None
 ) -> Axes:
     """Cut axes into parts; with a plan the number of parts does not depend on the heights."""
     height, rise = gaps.height, np.diff(gaps.height, axis=1)
@@ -172,10 +172,10 @@ def lay_gaps(
     spacing, stretch = (np.broadcast_to(x, rise.shape) for x in (gaps.spacing, gaps.stretch))
     begin, end = gaps.arc[:, :-1], gaps.arc[:, 1:]
     if plan is None:
-        crimp = _bends(gaps)
-        plan = _plan(crimp, spacing, exact)
+        crimp = _solve_gaps(gaps)
+        plan = _count_parts(crimp, spacing, exact)
     else:
-        fit = _fit(gaps, plan)
+        fit = _radius_factors(gaps, plan)
         begin, end = fit * begin, fit * end
         crimp = solve(spacing, np.abs(rise), begin + end)
     pieces, alone = plan.pieces, plan.pieces == 0

@@ -1,6 +1,6 @@
 """Cross sections of a cloth along the axis of a yarn: axis, outlines and measures for a drawing.
 
-The curves are those of the cloth: axes from `spacemap_vtk.textile.geometry.axes`, which the
+The curves are those of the cloth: axes from `spacemap_vtk.textile.geometry.cloth_axes`, which the
 patches follow, and sections from `spacemap_vtk.textile.geometry.section`, which are swept along
 the axes. So cloths that Peirce's circles do not describe (flattened, jammed, splines, double
 weaves) are cut correctly.
@@ -15,10 +15,10 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.drafts.drawdown import repeat
-from spacemap_vtk.textile.geometry.axes import axes_of
-from spacemap_vtk.textile.geometry.axis import Axes, sampled
-from spacemap_vtk.textile.geometry.section import section
+from spacemap_vtk.textile.drafts.drawdown import repeat_size
+from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
+from spacemap_vtk.textile.geometry.cloth_axes import family_axes
+from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.patches.bezier import bernstein
 from spacemap_vtk.textile.weave.cloth import Cloth
 
@@ -85,7 +85,7 @@ class CrossSection:
         return float(heights.min()), float(heights.max())
 
 
-def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSection:
+def cut_cloth(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSection:
     """Cut a cloth along one of its yarns.
 
     The view contains one repeat and one more crossing, at least 5 and at most 9 crossings. It is
@@ -118,18 +118,18 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
     if not 0 <= yarn < count:
         name = ("end", "pick")[family]
         raise InputError(f"no such {name}", key=name, value=yarn + 1, allowed=f"1 to {count}")
-    crossings = min(max(repeat(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
-    first, last = _window(cloth, family, yarn, min(crossings, crossed))
+    crossings = min(max(repeat_size(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
+    first, last = _choose_view(cloth, family, yarn, min(crossings, crossed))
     window = np.arange(first, last + 1)
     own, across = cloth.yarns[family], cloth.yarns[1 - family].chosen(window)
 
-    path = axes_of(cloth, family, np.array([yarn]))
-    part, station, fraction = sampled(path, _SAMPLES)
+    path = family_axes(cloth, family, np.array([yarn]))
+    part, station, fraction = sample_places(path, _SAMPLES)
     along, height, slope = path.at(part, station, fraction)
     passed = np.cumsum(path.length)[part] - path.length[part] * (1.0 - fraction)
     place = across.position
     passes, lengths = np.interp(place, along, height), np.interp(place, along, passed)
-    low, high = _ends(cloth, family, first, last)
+    low, high = _view_ends(cloth, family, first, last)
     inner = (along > low) & (along < high)
     ends = (low, high)
     line = np.stack([along, height, slope], axis=1)[inner]
@@ -138,9 +138,9 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
     half, normal = path.radius[0], np.stack([-np.sin(line[:, 2]), np.cos(line[:, 2])], axis=1)
     upper, lower = line[:, :2] + half * normal, line[:, :2] - half * normal
 
-    other = axes_of(cloth, 1 - family, window)
-    centres, tilts = _crossed_at(other, own.position[yarn], place)
-    outlines = _outlines(cloth, 1 - family)[None] * other.radius[:, None, None]
+    other = family_axes(cloth, 1 - family, window)
+    centres, tilts = _crossed_centres(other, own.position[yarn], place)
+    outlines = _section_outline(cloth, 1 - family)[None] * other.radius[:, None, None]
     # A plane that cuts a tube obliquely makes the section higher.
     outlines[..., 1] /= np.cos(tilts)[:, None]
     return CrossSection(
@@ -155,16 +155,16 @@ def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSe
         np.stack([across.aspect * across.diameter, across.diameter], axis=1),
         outlines + centres[:, None],
         passes,
-        _touched(cloth, family, yarn)[window],
-        _bends(
-            _changes(cloth, family, yarn, slice(first, last + 1)),
+        _find_touched(cloth, family, yarn)[window],
+        _measure_bends(
+            _find_changes(cloth, family, yarn, slice(first, last + 1)),
             (place, passes, lengths),
             (along, slope),
         ),
     )
 
 
-def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
+def _find_touched(cloth: Cloth, family: int, yarn: int) -> Bools:
     """Find the crossed yarns that a yarn touches."""
     if cloth.layers is None:
         return np.ones(cloth.size[1 - family], bool)
@@ -172,26 +172,26 @@ def _touched(cloth: Cloth, family: int, yarn: int) -> Bools:
     return np.array(own[yarn] if family else own[:, yarn], bool)
 
 
-def _changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) -> Ints:
+def _find_changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) -> Ints:
     """Find the pairs of touching crossings between which a yarn changes side, (n, 2)."""
     upper = cloth.upper(family, np.array([yarn]))[0, window]
-    places = np.flatnonzero(_touched(cloth, family, yarn)[window])
+    places = np.flatnonzero(_find_touched(cloth, family, yarn)[window])
     changed = np.flatnonzero(np.diff(upper[places].astype(np.int8)))
     return np.stack([places[changed], places[changed + 1]], axis=1)
 
 
-def _window(cloth: Cloth, family: int, yarn: int, count: int) -> tuple[int, int]:
+def _choose_view(cloth: Cloth, family: int, yarn: int, count: int) -> tuple[int, int]:
     """Choose the first and the last crossing in view."""
     crossed = cloth.size[1 - family]
     middle = (crossed + count) // 2 - 1
-    changes = _changes(cloth, family, yarn)[:, 1]
+    changes = _find_changes(cloth, family, yarn)[:, 1]
     if len(changes):
         middle = int(changes[np.argmin(np.abs(changes - middle))])
     last = min(max(middle, count - 1), crossed - 1)
     return last - count + 1, last
 
 
-def _ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float, float]:
+def _view_ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float, float]:
     """Return both ends of the cut: half a spacing past the crossings, or where the yarn ends."""
     yarns, past = cloth.yarns[1 - family], cloth.families[family].overhang
     place, apart = yarns.position, yarns.spacing
@@ -200,9 +200,9 @@ def _ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float, floa
     return float(place[first] - before), float(place[last] + after)
 
 
-def _crossed_at(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats]:
+def _crossed_centres(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats]:
     """Compute centres and slopes of the crossed yarns in the cutting plane."""
-    part, station, fraction = sampled(other, _SAMPLES)
+    part, station, fraction = sample_places(other, _SAMPLES)
     along, height, slope = other.at(part, station, fraction)
     owner = station - part
     found = np.array(
@@ -214,10 +214,10 @@ def _crossed_at(other: Axes, where: float, place: Floats) -> tuple[Floats, Float
     return np.stack([place, found[:, 0]], axis=1), found[:, 1]
 
 
-def _outlines(cloth: Cloth, family: int) -> Floats:
+def _section_outline(cloth: Cloth, family: int) -> Floats:
     """Compute points (m, 2) on a family's section of half height 1."""
     threads = cloth.threads[family]
-    shape = section(threads.shape, threads.aspect, cloth.exact)
+    shape = build_section(threads.shape, threads.aspect, cloth.exact)
     points = np.stack([shape.lateral, shape.normal, np.ones(shape.size)], axis=1)
     points *= shape.weight[:, None]
     cubics = points[(3 * np.arange(shape.size // 3)[:, None] + np.arange(4)) % shape.size]
@@ -226,7 +226,7 @@ def _outlines(cloth: Cloth, family: int) -> Floats:
     return flat[:, :2] / flat[:, 2:]
 
 
-def _bends(
+def _measure_bends(
     changes: Ints, crossings: tuple[Floats, Floats, Floats], curve: tuple[Floats, ...]
 ) -> tuple[Bend, ...]:
     (place, heights, lengths), (along, slope) = crossings, curve

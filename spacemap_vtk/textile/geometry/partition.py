@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.textile.geometry.axes import Share
-from spacemap_vtk.textile.geometry.section import section
-from spacemap_vtk.textile.geometry.weave import build
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Crossings along both sides of a local weave: the crossing and its neighbours decide where a yarn
@@ -30,7 +30,7 @@ _MOST_CODES = 2**22
 _PER_WEAVE, _LEAST = 3.0, 12
 
 
-def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
+def select_piece(cloth: Cloth, piece: int, pieces: int) -> YarnSelection:
     """Choose the yarns of a piece; all pieces take about the same work.
 
     Parameters
@@ -43,7 +43,7 @@ def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
 
     Returns
     -------
-    Share
+    YarnSelection
         Slices of ends and picks.
 
     Examples
@@ -51,29 +51,29 @@ def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> over = [[1, 0, 1], [0, 1, 0], [1, 0, 1]]
-    >>> share_of(Cloth(drawdown=over, warp=threads, weft=threads), 1, 3)
-    Share(ends=slice(2, 3, None), picks=slice(0, 1, None))
+    >>> select_piece(Cloth(drawdown=over, warp=threads, weft=threads), 1, 3)
+    YarnSelection(ends=slice(2, 3, None), picks=slice(0, 1, None))
     """
-    parts = np.concatenate([_parts(cloth, 0), _parts(cloth, 1)])
+    parts = np.concatenate([_estimate_patches(cloth, 0), _estimate_patches(cloth, 1)])
     middle = np.cumsum(parts) - 0.5 * parts
     owner = np.floor(pieces * middle / parts.sum())
     owner -= owner[0]
     start, stop = np.searchsorted(owner, [piece, piece + 1]).tolist()
     ends = cloth.size[0]
-    return Share(
+    return YarnSelection(
         slice(min(start, ends), min(stop, ends)),
         slice(max(start - ends, 0), max(stop - ends, 0)),
     )
 
 
-def cropped(cloth: Cloth, part: Share) -> Cloth:
+def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
     """Crop a cloth to some ends and picks, in place.
 
     Parameters
     ----------
     cloth : Cloth
         The whole cloth.
-    part : Share
+    part : YarnSelection
         Slices of neighbouring yarns, at least one of each family.
 
     Returns
@@ -86,7 +86,7 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0, 1], [0, 1, 0]], warp=threads, weft=threads)
-    >>> part = cropped(cloth, Share(slice(1, 3), slice(0, 1)))
+    >>> part = crop_cloth(cloth, YarnSelection(slice(1, 3), slice(0, 1)))
     >>> part.drawdown.tolist(), part.yarns[0].position.round(9).tolist()
     ([[False, True]], [0.0, 0.2])
     """
@@ -130,7 +130,7 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
     return replace(made, layer_gap=2.0 * cloth.level - made.sheet_thickness)
 
 
-def whole_bounds(cloth: Cloth) -> Floats:
+def cloth_bounds(cloth: Cloth) -> Floats:
     """Compute the bounds of all control points of a cloth from a few of its yarns.
 
     Peirce's axes are highest and lowest at crossings. So the yarns that are highest, lowest and
@@ -152,22 +152,22 @@ def whole_bounds(cloth: Cloth) -> Floats:
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    >>> whole_bounds(cloth).round(9).tolist()
+    >>> cloth_bounds(cloth).round(9).tolist()
     [-0.2, 0.2, -0.2, 0.2, -0.1, 0.1]
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     nothing = np.empty(0, dtype=np.int64)
     for number in (0, 1):
-        chosen = _telling(cloth, number)
+        chosen = _outermost_yarns(cloth, number)
         for block in cloth.in_blocks(number, len(chosen)):
             some = chosen[block]
-            share = Share(nothing, some) if number else Share(some, nothing)
-            points = build(cloth, share).points
+            share = YarnSelection(nothing, some) if number else YarnSelection(some, nothing)
+            points = build_weave(cloth, share).points
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return np.stack([low, high], axis=1).ravel()
 
 
-def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], Ints]:
+def representative_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], Ints]:
     """Find parts of a cloth that contain each of its local weaves.
 
     A local weave is a crossing with the crossings around it; some are missing at the cloth's edges.
@@ -192,11 +192,11 @@ def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], I
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> over = np.indices((40, 40)).sum(axis=0) % 2
     >>> cloth = Cloth(drawdown=over, warp=threads, weft=threads)
-    >>> parts, weaves = telling_parts(cloth, 2000)
+    >>> parts, weaves = representative_parts(cloth, 2000)
     >>> len(parts), int(weaves.max()) + 1
     (4, 14)
     """
-    first, weaves = _numbered(_codes(cloth))
+    first, weaves = _number_codes(_encode_crossings(cloth))
     left = first.copy()
     found: list[tuple[slice, slice]] = []
     while len(left):
@@ -222,10 +222,10 @@ def telling_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, slice]], I
     return found, weaves
 
 
-def _parts(cloth: Cloth, number: int) -> Floats:
+def _estimate_patches(cloth: Cloth, number: int) -> Floats:
     """Estimate the number of patches of each yarn of a family."""
     upper, threads = cloth.upper(number), cloth.threads[number]
-    ring = section(threads.shape, threads.aspect, cloth.exact).size
+    ring = build_section(threads.shape, threads.aspect, cloth.exact).size
     gaps = upper.shape[1] + 1
     if cloth.axis == "spline":
         return np.full(len(upper), float(ring * gaps))
@@ -233,7 +233,7 @@ def _parts(cloth: Cloth, number: int) -> Floats:
     return ring * (gaps + (cloth.parts_per_gap - 1.0) * changes)
 
 
-def _telling(cloth: Cloth, number: int) -> Ints:
+def _outermost_yarns(cloth: Cloth, number: int) -> Ints:
     """Find the yarns that bound a family."""
     own, upper = cloth.yarns[number], cloth.upper(number)
     radius = 0.5 * own.diameter
@@ -250,7 +250,7 @@ def _telling(cloth: Cloth, number: int) -> Ints:
     return np.array(sorted(telling))
 
 
-def _numbered(codes: Ints) -> tuple[Ints, Ints]:
+def _number_codes(codes: Ints) -> tuple[Ints, Ints]:
     """Number the codes; also return the first place of each code, in ascending order of codes."""
     flat = codes.ravel()
     bound = int(flat.max()) + 1
@@ -264,7 +264,7 @@ def _numbered(codes: Ints) -> tuple[Ints, Ints]:
     return places[used], (np.cumsum(used) - 1)[codes]
 
 
-def _codes(cloth: Cloth) -> Ints:
+def _encode_crossings(cloth: Cloth) -> Ints:
     """Encode the yarns and the local weave of each crossing in one number."""
     state, states = cloth.drawdown + 1, 3
     if cloth.layers is not None:
@@ -277,13 +277,13 @@ def _codes(cloth: Cloth) -> Ints:
             codes *= states
             codes += state[i : i + rows, j : j + columns]
     for number in (0, 1):
-        kinds = _kinds(cloth, number)
+        kinds = _number_yarn_kinds(cloth, number)
         codes *= int(kinds.max()) + 1
         codes += kinds[:, None] if number else kinds
     return codes
 
 
-def _kinds(cloth: Cloth, number: int) -> Ints:
+def _number_yarn_kinds(cloth: Cloth, number: int) -> Ints:
     """Number the yarns of a family by their measures and those of their neighbours."""
     own = cloth.yarns[number]
     apart = np.diff(own.position, prepend=np.nan, append=np.nan)

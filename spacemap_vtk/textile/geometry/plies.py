@@ -26,32 +26,32 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
-from spacemap_vtk.textile.geometry.section import section
+from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Distance of the centres of plies, over that of circles that touch: plies flatten each other.
-_PRESSED = 0.8
+_FLATTENING = 0.8
 #: Sharpness of the grooves. At 1 the circles would meet in an edge, between samples of a surface.
-_SHARP = 0.985
+_SHARPNESS = 0.985
 #: Turns from the start of a yarn to that of the next; no number of yarns adds up to whole turns.
-APART = 0.6180339887498949
+PHASE_STEP = 0.6180339887498949
 #: Least number of samples around a yarn for each ply; with fewer, plies are only shaded.
 _LEAST_SAMPLES = 4
 _ORDER = quadrilateral_order(3, 3)
 
 
-def middle_of_plies(plies: AnyFloats) -> AnyFloats:
+def ply_distance(plies: AnyFloats) -> AnyFloats:
     """Compute the distance of the plies' centres from the yarn's axis, as a share of its radius."""
-    return _PRESSED / (1.0 + np.sin(pi / plies))
+    return _FLATTENING / (1.0 + np.sin(pi / plies))
 
 
-def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
+def ply_outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Compute radius (1 on crowns) and slope of the plies' outline by the phase in turns."""
-    middle = middle_of_plies(plies)
+    middle = ply_distance(plies)
     wave, rise = np.sin(pi * plies * phase), np.cos(pi * plies * phase)
-    turn = 2.0 / plies * np.arcsin(_SHARP * wave)
-    by_phase = 2.0 * pi * _SHARP * rise / np.sqrt(1.0 - (_SHARP * wave) ** 2)
+    turn = 2.0 / plies * np.arcsin(_SHARPNESS * wave)
+    by_phase = 2.0 * pi * _SHARPNESS * rise / np.sqrt(1.0 - (_SHARPNESS * wave) ** 2)
     sin, cos = np.sin(turn), np.cos(turn)
     root = np.sqrt((1.0 - middle) ** 2 - (middle * sin) ** 2)
     reach = middle * cos + root
@@ -59,7 +59,7 @@ def outline(phase: AnyFloats, plies: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
 
 
 @lru_cache
-def sharpness(plies: int) -> float:
+def outline_curvature(plies: int) -> float:
     """Compute the largest curvature of an outline of plies over that of the circle around them.
 
     Parameters
@@ -76,12 +76,12 @@ def sharpness(plies: int) -> float:
         return 1.0
     step = 1e-4
     phase = np.arange(0.0, 1.0 / plies + 3 * step, step)
-    angle, (reach, _) = 2.0 * pi * phase, outline(phase, np.full(len(phase), float(plies)))
+    angle, (reach, _) = 2.0 * pi * phase, ply_outline(phase, np.full(len(phase), float(plies)))
     curve = np.stack([reach * np.cos(angle), reach * np.sin(angle)])
     return float(np.linalg.norm(np.diff(curve, 2), axis=0).max() / (2.0 * pi * step) ** 2)
 
 
-def frames(rings: AnyFloats) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
+def ring_frames(rings: AnyFloats) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
     """Compute the centres of rings, (..., size, 3), and the vectors to their top and their side."""
     middle = rings.mean(axis=-2)
     top = 0.5 * (rings[..., 0, :] + rings[..., -3 if rings.shape[-2] > 12 else 0, :])
@@ -95,7 +95,7 @@ class Strands:
     ----------
     patches : ndarray of int, shape (P, 16)
         Patches of a cloth, or of a piece of it, as made by
-        `spacemap_vtk.textile.geometry.weave.build`.
+        `spacemap_vtk.textile.geometry.weave.build_weave`.
     cloth : Cloth
         The cloth of the patches.
     places : ndarray of float, shape (parts, 4)
@@ -112,7 +112,7 @@ class Strands:
     def __init__(self, patches: AnyInts, cloth: Cloth, places: AnyFloats, sides: int) -> None:
         yarn = places[:, 2].astype(np.int64)
         own = (yarn >= cloth.size[0]).astype(int)
-        shapes = [section(t.shape, t.aspect, cloth.exact) for t in cloth.threads]
+        shapes = [build_section(t.shape, t.aspect, cloth.exact) for t in cloth.threads]
         around = np.array([shape.size // 3 for shape in shapes])[own]
         line = np.flatnonzero(np.diff(yarn, prepend=-1))
         ends = np.stack([line, np.append(line[1:], len(yarn)) - 1], axis=1)
@@ -144,7 +144,7 @@ class Strands:
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
         # Looms do not align bobbins, so plies of neighbouring yarns begin at different phases.
-        begin = turns * places[:, 0] + APART * places[:, 3]
+        begin = turns * places[:, 0] + PHASE_STEP * places[:, 3]
         self._turned = begin - np.floor(begin), turns * self._along[1]
         self._most = int(plies.max(initial=1))
         self._winds = float(np.abs((plies > 1) * plies * self._turned[1]).max(initial=0.0))
@@ -254,7 +254,7 @@ class Strands:
             some = np.flatnonzero(self._around == count)
             ring = self._net[self._first[some, None] + np.arange(count)][:, :, :3]
             ring = np.moveaxis(ring, 3, 1).reshape(len(some), 4, -1)
-            middle[some], top[some], side[some] = frames(points[ring].astype(np.float64))
+            middle[some], top[some], side[some] = ring_frames(points[ring].astype(np.float64))
         for which, surface, across in views:
             stop = int(np.searchsorted(which, self.tubes))
             plied = self._plies[self._part[which]] > 1
@@ -296,7 +296,7 @@ class Strands:
         begin, span = self._phi[:, patch]
         turned, more = (each[part] for each in self._turned)
         phase = begin + turned + self._v[:, None] * span + self._u[:, None] * more
-        reach, slope = (x.T[..., None] for x in outline(phase, self._plies[part]))
+        reach, slope = (x.T[..., None] for x in ply_outline(phase, self._plies[part]))
         arm = place - centre
         along_ = reach * by_u + (1.0 - reach) * pace + slope * more[:, None, None] * arm
         round_ = reach * by_v + slope * span[:, None, None] * arm
@@ -324,5 +324,5 @@ class Strands:
         flat = np.where(up < 0.0, pi + half - right, length - half + right)
         way = np.where(np.abs(right) < half, flat, way)
         turned = self._turned[0][part] + np.where(ring > 0, self._turned[1][part], 0.0)
-        reach, _ = outline(way / length + turned, self._plies[part])
+        reach, _ = ply_outline(way / length + turned, self._plies[part])
         return middle + reach[..., None] * arm

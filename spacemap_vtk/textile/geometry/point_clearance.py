@@ -18,10 +18,10 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Distances that differ by less than this share of the largest coordinate count as equal, for
 #: points in single precision.
-_TIED = 16 * float(np.finfo(np.float32).eps)
+_TOLERANCE = 16 * float(np.finfo(np.float32).eps)
 
 
-def gaps(
+def point_clearances(
     points: ArrayLike,
     normals: ArrayLike,
     yarn: ArrayLike,
@@ -54,7 +54,8 @@ def gaps(
 
     Examples
     --------
-    >>> gaps([[0, 0, 0], [0, 0.2, 1]], [[0, 0, 1], [0, 0, -1]], [0, 1], reach=0.3).tolist()
+    >>> points, normals = [[0, 0, 0], [0, 0.2, 1]], [[0, 0, 1], [0, 0, -1]]
+    >>> point_clearances(points, normals, [0, 1], reach=0.3).tolist()
     [1.0, 1.0]
     """
     from scipy.spatial import cKDTree  # imported here: it takes a tenth of a second
@@ -63,7 +64,7 @@ def gaps(
     outward, number = np.asarray(normals, np.float64), np.asarray(yarn, np.int64)
     around = np.broadcast_to(np.asarray(reach, np.float64), len(place))
     found, farthest = np.full(len(place), np.inf), float(around.max(initial=0.0))
-    tied = _TIED * float(np.abs(place).max(initial=0.0))
+    tied = _TOLERANCE * float(np.abs(place).max(initial=0.0))
     wanted, there_are = (
         np.ones(len(place), bool) if some is None else some for some in (asked, known)
     )
@@ -96,7 +97,7 @@ def gaps(
     return found
 
 
-def crossing_means(
+def average_at_crossings(
     cloth: Cloth,
     part: tuple[slice, slice],
     facets: tuple[ArrayLike, Floats, Floats],
@@ -142,7 +143,7 @@ def crossing_means(
         return np.asarray(summed / total).reshape(shape)
 
 
-def spread_over(
+def extrapolate_values(
     weaves: Ints, over: Bools, strains: Floats, cells: Ints, known: Ints, values: Floats
 ) -> NDArray[np.float32]:
     """Extrapolate values from known crossings to all, by local weave and strain.

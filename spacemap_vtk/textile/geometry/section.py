@@ -36,7 +36,7 @@ class Section(NamedTuple):
         return len(self.lateral)
 
 
-def section(kind: str, aspect: float, exact: bool) -> Section:
+def build_section(kind: str, aspect: float, exact: bool) -> Section:
     """Build a section of half height 1."""
     if exact:
         handle, weight = map(float, rational_handles(0.5 * pi))
@@ -68,10 +68,10 @@ def cubic_error(angle: float) -> float:
     return float(np.sqrt(1.0 + 4.0 / 27.0 * s**6 / c**2) - 1.0)
 
 
-def tube_table(size: int) -> Ints:
+def number_tube_points(size: int) -> Ints:
     """Number the control points of the patches around a part of a tube."""
     segment, j, i = np.ogrid[: size // 3, :4, :4]
-    return _in_vtk_order(size * i + (3 * segment + j) % size)
+    return _to_vtk_order(size * i + (3 * segment + j) % size)
 
 
 class Cap(NamedTuple):
@@ -94,7 +94,7 @@ class Cap(NamedTuple):
         return 2 * len(self.lower)
 
 
-def cap(size: int) -> Cap:
+def build_cap(size: int) -> Cap:
     """Build the cap of a ring of `size` points."""
     step = np.arange(size // 2 + 1)
     # The section is symmetric and starts at the top, so one pole is point 3 and the other is
@@ -107,10 +107,10 @@ def cap(size: int) -> Cap:
     grid[1, 1:-1] = size + inner
     grid[2, 1:-1] = size + len(inner) + inner
     segment, j, i = np.ogrid[: size // 6, :4, :4]
-    return Cap(lower[1:-1], upper[1:-1], _in_vtk_order(grid[j, 3 * segment + i]))
+    return Cap(lower[1:-1], upper[1:-1], _to_vtk_order(grid[j, 3 * segment + i]))
 
 
-def _in_vtk_order(tensor: Ints) -> Ints:
+def _to_vtk_order(tensor: Ints) -> Ints:
     flat = tensor.reshape(len(tensor), 16)
     table = np.empty_like(flat)
     table[:, quadrilateral_order(3, 3)] = flat

@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.geometry.axis import Axes
+from spacemap_vtk.textile.geometry.axis_parts import Axes
 from spacemap_vtk.textile.weave.threads import Yarns
 
 #: Number of parts of an axis between two crossings. The tube's surface is a cubic along each part;
@@ -23,7 +23,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
-def spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> Axes:
+def build_spline_axes(own: Yarns, crossed: Yarns, height: Floats, overhang: float) -> Axes:
     """Build axes as splines z(y) that are horizontal at both ends."""
     knots = crossed.position
     if overhang > 0.0:

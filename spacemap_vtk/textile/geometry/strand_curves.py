@@ -2,7 +2,7 @@
 
 A curve is a uniform cubic B-spline, as renderers use for hair. It begins at its second control
 point and ends at its last but one. It passes through its samples up to the fourth power of the
-angle between them, see `_control`.
+angle between them, see `_control_points`.
 
 The fibres of a ply turn against the ply, so that those on its outside lie along the yarn, as in a
 balanced yarn. Migration of fibres from layer to layer is limited to a share of the radius.
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Ints
-from spacemap_vtk.textile.geometry.plies import APART, frames, middle_of_plies
+from spacemap_vtk.textile.geometry.plies import PHASE_STEP, ply_distance, ring_frames
 from spacemap_vtk.textile.geometry.sweep import Tubes
 from spacemap_vtk.textile.patches.bezier import bernstein
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Function that decides which of the points (n, 3) to include.
-Within = Callable[[AnyFloats], Bools]
+PointFilter = Callable[[AnyFloats], Bools]
 
 #: Linear density of a cotton fibre [kg/m]; it gives the default number of fibres (W. E.
 #: Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres": 1 to 2.5 dtex).
@@ -55,7 +55,7 @@ class StrandCurves(NamedTuple):
     """(curves,) Yarn of each curve; ends are numbered first, then picks."""
 
 
-class _Yarn(NamedTuple):
+class _YarnRings(NamedTuple):
     number: int
     rings: slice
     tubes: Tubes
@@ -79,14 +79,14 @@ def fibre_count(cloth: Cloth) -> int:
     return int(np.clip((cloth.density or 900.0) * area / FIBRE, 20, _MOST))
 
 
-def strand_curves(
+def build_strand_curves(
     cloth: Cloth,
     tubes: tuple[Tubes, ...],
     places: AnyFloats,
     points: NDArray[Any],
     weights: NDArray[Any] | None = None,
     fibres: int = 0,
-    within: Within | None = None,
+    within: PointFilter | None = None,
 ) -> StrandCurves:
     """Compute the plies of yarns, or their fibres.
 
@@ -117,12 +117,14 @@ def strand_curves(
     """
     turns, plies, diameter = cloth.strands
     made: list[tuple[AnyFloats, int, float, int]] = []
-    for yarn in _yarns(tubes, places):
+    for yarn in _iterate_yarns(tubes, places):
         number, of_ply = yarn.number, int(plies[yarn.number])
         way = places[yarn.parts, :2]
         length = way[:, 1] - way[:, 0]
         count = np.ceil(_BY_TURN * abs(turns[number]) * length).astype(int)
-        axis = _sampled(yarn, np.clip(count, _LEAST_OF_PART, _MOST_OF_PART), way, points, weights)
+        axis = _sample_yarn(
+            yarn, np.clip(count, _LEAST_OF_PART, _MOST_OF_PART), way, points, weights
+        )
         if within is not None:
             there = np.flatnonzero(within(axis[0]))
             if not len(there):
@@ -135,12 +137,12 @@ def strand_curves(
         size = 12 * strands * (len(axis[0]) + 2)
         require(2 * size, f"the {strands} strands of a yarn", cure="Ask for fewer fibres.")
         if fibres:
-            found = _fibres(axis, turns[number], of_ply, each, diameter[number], number)
+            found = _fibre_curves(axis, turns[number], of_ply, each, diameter[number], number)
             radius = 0.5 * diameter[number] * sqrt(_DENSE / strands)
         else:
-            found, reach = _plies(axis, turns[number], of_ply, number)
+            found, reach = _ply_axes(axis, turns[number], of_ply, number)
             radius = 0.5 * diameter[number] * (1.0 - reach)
-        made.append((_control(found).astype(np.float32), len(axis[0]) + 2, radius, number))
+        made.append((_control_points(found).astype(np.float32), len(axis[0]) + 2, radius, number))
     if not made:
         none = np.zeros(0, np.int64)
         return StrandCurves(np.zeros((0, 3), np.float32), none, np.zeros(0), none)
@@ -149,24 +151,28 @@ def strand_curves(
     return StrandCurves(np.concatenate([p.reshape(-1, 3) for p, *_ in made]), *rest)
 
 
-def _yarns(tubes: tuple[Tubes, ...], places: AnyFloats) -> Iterator[_Yarn]:
+def _iterate_yarns(tubes: tuple[Tubes, ...], places: AnyFloats) -> Iterator[_YarnRings]:
     """Yield the rings and parts of each yarn."""
     first_part = 0
     for bundle in tubes:
         ring = 0
         for parts in bundle.parts.tolist():
             rings, which = 3 * parts + 1, slice(first_part, first_part + parts)
-            yield _Yarn(int(places[first_part, 2]), slice(ring, ring + rings), bundle, which)
+            yield _YarnRings(int(places[first_part, 2]), slice(ring, ring + rings), bundle, which)
             ring, first_part = ring + rings, first_part + parts
 
 
-def _sampled(
-    yarn: _Yarn, count: Ints, way: AnyFloats, points: NDArray[Any], weights: NDArray[Any] | None
+def _sample_yarn(
+    yarn: _YarnRings,
+    count: Ints,
+    way: AnyFloats,
+    points: NDArray[Any],
+    weights: NDArray[Any] | None,
 ) -> tuple[AnyFloats, ...]:
     """Sample centre, half height and half width of a yarn's section, and the position along it."""
     tubes, size = yarn.tubes, yarn.tubes.ring
     own = slice(tubes.first + size * yarn.rings.start, tubes.first + size * yarn.rings.stop)
-    rings = np.stack(frames(points[own].reshape(-1, size, 3).astype(np.float64)), axis=1)
+    rings = np.stack(ring_frames(points[own].reshape(-1, size, 3).astype(np.float64)), axis=1)
     part = np.append(np.repeat(np.arange(len(count)), count), len(count) - 1)
     step = np.arange(len(part)) - np.append((np.cumsum(count) - count)[part[:-1]], 0)
     u = np.append(step[:-1] / count[part[:-1]], 1.0)
@@ -178,37 +184,37 @@ def _sampled(
     return middle, top, side, (1.0 - u) * way[part, 0] + u * way[part, 1]
 
 
-def _plies(
+def _ply_axes(
     axis: tuple[AnyFloats, ...], turns: float, plies: int, number: int
 ) -> tuple[AnyFloats, float]:
     """Compute axes of plies, (plies, samples, 3), and their distance over the yarn's radius."""
     middle, top, side, way = axis
-    reach = float(middle_of_plies(np.array(float(plies)))) if plies > 1 else 0.0
+    reach = float(ply_distance(np.array(float(plies)))) if plies > 1 else 0.0
     # As for the crowns of the surface, turns are counted against the screw.
-    begun = np.arange(plies)[:, None] / plies - APART * number
+    begun = np.arange(plies)[:, None] / plies - PHASE_STEP * number
     phi = 2.0 * pi * (begun - turns * way)[..., None]
     return middle + reach * (np.cos(phi) * top + np.sin(phi) * side), reach
 
 
-def _fibres(
+def _fibre_curves(
     axis: tuple[AnyFloats, ...], turns: float, plies: int, each: int, diameter: float, number: int
 ) -> AnyFloats:
     """Compute fibres, (fibres, samples, 3): in each ply they lie like the seeds of a sunflower."""
     _, top, side, way = axis
-    centres, reach = _plies(axis, turns, plies, number)
+    centres, reach = _ply_axes(axis, turns, plies, number)
     seed = np.arange(plies * each).reshape(plies, each, 1)
     layer = np.sqrt((seed % each + 0.5) / each)
-    wave = 2.0 * pi * (way / (_WAVE * diameter) + APART * seed)
+    wave = 2.0 * pi * (way / (_WAVE * diameter) + PHASE_STEP * seed)
     layer = (1.0 - _WANDER) * layer + _WANDER * layer * np.sin(wave)
     own = turns if plies == 1 else -turns * reach / (1.0 - reach)
-    phi = _GOLDEN * seed - 2.0 * pi * (own * way + APART * number)
+    phi = _GOLDEN * seed - 2.0 * pi * (own * way + PHASE_STEP * number)
     out = (1.0 - reach - sqrt(_DENSE / (plies * each))) * layer
     across, up = (out * np.sin(phi))[..., None], (out * np.cos(phi))[..., None]
     found = centres[:, None] + up * top + across * side
     return found.reshape(plies * each, len(way), 3)
 
 
-def _control(samples: AnyFloats) -> AnyFloats:
+def _control_points(samples: AnyFloats) -> AnyFloats:
     """Compute control points of B-splines through samples (n, s, 3), one more at each end."""
     # (c- + 4 c + c+) / 6 = p is solved by c = p - p''/6 up to fourth differences: on a helix with
     # 12 samples per turn the radius is off by 0.2 %.

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
-from spacemap_vtk.textile.geometry.section import Cap, Section, cap, tube_table
+from spacemap_vtk.textile.geometry.section import Cap, Section, build_cap, number_tube_points
 
 #: x, y and z of a vector at each station, (stations,); a number if it is equal at all stations.
 Vectors = tuple[Floats | float, Floats | float, Floats | float]
@@ -95,7 +95,7 @@ class Tubes(NamedTuple):
         return there.reshape(rings, self.ring, 3).mean(axis=1)
 
 
-class Swept(NamedTuple):
+class SweptTubes(NamedTuple):
     """Tubes as patches."""
 
     points: AnyFloats
@@ -122,14 +122,16 @@ def sweep(
     caps: bool,
     exact: bool,
     kind: DTypeLike = np.float64,
-) -> Swept:
+) -> SweptTubes:
     """Sweep sections along centre lines; the lines of a bundle share a section."""
     plans, first_point, first_patch = [], 0, 0
     for lines, shape in bundles:
         tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect)
-        plans.append(_Plan(lines, shape, tubes, first_patch))
+        plans.append(_BundlePlan(lines, shape, tubes, first_patch))
         first_point, first_patch = plans[-1].points.stop, plans[-1].patches.stop
-    closings = [cap(shape.size) if caps and len(lines.parts) else None for lines, shape in bundles]
+    closings = [
+        build_cap(shape.size) if caps and len(lines.parts) else None for lines, shape in bundles
+    ]
     next_point, next_patch = first_point, first_patch
     for plan, closing in zip(plans, closings, strict=True):
         if closing is not None:
@@ -148,7 +150,7 @@ def sweep(
             _fill_weights(plan, weights[plan.points])
         here, owner, names = plan.patches, plan.lines.owner, plan.lines.numbers
         first_ring = plan.tubes.first + plan.shape.size * (3 * np.arange(len(owner)) + owner)
-        table = tube_table(plan.shape.size)
+        table = number_tube_points(plan.shape.size)
         np.add(first_ring[:, None, None], table, out=patches[here].reshape(-1, *table.shape))
         line[here].reshape(-1, len(table))[:] = names[owner][:, None]
         bundle[here] = number
@@ -161,10 +163,10 @@ def sweep(
             bundle[here] = number
             next_point, next_patch = new.stop, here.stop
     tubes_of_all = tuple(plan.tubes for plan in plans)
-    return Swept(points, patches, weights, line, bundle, tube_patches, tubes_of_all)
+    return SweptTubes(points, patches, weights, line, bundle, tube_patches, tubes_of_all)
 
 
-class _Plan(NamedTuple):
+class _BundlePlan(NamedTuple):
     """A bundle with the numbers of its first point and patch."""
 
     lines: CentreLines
@@ -182,7 +184,7 @@ class _Plan(NamedTuple):
         return slice(self.first_patch, self.first_patch + count)
 
 
-def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
+def _fill_points(plan: _BundlePlan, flat_points: AnyFloats) -> None:
     """Write the control points of a bundle's tubes."""
     # Rings 1 and 2 of a part are rings 0 and 3, moved along their tangents by ``reach (1 -
     # curvature n)`` for points n above the line. So a point of an arc turns about the arc's axis.
@@ -204,12 +206,12 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
         if isinstance(direction, float) and (bend is None or isinstance(along, float)):
             return np.repeat(direction * lines.radius, 3 * lines.parts + 1)
         values = np.empty(len(points))
-        values[rings] = r * _at(direction, start)
-        values[final] = lines.radius * _at(direction, last)
+        values[rings] = r * _values_at(direction, start)
+        values[final] = lines.radius * _values_at(direction, last)
         for ring, station, handle, end in inner:
-            here = _at(direction, station)
+            here = _values_at(direction, station)
             if bend is not None:
-                here = here - bend[end] * (handle * _at(along, station))
+                here = here - bend[end] * (handle * _values_at(along, station))
             values[ring] = r * here
         return values
 
@@ -232,11 +234,11 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
                 np.multiply(spread(direction, along, bend)[:, None], reaches, out=out)
             begun = True
         axis = np.empty(len(points))
-        axis[rings], axis[final] = _at(place, start), _at(place, last)
+        axis[rings], axis[final] = _values_at(place, start), _values_at(place, last)
         for ring, station, handle, _ in inner:
-            axis[ring] = _at(place, station)
+            axis[ring] = _values_at(place, station)
             if not _is_zero(along):
-                axis[ring] += handle * _at(along, station)
+                axis[ring] += handle * _values_at(along, station)
         if begun:
             out += axis[:, None]
         else:
@@ -245,7 +247,7 @@ def _fill_points(plan: _Plan, flat_points: AnyFloats) -> None:
             points[:, :, component] = out
 
 
-def _at(values: Floats | float, index: Ints) -> Floats | float:
+def _values_at(values: Floats | float, index: Ints) -> Floats | float:
     return values if isinstance(values, float) else values[index]
 
 
@@ -253,7 +255,7 @@ def _is_zero(values: Floats | float) -> bool:
     return isinstance(values, float) and values == 0.0
 
 
-def _fill_weights(plan: _Plan, weights: Floats) -> None:
+def _fill_weights(plan: _BundlePlan, weights: Floats) -> None:
     lines = plan.lines
     along, owner = np.ones(lines.rings), lines.owner
     rings = 3 * np.arange(len(owner)) + owner
@@ -261,7 +263,7 @@ def _fill_weights(plan: _Plan, weights: Floats) -> None:
     np.multiply(along[:, None], plan.shape.weight, out=weights.reshape(-1, plan.shape.size))
 
 
-def span_caps(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> Ints:
+def fill_cap_points(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> Ints:
     """Write the inner points of a bundle's caps; return the points at which they start."""
     rings = tubes.first + tubes.ring * tubes.ends
     # The first end faces backwards, so its cap is turned over: lower and upper are exchanged.
@@ -275,7 +277,7 @@ def span_caps(tubes: Tubes, closing: Cap, points: AnyFloats, new: AnyFloats) -> 
 
 
 def _fill_caps(
-    plan: _Plan,
+    plan: _BundlePlan,
     closing: Cap,
     points: AnyFloats,
     weights: Floats | None,
@@ -285,7 +287,7 @@ def _fill_caps(
     """Close both ends of every line of a bundle, first and last end alternately."""
     size = plan.shape.size
     rings = plan.tubes.first + size * plan.tubes.ends
-    lower = span_caps(plan.tubes, closing, points, points[new])
+    lower = fill_cap_points(plan.tubes, closing, points, points[new])
     if weights is not None:
         weights[new].reshape(len(rings), 2, -1)[:] = weights[lower][:, None]
     # The table of a turned cap is that of the ring upside down.

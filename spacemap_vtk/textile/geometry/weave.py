@@ -2,7 +2,8 @@
 
 Ends (warp yarns) run along y and are spread along x. Picks (weft yarns) run along x and are spread
 along y. z is the normal of the cloth, and the cloth is centred on the origin. Axes come from
-`spacemap_vtk.textile.geometry.axes`; `spacemap_vtk.textile.geometry.sweep` makes tubes from them.
+`spacemap_vtk.textile.geometry.cloth_axes`, and `spacemap_vtk.textile.geometry.sweep` makes tubes
+of them.
 
 Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45.
 """
@@ -20,16 +21,21 @@ from numpy.typing import DTypeLike, NDArray
 from spacemap_vtk import cancel
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
 from spacemap_vtk.textile.geometry.arcs import FLAT, LONGEST_ARC
-from spacemap_vtk.textile.geometry.axes import ALL, Share, axes, axes_of
-from spacemap_vtk.textile.geometry.axis import Axes
-from spacemap_vtk.textile.geometry.section import Section, cap, cubic_error, section
+from spacemap_vtk.textile.geometry.axis_parts import Axes
+from spacemap_vtk.textile.geometry.cloth_axes import (
+    ALL_YARNS,
+    YarnSelection,
+    cloth_axes,
+    family_axes,
+)
+from spacemap_vtk.textile.geometry.section import Section, build_cap, build_section, cubic_error
 from spacemap_vtk.textile.geometry.spline import offset_error
 from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import Crimp
 
-#: Working memory of `build` in bytes, per part (by arcs, by splines) and per gap of all yarns:
-#: measured and rounded up.
+#: Working memory of `build_weave` in bytes, per part (by arcs, by splines) and per gap of all
+#: yarns: measured and rounded up.
 _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
 
 
@@ -40,8 +46,8 @@ class Weave:
     #: (N, 3) Control points in metres, 12 per ring (racetracks 18); shared inside a yarn, not
     #: between yarns.
     points: AnyFloats
-    #: (P, 16) Control points of each patch; see `spacemap_vtk.textile.geometry.sweep.Swept`. The
-    #: tubes of warp and weft come first, then the caps of all cut ends.
+    #: (P, 16) Control points of each patch; see `spacemap_vtk.textile.geometry.sweep.SweptTubes`.
+    #: The tubes of warp and weft come first, then the caps of all cut ends.
     patches: AnyInts
     #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
     weights: Floats | None
@@ -67,16 +73,18 @@ class Weave:
     places: Floats
 
 
-def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
+def build_weave(
+    cloth: Cloth, share: YarnSelection = ALL_YARNS, kind: DTypeLike = np.float64
+) -> Weave:
     """Build the patches of a cloth.
 
     Parameters
     ----------
     cloth : Cloth
         Drawdown, yarns, and all that shapes them.
-    share : Share
+    share : YarnSelection
         Yarns to build, at their positions in the whole cloth; see
-        `spacemap_vtk.textile.geometry.partition.share_of`.
+        `spacemap_vtk.textile.geometry.partition.select_piece`.
     kind : dtype_like
         Type of the control points, float32 or float64.
 
@@ -97,14 +105,14 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
     --------
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
-    >>> weave = build(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
+    >>> weave = build_weave(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
     >>> weave.points.shape, weave.patches.shape
     ((848, 3), (96, 16))
     """
     cloth.check()
-    paths, sections, (ends, picks) = axes(cloth, share), _sections(cloth), cloth.size
+    paths, sections, (ends, picks) = cloth_axes(cloth, share), _family_sections(cloth), cloth.size
     numbers = np.arange(ends)[share.ends], ends + np.arange(picks)[share.picks]
-    lines = [_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
+    lines = [_centre_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
     warp, weft = cloth.families
     cancel.check()
     return Weave(
@@ -115,23 +123,23 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
             _radial_error(path, shape.error, cloth.exact)
             for path, shape in zip(paths, sections, strict=True)
         ),
-        places=np.concatenate([_places(*each) for each in zip(paths, numbers, strict=True)]),
+        places=np.concatenate([_part_places(*each) for each in zip(paths, numbers, strict=True)]),
     )
 
 
-def _places(path: Axes, numbers: Ints) -> Floats:
+def _part_places(path: Axes, numbers: Ints) -> Floats:
     """Compute the rows of `Weave.places` of one family."""
     start = np.arange(len(path.length)) + path.owner
     own = numbers[path.owner]
     return np.stack([path.along[start], path.along[start + 1], own, own], axis=1)
 
 
-def _sections(cloth: Cloth) -> tuple[Section, Section]:
-    warp, weft = (section(t.shape, t.aspect, cloth.exact) for t in cloth.threads)
+def _family_sections(cloth: Cloth) -> tuple[Section, Section]:
+    warp, weft = (build_section(t.shape, t.aspect, cloth.exact) for t in cloth.threads)
     return warp, weft
 
 
-def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
+def _centre_lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
     """Place axes in space: each yarn in a vertical plane."""
     cos, sin = np.cos(path.angle), np.sin(path.angle)
     aside = np.repeat(path.lateral, path.parts + 1)
@@ -150,7 +158,7 @@ def _lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
     )
 
 
-class Counts(NamedTuple):
+class PatchCounts(NamedTuple):
     """Numbers of control points, patches and parts of a cloth."""
 
     points: int
@@ -179,19 +187,19 @@ class Counts(NamedTuple):
         return size + self.patches * (17 * number + 4 + 4 + 3) + 32 * self.parts
 
 
-def estimate_counts(cloth: Cloth) -> Counts:
+def estimate_counts(cloth: Cloth) -> PatchCounts:
     """Compute upper bounds of the numbers of control points, patches and parts of a cloth.
 
     Parameters
     ----------
     cloth : Cloth
-        As for `build`.
+        As for `build_weave`.
 
     Returns
     -------
-    Counts
-        Equal to what `build` makes if all yarns of a family are equal, except for parts of zero
-        length, which `build` leaves out.
+    PatchCounts
+        Equal to what `build_weave` makes if all yarns of a family are equal, except for parts of
+        zero length, which `build_weave` leaves out.
 
     Raises
     ------
@@ -221,21 +229,21 @@ def estimate_counts(cloth: Cloth) -> Counts:
         if not np.ndim(crossed.diameter) and cloth.layers is None:
             changes = int(np.count_nonzero(np.diff(cloth.drawdown, axis=number)))
         straight = yarns + passed * (1 + (crossed.aspect > 1.0))
-        parts.append(straight + 2 * _arcs(cloth, number) * changes)
-    return _counts(cloth, parts)
+        parts.append(straight + 2 * _cubics_per_arc(cloth, number) * changes)
+    return _counts_from_parts(cloth, parts)
 
 
-def count(cloth: Cloth) -> tuple[Counts, float]:
-    """Count what `build` makes of a cloth from one yarn of each course, without making patches.
+def count_patches(cloth: Cloth) -> tuple[PatchCounts, float]:
+    """Count what `build_weave` makes of a cloth, from one yarn of each group of equal yarns.
 
     Parameters
     ----------
     cloth : Cloth
-        As for `build`.
+        As for `build_weave`.
 
     Returns
     -------
-    counts : Counts
+    counts : PatchCounts
         For all yarns.
     radial_error : float
         As in `Weave`: the largest of all yarns.
@@ -243,40 +251,40 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
     Raises
     ------
     GeometryError, InputError
-        As for `build`.
+        As for `build_weave`.
 
     Examples
     --------
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
-    >>> count(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))[0]
-    Counts(points=848, patches=96, parts=20)
+    >>> count_patches(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))[0]
+    PatchCounts(points=848, patches=96, parts=20)
     """
     parts, worst = [0, 0], 0.0
-    for number, shape in enumerate(_sections(cloth)):
+    for number, shape in enumerate(_family_sections(cloth)):
         chosen, which = cloth.courses[number]
         yarns = np.bincount(which)
         for some in cloth.in_blocks(number, len(chosen)):
-            path = axes_of(cloth, number, chosen[some])
+            path = family_axes(cloth, number, chosen[some])
             parts[number] += int(path.parts @ yarns[some])
             worst = max(worst, _radial_error(path, shape.error, cloth.exact))
-    return _counts(cloth, parts), worst
+    return _counts_from_parts(cloth, parts), worst
 
 
-def _counts(cloth: Cloth, parts: Sequence[int]) -> Counts:
+def _counts_from_parts(cloth: Cloth, parts: Sequence[int]) -> PatchCounts:
     """Compute the numbers for given numbers of parts of both families."""
     points = patches = 0
-    for yarns, own, shape in zip(cloth.size, parts, _sections(cloth), strict=True):
+    for yarns, own, shape in zip(cloth.size, parts, _family_sections(cloth), strict=True):
         points += (3 * own + yarns) * shape.size
         patches += own * (shape.size // 3)
         if cloth.caps:
-            closing = cap(shape.size)
+            closing = build_cap(shape.size)
             points += 2 * yarns * closing.new_points
             patches += 2 * yarns * len(closing.table)
-    return Counts(points, patches, sum(parts))
+    return PatchCounts(points, patches, sum(parts))
 
 
-def _arcs(cloth: Cloth, number: int) -> int:
+def _cubics_per_arc(cloth: Cloth, number: int) -> int:
     """Compute the number of cubics for an arc of a family."""
     crossed = cloth.threads[1 - number]
     varied = any(np.ndim(v) for v in (cloth.warp.diameter, cloth.weft.diameter, crossed.spacing))
@@ -290,12 +298,12 @@ def _arcs(cloth: Cloth, number: int) -> int:
 
 
 def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
-    """Compute an upper bound of the memory that `build` needs, before any is allocated.
+    """Compute an upper bound of the memory that `build_weave` needs, before any is allocated.
 
     Parameters
     ----------
     cloth : Cloth
-        As for `build`.
+        As for `build_weave`.
     single : bool
         Whether positions are in single precision.
 

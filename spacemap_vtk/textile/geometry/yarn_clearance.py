@@ -1,7 +1,7 @@
 """Least clearance between yarns.
 
 Yarns along arcs touch where they cross, and overlap nowhere (see
-`spacemap_vtk.textile.geometry.arcs`); `touching` returns such a place. Yarns along splines, and
+`spacemap_vtk.textile.geometry.arcs`); `find_contact` returns such a place. Yarns along splines, and
 deformed ones, are measured. The measurement does not use how the axes were laid, so tests apply it
 to arcs too.
 
@@ -25,12 +25,12 @@ from spacemap_vtk import cancel
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parallel import blocks
-from spacemap_vtk.textile.geometry.axes import axes
+from spacemap_vtk.textile.geometry.cloth_axes import cloth_axes
 from spacemap_vtk.textile.geometry.weave import Weave
 from spacemap_vtk.textile.patches.bezier import bernstein
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-_Found = TypeVar("_Found")
+_Result = TypeVar("_Result")
 
 #: Start points of the search on each part of an axis.
 _SAMPLES = 4
@@ -39,11 +39,11 @@ _MOST = 20_000
 #: Number of samples and pairs in one block.
 _BLOCK = 2**17
 #: Number of reductions of the step between samples: the square of the last step is below rounding.
-_CUTS = 26
+_REFINEMENTS = 26
 #: Share of the places that is refined further after each reduction, and the number below which all
 #: are. A reduction leaves about a third of what a clearance can still lose, so the order of the
 #: places settles before many of them are left out.
-_KEPT, _FEW = 0.75, 200
+_KEPT_SHARE, _FEW = 0.75, 200
 #: Steps of the first search for the direction between deformed sections.
 _TURNS = 16
 _MOVES = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
@@ -75,7 +75,7 @@ class _Tubes(NamedTuple):
     """Axis, normal and lateral radius, and half the flat, (n, 3) each, at fractions of parts."""
 
 
-def touching(cloth: Cloth) -> Clearance:
+def find_contact(cloth: Cloth) -> Clearance:
     """Find the place where the first two crossing yarns of a cloth of arcs touch.
 
     Parameters
@@ -98,7 +98,7 @@ def touching(cloth: Cloth) -> Clearance:
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    >>> touching(cloth).yarns, touching(cloth).place.round(9).tolist()
+    >>> find_contact(cloth).yarns, find_contact(cloth).place.round(9).tolist()
     ((0, 2), [-0.1, -0.1, 0.0])
     """
     cloth.check()
@@ -117,11 +117,11 @@ def touching(cloth: Cloth) -> Clearance:
 
 
 def least_clearance(cloth: Cloth) -> Clearance:
-    """Run `clearance_in_steps` to its end."""
-    return _finished(clearance_in_steps(cloth))
+    """Run `measure_in_steps` to its end."""
+    return _run_to_end(measure_in_steps(cloth))
 
 
-def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
+def measure_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
     """Measure the least clearance between the yarns of a cloth at rest, from its exact axes.
 
     Parameters
@@ -153,10 +153,10 @@ def clearance_in_steps(cloth: Cloth) -> Generator[None, None, Clearance]:
     >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
     (True, True)
     """
-    return _least(_tubes_of(cloth))
+    return _search_least(_tubes_at_rest(cloth))
 
 
-def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
+def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearance:
     """Measure the least clearance between yarns from their control points, moved or not.
 
     Parameters
@@ -181,11 +181,11 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
 
     Examples
     --------
-    >>> from spacemap_vtk.textile.geometry.weave import build
+    >>> from spacemap_vtk.textile.geometry.weave import build_weave
     >>> from spacemap_vtk.textile.weave.threads import Threads
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    >>> found = clearance_of(build(cloth))
+    >>> found = measure_clearance(build_weave(cloth))
     >>> abs(found.distance) < 0.1 * 1e-4
     True
     """
@@ -193,7 +193,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
     count = len(weave.points)
     if table.ndim != 2 or table.shape[1] != 3 or len(table) < count:
         raise GeometryError(f"control points of shape {table.shape}", allowed=f"({count}, 3)")
-    nets = [_net_of(table, weave, number) for number in (0, 1)]
+    nets = [_ring_net(table, weave, number) for number in (0, 1)]
     if not all(np.isfinite(net).all() for net in nets):
         raise GeometryError(
             "there are control points that are not finite numbers",
@@ -217,8 +217,8 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
         np.linalg.norm(n[:, 3:6], axis=1)[np.cumsum(3 * t.parts + 1) - 1] / n[0, -1]
         for n, t in zip(nets, weave.tubes, strict=True)
     ]
-    return _finished(
-        _least(
+    return _run_to_end(
+        _search_least(
             _Tubes(
                 np.concatenate([tubes.parts for tubes in weave.tubes]),
                 np.concatenate(radius),
@@ -232,7 +232,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
     )
 
 
-def _finished(steps: Generator[None, None, _Found]) -> _Found:
+def _run_to_end(steps: Generator[None, None, _Result]) -> _Result:
     while True:
         cancel.check()
         try:
@@ -241,8 +241,8 @@ def _finished(steps: Generator[None, None, _Found]) -> _Found:
             return end.value
 
 
-def _tubes_of(cloth: Cloth) -> _Tubes:
-    families = axes(cloth)
+def _tubes_at_rest(cloth: Cloth) -> _Tubes:
+    families = cloth_axes(cloth)
     aspects = cloth.warp.aspect, cloth.weft.aspect
     first = len(families[0].length)
     owners = [family.owner for family in families]
@@ -272,7 +272,7 @@ def _tubes_of(cloth: Cloth) -> _Tubes:
     )
 
 
-def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
+def _ring_net(points: Floats, weave: Weave, number: int) -> Floats:
     """Compute centre, normal and lateral radius, half flat and 1 of each ring, times the weight."""
     tubes = weave.tubes[number]
     size = tubes.ring
@@ -297,7 +297,7 @@ def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
     return net
 
 
-def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
+def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     total = int(tubes.parts.sum())
     owner = np.repeat(np.arange(len(tubes.parts)), tubes.parts)
     ends = np.stack([np.cumsum(tubes.parts) - tubes.parts, np.cumsum(tubes.parts)])
@@ -329,7 +329,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     most = _MOST if tubes.perpendicular else _MOST // 4
     # Work in blocks and keep only the worst: all pairs at once would take most of the memory.
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
-    for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
+    for pairs in _nearest_pairs(located[0], tubes.radius[yarn], yarn):
         yield
         one, other = (tuple(x[mine] for x in located) for mine in pairs)
         gap, _, facing = _section_gap(one, other, None, turns)
@@ -359,7 +359,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     best, middle, _ = evaluate(both(moved), sides, turns)
     flattened = bool(tubes.flat[own].any())
     width = 1.0 / _SAMPLES
-    for _ in range(_CUTS):
+    for _ in range(_REFINEMENTS):
         for along in (True, False) if flattened else (True,):
             # Each place moves forwards, backwards or not at all: three places of a yarn, not nine.
             reached = [np.clip(moved + width * way, low, high) for way in (0, 1, -1)]
@@ -384,7 +384,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
                     sides = np.where(better, trial, sides)
         width *= 0.6
         if tubes.perpendicular and len(best) > _FEW:
-            kept_rows = np.argsort(best, kind="stable")[: max(_FEW, int(_KEPT * len(best)))]
+            kept_rows = np.argsort(best, kind="stable")[: max(_FEW, int(_KEPT_SHARE * len(best)))]
             best, middle, facing = best[kept_rows], middle[kept_rows], facing[kept_rows]
             own, moved, sides = own[:, kept_rows], moved[:, kept_rows], sides[:, kept_rows]
             low, high = low[:, kept_rows], high[:, kept_rows]
@@ -396,7 +396,7 @@ def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     return Clearance(float(best[least]), (first, second), middle[least])
 
 
-def _nearest(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
+def _nearest_pairs(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]:
     """Yield pairs of samples of different yarns, (2, n); the closest pair of all is among them."""
     # Distances count from surfaces, not from axes: in a fourth dimension thin yarns are further
     # away.

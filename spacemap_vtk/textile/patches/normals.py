@@ -17,7 +17,7 @@ from spacemap_vtk.textile.patches.patch_chunks import Chunk, multiply
 # share of the area element that counts as zero.
 _INSIDE = 1e-3
 # Rounding error of an area element, relative to the square of the patch's size.
-_NOTHING = 1e-12
+_LEAST_AREA = 1e-12
 
 
 class RobustNormals:
@@ -37,7 +37,7 @@ class RobustNormals:
         self._nets = np.ascontiguousarray(chunk.net(patches).T)
         v, u = np.array(np.divmod(samples, subdivisions + 1)) / subdivisions
         self._bases = _bases(
-            degree, np.concatenate([u, _inwards(u)]), np.concatenate([v, _inwards(v)])
+            degree, np.concatenate([u, _move_inwards(u)]), np.concatenate([v, _move_inwards(v)])
         )
         self._places = np.concatenate([self._row, self._row + len(u)]) * len(patches)
         self._places += np.concatenate([self._column, self._column])
@@ -53,7 +53,7 @@ class RobustNormals:
         if loops is not None and weights is None:
             made = np.empty((len(self.found), 3))
             places = self._nets, self._row, self._column
-            if loops.robust_normals(points, *places, self._bases, _INSIDE, _NOTHING, made):
+            if loops.robust_normals(points, *places, self._bases, _INSIDE, _LEAST_AREA, made):
                 return made
         # The index of the place is last, so that every operation runs over contiguous memory.
         local = points.take(self._nets, axis=0).transpose(2, 0, 1).astype(np.float64, order="C")
@@ -62,13 +62,13 @@ class RobustNormals:
         local /= np.where(size > 0, size, 1.0)
         if weights is not None:
             weights = weights[self._nets].astype(np.float64)
-        du, dv = _slopes(self._bases, local, weights, self._places)
+        du, dv = _tangents(self._bases, local, weights, self._places)
         both = _cross(du, dv)
         lengths, count = _length(both), len(self.found)
         here, length = both[:, :count], lengths[:count]
         inside, within = both[:, count:], lengths[count:]
-        clear = length > np.maximum(_NOTHING, _INSIDE * within)
-        if (within > _NOTHING).all():  # as at the poles of caps
+        clear = length > np.maximum(_LEAST_AREA, _INSIDE * within)
+        if (within > _LEAST_AREA).all():  # as at the poles of caps
             return (np.where(clear, here, inside) / np.where(clear, length, within)).T
         # Use a normal to the longest direction: a patch without area may still be a line.
         du, dv = du[:, :count], dv[:, :count]
@@ -78,10 +78,10 @@ class RobustNormals:
         result[2] = 1.0
         usable = _length(across) > 0
         result[:, usable] = across[:, usable]
-        middle = _cross(*_slopes(self._middle, local, weights, self._column))
+        middle = _cross(*_tangents(self._middle, local, weights, self._column))
         for usable, other in (
-            (_length(middle) > _NOTHING, middle),
-            (within > _NOTHING, inside),
+            (_length(middle) > _LEAST_AREA, middle),
+            (within > _LEAST_AREA, inside),
             (clear, here),
         ):
             result[:, usable] = other[:, usable]
@@ -90,7 +90,7 @@ class RobustNormals:
         return (result / _length(result)).T
 
 
-def _inwards(t: Floats) -> Floats:
+def _move_inwards(t: Floats) -> Floats:
     return np.where(t <= 0.5, t + _INSIDE, t - _INSIDE)
 
 
@@ -103,7 +103,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return np.array(rows)
 
 
-def _slopes(
+def _tangents(
     bases: Floats, local: Floats, weights: Floats | None, places: NDArray[np.intp]
 ) -> Floats:
     """Compute ``du`` and ``dv``, (2, 3, n), of nets (3, size, patches) at selected places."""

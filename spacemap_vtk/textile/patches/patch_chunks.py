@@ -77,13 +77,13 @@ def cut_into_chunks(patches: AnyInts, rows: int, *, narrow: bool = True) -> list
             part = part.reshape(-1, size)
         else:
             part = part - low
-        # NumPy's own index type, so that `take` needs no copy; `narrowed` saves memory.
+        # NumPy's own index type, so that `take` needs no copy; `narrow_indices` saves memory.
         chunk = Chunk(first, used, np.ascontiguousarray(part.T, np.intp))
-        result.append(narrowed(chunk) if narrow else chunk)
+        result.append(narrow_indices(chunk) if narrow else chunk)
     return result
 
 
-def narrowed(chunk: Chunk) -> Chunk:
+def narrow_indices(chunk: Chunk) -> Chunk:
     """Store a chunk's indices in few bits, because they are read from memory at every step."""
     # At least 16 bits: compiled loops are compiled again for each type.
     largest = int(chunk.gather.max(initial=0))
@@ -124,12 +124,12 @@ class Scratch:
         """Gather the rows of each patch relative to its first one, which is appended."""
         places: NDArray[Any] = chunk.gather
         if places.dtype != np.intp:
-            places = _part(self._places, places.shape, np.intp)
+            places = _view_start(self._places, places.shape, np.intp)
             places[:] = chunk.gather
         shape = *places.shape, rows.shape[1]
-        net = _part(self._net, (len(places) + 1, *shape[1:]), kind)
+        net = _view_start(self._net, (len(places) + 1, *shape[1:]), kind)
         same = rows.dtype == kind
-        gathered = net[:-1] if same else _part(self._gathered, shape, rows.dtype)
+        gathered = net[:-1] if same else _view_start(self._gathered, shape, rows.dtype)
         # "clip" is the mode without a buffered copy; every index is in range.
         np.take(rows, places, axis=0, out=gathered, mode="clip")
         origin = gathered[0].copy()
@@ -142,7 +142,7 @@ class Scratch:
     def apart(self, net: AnyFloats) -> AnyFloats:
         """Separate the components of a net."""
         size, count, columns = net.shape
-        result = _part(self._apart, (columns, size - 1, count), net.dtype)
+        result = _view_start(self._apart, (columns, size - 1, count), net.dtype)
         for column, component in enumerate(result):
             component[:] = net[:-1, :, column]
         return result
@@ -150,7 +150,7 @@ class Scratch:
     def multiply(self, matrix: AnyFloats, apart: AnyFloats) -> AnyFloats:
         """Multiply the control nets of a chunk by a matrix."""
         shape = len(apart), len(matrix), apart.shape[-1]
-        return multiply(matrix, apart, _part(self._values, shape, apart.dtype))
+        return multiply(matrix, apart, _view_start(self._values, shape, apart.dtype))
 
     def multiply_rational(
         self, chunk: Chunk, matrix: AnyFloats, apart: AnyFloats, weights: NDArray[Any], samples: int
@@ -176,7 +176,7 @@ class Scratch:
         shape = samples, slopes.shape[2]
         du, dv = slopes[:, :samples], slopes[:, samples:]
         *normal, length, product = (
-            _part(part, shape, slopes.dtype)
+            _view_start(part, shape, slopes.dtype)
             for part in (*self._normal, self._length, self._product)
         )
         for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -198,7 +198,7 @@ class Scratch:
         return np.flatnonzero(suspect)  # most often at poles of caps
 
 
-def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+def _view_start(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
     """View the beginning of some memory as an array."""
     return memory.view(kind)[: prod(shape)].reshape(shape)
 

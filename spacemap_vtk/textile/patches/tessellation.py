@@ -27,12 +27,12 @@ from spacemap_vtk.textile.patches.patch_chunks import (
     Scratch,
     cut_into_chunks,
     multiply,
-    narrowed,
+    narrow_indices,
 )
 
 #: Number of surface points, summed over steps, from which a small surface uses compiled loops. By
 #: then NumPy has lost about as much time, 10 ns per point, as loading the loops takes.
-EARNED = 50_000_000
+COMPILE_AFTER = 50_000_000
 
 
 class Tessellation:
@@ -168,7 +168,7 @@ class Tessellation:
             raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
         rational = None if weights is None else self._checked_weights(weights)
         # Squares of cross products are fourth powers of lengths; micrometres would underflow.
-        scale = _magnitude(points.take(self._some, axis=0))
+        scale = _patch_size(points.take(self._some, axis=0))
         stacked, with_origin = self._matrices(scale, kind)
         self._evaluated += self.point_count
         positions = self._recycler.empty((self.point_count, 3), kind)
@@ -195,7 +195,7 @@ class Tessellation:
                 net = scratch.net(chunk, points[chunk.rows], kind)
                 apart = scratch.apart(net)
                 if rational is None:
-                    multiply(with_origin, _flat(net), _flat(surface))
+                    multiply(with_origin, _flatten(net), _flatten(surface))
                     slopes = scratch.multiply(stacked[samples:], apart)
                 else:
                     values = scratch.multiply_rational(chunk, stacked, apart, rational, samples)
@@ -259,7 +259,7 @@ class Tessellation:
                     net = scratch.net(chunk, rows, kind)
                     if rational is None:
                         out = part if columns.shape[1] <= 3 else np.empty_like(part[..., few])
-                        multiply(with_origin, _flat(net), _flat(out))
+                        multiply(with_origin, _flatten(net), _flatten(out))
                         if out is not part:
                             part[..., few] = out
                     else:
@@ -316,7 +316,7 @@ class Tessellation:
     @property
     def has_earned_loops(self) -> bool:
         """Whether `compile` pays: after this many steps more are likely."""
-        return self.earns_loops and self._evaluated > EARNED
+        return self.earns_loops and self._evaluated > COMPILE_AFTER
 
     def compile(self) -> None:
         """Switch to compiled loops if there is a compiler; they round differently."""
@@ -329,7 +329,7 @@ class Tessellation:
         )
         if self._loops is not None:
             self.bicubic, self.earns_loops = Bicubic(self._loops, self.subdivisions), False
-            self._chunks = [narrowed(chunk) for chunk in self._chunks]
+            self._chunks = [narrow_indices(chunk) for chunk in self._chunks]
 
     def _checked(self, values: ArrayLike) -> NDArray[Any]:
         table = np.asarray(values)
@@ -374,7 +374,7 @@ class Tessellation:
             basis = self._basis.copy()
             basis[1:] /= scale
             stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
-            kept = stacked, _with_ones(stacked[: len(stacked) // 3])
+            kept = stacked, _append_ones(stacked[: len(stacked) // 3])
             self._kept = {**dict(list(self._kept.items())[-2:]), (scale, kind): kept}
         return kept
 
@@ -395,13 +395,13 @@ def _stacked_basis(p: int, q: int, subdivisions: int) -> Floats:
     return np.stack((np.kron(v, u), np.kron(v, du), np.kron(dv, u)))
 
 
-def _with_ones(matrix: AnyFloats) -> AnyFloats:
+def _append_ones(matrix: AnyFloats) -> AnyFloats:
     """Extend a matrix so that it adds the last row of a net to its products with the others."""
     # The row is last, so it is added last: the sum of the others is small and keeps its digits.
     return np.concatenate((matrix, np.ones((len(matrix), 1), matrix.dtype)), axis=1)
 
 
-def _flat(rows: AnyFloats) -> AnyFloats:
+def _flatten(rows: AnyFloats) -> AnyFloats:
     """View (n, count, k) as (n, count * k)."""
     return rows.reshape(len(rows), -1)
 
@@ -412,7 +412,7 @@ def _add_origin(values: AnyFloats, net: AnyFloats, out: AnyFloats) -> None:
         np.add(component, net[-1, :, column], out=out[..., column])
 
 
-def _magnitude(nets: NDArray[Any]) -> float:
+def _patch_size(nets: NDArray[Any]) -> float:
     """Estimate the size of the patches from the nets of a few; 1 if they have none."""
     # A power of two, so that division by it is exact.
     sizes = (nets.max(axis=1) - nets.min(axis=1)).max(axis=1).astype(np.float64)

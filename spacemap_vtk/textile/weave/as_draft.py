@@ -9,11 +9,11 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
-from spacemap_vtk.textile.weave.resolve import Asked
+from spacemap_vtk.textile.weave.resolve import ClothRequest
 from spacemap_vtk.textile.weave.threads import Lengths
 
 
-def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft:
+def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -> Draft:
     """Convert a cloth to a draft.
 
     Parameters
@@ -23,7 +23,7 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
     draft : Draft
         The draft from which the cloth was resolved. Values that the request did not change are
         copied from it, including thicknesses of yarns that would have to be thinned.
-    asked : Asked
+    asked : ClothRequest
         The request.
     title : str
         Title for a draft that has none.
@@ -46,9 +46,11 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
         colors: NDArray[np.uint8] | None = threads.colors
         bare = draft.loom is None
         if wanted.spacing is not None or wanted.sett is not None or (bare and spacing is None):
-            spacing = _usual(_spaces(cloth, number))
+            spacing = _collapse_equal(_thread_spaces(cloth, number))
         if wanted.thick or wanted.aspect is not None or (bare and thickness is None):
-            thickness = _usual(np.resize(threads.aspect * np.asarray(threads.diameter), count))
+            thickness = _collapse_equal(
+                np.resize(threads.aspect * np.asarray(threads.diameter), count)
+            )
         if not bare and own.colors is None and wanted.color is None:
             colors = None
         families.append(DraftThreads(spacing=spacing, thickness=thickness, colors=colors))
@@ -63,13 +65,13 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
     )
 
 
-def _usual(lengths: Floats) -> Lengths:
+def _collapse_equal(lengths: Floats) -> Lengths:
     """Return the mean if all threads have it, otherwise the lengths."""
     mean = float(lengths.mean())
     return mean if (lengths == mean).all() else lengths
 
 
-def _spaces(cloth: Cloth, number: int) -> Floats:
+def _thread_spaces(cloth: Cloth, number: int) -> Floats:
     """Compute the space of each thread; the thread is in its middle."""
     gaps, count = np.asarray(cloth.threads[number].spacing), cloth.size[number]
     if gaps.ndim == 0 or gaps.size == 0:

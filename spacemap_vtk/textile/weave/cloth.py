@@ -30,8 +30,8 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.textile.drafts.drawdown import as_drawdown
-from spacemap_vtk.textile.weave.double_weave import APART, Layers
-from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
+from spacemap_vtk.textile.weave.double_weave import LAYER_CLEARANCE, Layers
+from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.peirce import (
     JAM,
     Crimp,
@@ -40,21 +40,21 @@ from spacemap_vtk.textile.weave.peirce import (
     feasible_height,
     solve,
 )
-from spacemap_vtk.textile.weave.threads import Some, Threads, Yarns
+from spacemap_vtk.textile.weave.threads import Threads, YarnIndices, Yarns
 
 #: Shapes of a yarn's axis, the default first.
 AXES = ("arcs", "spline")
 #: Rounding tolerance: a crimp may exceed its interval by this share of the largest crimp.
-_GRACE = 1e-9
+_TOLERANCE = 1e-9
 #: Number of crossings that are processed in one block, which takes some ten megabytes.
 _CROSSINGS = 20_000
 #: Default gap between the two cloths of a double weave, as a share of D.
 _LAYER_GAP = 0.1
 #: First yarn of each course, ascending, and the course of each yarn; see `Cloth.courses`.
-Courses = tuple[Ints, Ints]
+YarnGroups = tuple[Ints, Ints]
 
 
-class Passing(NamedTuple):
+class CrossingProfile(NamedTuple):
     """Radii and heights of yarns at the yarns that they cross: arrays (yarns, crossings)."""
 
     arc: Floats
@@ -154,7 +154,7 @@ class Cloth:
     layers: Layers | None = None
     layer_gap: float | None = None
     cure: str = ""
-    names: Naming = in_words
+    names: QuantityNames = quantity_name
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))
@@ -283,18 +283,18 @@ class Cloth:
         )
         return warp, weft
 
-    def upper(self, number: int, which: Some = slice(None)) -> Bools:
+    def upper(self, number: int, which: YarnIndices = slice(None)) -> Bools:
         # (yarns, crossings) Whether ends (0) or picks (1) lie over the yarns that they cross.
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
-    def passing(self, number: int, which: Some = slice(None)) -> Passing:
+    def passing(self, number: int, which: YarnIndices = slice(None)) -> CrossingProfile:
         # Radii and heights of ends (0) or picks (1) at the yarns that they cross, a row per yarn.
         own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
         arc = 0.5 * (own[:, None] + crossed)
         upper, share = self.upper(number, which), self.shares[number]
         height = np.where(upper, share, -share) * arc
         if self.layers is None:
-            return Passing(arc, height, None)
+            return CrossingProfile(arc, height, None)
         same, above = (
             (table if number else table.T)[which] for table in (self.layers.own, self.layers.above)
         )
@@ -303,15 +303,15 @@ class Cloth:
             np.where(above, self.level, -self.level) + height,
             np.where(upper, self.level, -self.level) - height,
         )
-        arc = np.where(same, arc, (1.0 + APART) * arc)
-        return Passing(arc, height, self.layers.kept(number)[which])
+        arc = np.where(same, arc, (1.0 + LAYER_CLEARANCE) * arc)
+        return CrossingProfile(arc, height, self.layers.kept(number)[which])
 
     @cached_property
-    def courses(self) -> tuple[Courses, Courses]:
+    def courses(self) -> tuple[YarnGroups, YarnGroups]:
         """Courses of warp and weft; yarns of one course have equal axes."""
         return self._courses_of(0), self._courses_of(1)
 
-    def _courses_of(self, number: int) -> Courses:
+    def _courses_of(self, number: int) -> YarnGroups:
         upper, diameter = self.upper(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)
         told = [upper]
@@ -396,7 +396,7 @@ class Cloth:
         """Find the warp crimp height at which a family has a given crimp."""
         low, high = self.feasible_heights
         least, most = self.feasible_crimps(number)
-        if not least - _GRACE * most <= crimp <= most * (1.0 + _GRACE):
+        if not least - _TOLERANCE * most <= crimp <= most * (1.0 + _TOLERANCE):
             raise GeometryError(
                 f"the {FAMILIES[number]} cannot have this crimp with these yarns and spacings",
                 key=self.names("crimp", number),
@@ -406,7 +406,7 @@ class Cloth:
             )
         ends = (most, least) if number else (least, most)
         for end, height in zip(ends, (low, high), strict=True):
-            if abs(crimp - end) <= _GRACE * most:
+            if abs(crimp - end) <= _TOLERANCE * most:
                 return height
 
         def remainder(height: float) -> float:

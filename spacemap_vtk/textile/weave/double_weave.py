@@ -13,9 +13,9 @@ Heights above the middle of both cloths; axes are D/2 = R apart where they touch
   2 H - R exceeds R by at least a gap, so no yarn of one cloth can touch one of the other.
 - Between two crossings of its own cloth, a yarn that changes cloths, or is stitched, passes every
   yarn of the other cloth at H - h/2 or at -(H - h/2). It is level there, on arcs of radius
-  (1 + `APART`) R with centres beyond the highest point of the yarn that it passes. In gaps as wide
-  as the sum of the radii all arcs turn by at most a right angle. An arc that does is a radius aside
-  before it is as low as its centre, so the axis keeps that distance.
+  (1 + `LAYER_CLEARANCE`) R with centres beyond the highest point of the yarn that it passes. In
+  gaps as wide as the sum of the radii all arcs turn by at most a right angle. An arc that does is a
+  radius aside before it is as low as its centre, so the axis keeps that distance.
 
 Source of the terms (double cloth, self-stitched; interchanging double plain): Z. Grosicki,
 "Watson's Advanced Textile Design".
@@ -32,35 +32,35 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Ints
-from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
+from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.peirce import JAM
-from spacemap_vtk.textile.weave.threads import Some, Threads
+from spacemap_vtk.textile.weave.threads import Threads, YarnIndices
 from spacemap_vtk.units import format_quantity
 
 #: Yarns of different cloths are further apart than touching yarns by this share of R.
-APART = 0.05
+LAYER_CLEARANCE = 0.05
 #: Ends and picks of the part that is searched for two cloths; the result holds for the whole.
 _SEARCHED = 96
 #: Longest repeat of an arrangement of threads that is tried: 1 to 1, 2 to 1, 2 to 2, 3 to 1.
 _REPEAT = 4
 #: Least number of ends and of picks in which two cloths can be recognised.
-LEAST = 2 * _REPEAT
+LEAST_YARNS = 2 * _REPEAT
 #: Least share of threads that interlace with their cloth wherever it stays; the rest are edges of
 #: blocks.
-_WOVEN = 0.9
+_LEAST_INTERLACED = 0.9
 #: Least share of crossings with the other cloth at which the upper cloth lies on top; the rest are
 #: stitches.
-_TOLD = 0.85
+_LEAST_ON_TOP = 0.85
 #: Least mean number of crossings of a cloth between two changes of place.
-_STAYS = 2.0
+_LEAST_STAY = 2.0
 #: Largest share of neighbouring crossings with the other cloth that disagree on the upper cloth.
-_LOOSE = 0.6
+_MOST_DISAGREEING = 0.6
 #: Neighbours that are compared: offsets in picks and ends, and the direction along the ends.
 _NEIGHBOURS = (1, 1, 1), (1, 1, -1), (0, 1, 1), (1, 0, 1), (0, 2, 1), (2, 0, 1)
 #: Least number of crossings for each change of a yarn from one cloth to the other.
-_CHANGES = 8
+_CROSSINGS_PER_CHANGE = 8
 #: Arrangements that are tried; the first thread belongs to the first cloth.
-_ARRANGED = [
+_ARRANGEMENTS = [
     np.array((False, *rest))
     for size in range(2, _REPEAT + 1)
     for rest in product((False, True), repeat=size - 1)
@@ -68,7 +68,7 @@ _ARRANGED = [
 ]
 
 
-def one_layer(names: Naming = in_words) -> str:
+def one_layer_cure(names: QuantityNames = quantity_name) -> str:
     """Explain how to draw a double weave as one layer."""
     return f"{names('layer', 0)} = 1 draws it as one layer"
 
@@ -116,7 +116,7 @@ class Layers:
         """(picks, ends) Whether the cloth of both threads is the upper one; see `own`."""
         return self._crossings[1]
 
-    def cropped(self, ends: Some, picks: Some) -> Layers:
+    def cropped(self, ends: YarnIndices, picks: YarnIndices) -> Layers:
         """Select some neighbouring threads; all threads still decide which cloth is above.
 
         Parameters
@@ -142,12 +142,12 @@ class Layers:
     def _crossings(self) -> tuple[Bools, Bools]:
         if self.ends is not None and self.picks is not None:
             own = self.picks[:, None] == self.ends
-            return own, _voted(self.drawdown, self.ends, self.picks)
+            return own, _vote_for_upper(self.drawdown, self.ends, self.picks)
         if self.picks is not None:
-            own = _nearest_told(self.drawdown, self.picks) != self.picks[:, None]
+            own = _is_above_by_nearest(self.drawdown, self.picks) != self.picks[:, None]
             return own, np.broadcast_to(~self.picks[:, None], own.shape)
         assert self.ends is not None
-        own = self.ends != _nearest_told(~self.drawdown.T, self.ends).T
+        own = self.ends != _is_above_by_nearest(~self.drawdown.T, self.ends).T
         return own, np.broadcast_to(~self.ends, own.shape)
 
     def kept(self, number: int) -> Bools:
@@ -164,10 +164,10 @@ class Layers:
         threads: tuple[Threads, Threads],
         gap: float | None,
         axis: str,
-        names: Naming = in_words,
+        names: QuantityNames = quantity_name,
     ) -> None:
         """Refuse yarns that have no room to pass from one cloth to the other."""
-        cure = one_layer(names)
+        cure = one_layer_cure(names)
         if axis != "arcs":
             raise InputError(
                 "a spline holds no distance between the two cloths of a double weave",
@@ -188,7 +188,7 @@ class Layers:
             if not (self.joined[number] and room.size):
                 continue
             # With less room an arc would turn by more than a right angle.
-            needed = (1.0 + APART) * (between + np.max(own.diameter))
+            needed = (1.0 + LAYER_CLEARANCE) * (between + np.max(own.diameter))
             lack = needed - room
             if lack.max() > JAM * between.max():
                 worst = int(np.argmax(lack))
@@ -203,7 +203,7 @@ class Layers:
                     key=names("diameter", number),
                     value=float(np.max(own.diameter)),
                     allowed=f"{names('diameter', 0)} + {names('diameter', 1)} up to "
-                    f"1 / {1.0 + APART:g} of that",
+                    f"1 / {1.0 + LAYER_CLEARANCE:g} of that",
                     cure=f"Make the yarns thinner or a spacing larger; {cure}",
                 )
 
@@ -215,7 +215,7 @@ class Layers:
     def _passed(self, number: int) -> tuple[Bools, bool]:
         own, above = (self.own, self.above) if number else (self.own.T, self.above.T)
         upper = ~self.drawdown if number else self.drawdown.T
-        before, after = _beside(own, above)
+        before, after = _values_before_and_after(own, above)
         astray = ~own & ((upper != before) | (upper != after))
         # A yarn that never crosses its own cloth can only bend at the other one.
         astray |= ~own.any(axis=1, keepdims=True)
@@ -229,7 +229,7 @@ class Layers:
         return own | marked[gap], True
 
 
-def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
+def _vote_for_upper(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
     """Decide from neighbouring threads whether the cloth of both threads of a crossing is above."""
     # The nearest threads of the other cloth vote, before and after, for both threads. At a corner
     # of a block the vote is two against two; then the voters that form pairs with them decide.
@@ -238,7 +238,7 @@ def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
     for table, tally, crossed, weight in ((over, votes, picks, 2), (-over.T, votes.T, ends, 1)):
         for after in (False, True):
             line = crossed[::-1] if after else crossed
-            beside = _nearest(line)
+            beside = _last_of_other_cloth(line)
             there = (beside >= 0)[:, None]
             vote = table[:: -1 if after else 1][beside] * there
             partner = ((line == crossed[0]) == after)[:, None]
@@ -246,7 +246,7 @@ def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
     return votes > 0
 
 
-def _nearest_told(over: Bools, second: Bools) -> Bools:
+def _is_above_by_nearest(over: Bools, second: Bools) -> Bools:
     """Decide whether the columns' yarns are above, from the nearest thread that shows it."""
     # A yarn over a thread of the lower cloth, or under one of the upper, may be in either cloth.
     told = over != second[:, None]
@@ -258,14 +258,14 @@ def _nearest_told(over: Bools, second: Bools) -> Bools:
     return np.take_along_axis(over, nearest.clip(0, len(over) - 1), axis=0)
 
 
-def _nearest(second: Bools) -> Ints:
+def _last_of_other_cloth(second: Bools) -> Ints:
     """Find for each thread the last thread of the other cloth before it, or -1."""
     place = np.arange(len(second))
     first, other = (np.maximum.accumulate(np.where(mine, place, -1)) for mine in (~second, second))
     return np.where(second, first, other)
 
 
-def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools]:
+def _values_before_and_after(own: Bools, above: Bools) -> tuple[Bools, Bools]:
     """Look up `above` at the own crossings before and after each place of a row."""
     count = own.shape[1]
     place = np.arange(count, dtype=np.int32)
@@ -292,7 +292,7 @@ def find_layers(
     )
     part = drawdown[rows, columns]
     known = None if ends is None else ends[columns], None if picks is None else picks[rows]
-    found = _arranged(
+    found = _find_arrangement(
         part.tobytes(), part.shape, *(None if one is None else one.tobytes() for one in known)
     )
     if found is None:
@@ -304,24 +304,24 @@ def find_layers(
             for given, one, size in zip((ends, picks), found, drawdown.T.shape, strict=True)
         ),
     )
-    return whole if _apart(whole) > 0.0 else None
+    return whole if _fitting_share(whole) > 0.0 else None
 
 
 @lru_cache(maxsize=16)  # the window repeats its request whenever the yarns change
-def _arranged(
+def _find_arrangement(
     crossings: bytes, shape: tuple[int, int], ends: bytes | None, picks: bytes | None
 ) -> tuple[Bools | None, Bools | None] | None:
     """Find the simplest arrangement of threads; among equals, the one that fits two cloths best."""
     drawdown = np.frombuffer(crossings, bool).reshape(shape)
-    if min(shape) < LEAST:
+    if min(shape) < LEAST_YARNS:
         return None
-    turned = [*_ARRANGED, *(~one for one in _ARRANGED)]
+    turned = [*_ARRANGEMENTS, *(~one for one in _ARRANGEMENTS)]
     of_ends, of_picks = (
         turned if known is None else [np.frombuffer(known, bool)] for known in (ends, picks)
     )
     tried: list[tuple[Bools | None, Bools | None]] = []
     # If either cloth can be above, it makes no difference which one is called the first.
-    tried += product(of_ends if picks is not None else of_ends[: len(_ARRANGED)], of_picks)
+    tried += product(of_ends if picks is not None else of_ends[: len(_ARRANGEMENTS)], of_picks)
     tried += [(one, None) for one in of_ends if picks is None]
     tried += [(None, one) for one in of_picks if ends is None]
     most, best = 0.0, None
@@ -333,7 +333,7 @@ def _arranged(
             for given, size in zip(arranged, shape[::-1], strict=True)
         )
         layers = Layers(drawdown, one, other)
-        if _told_apart(layers) and (share := _apart(layers)) > most:
+        if _may_be_double(layers) and (share := _fitting_share(layers)) > most:
             most, best = share, arranged
     return best
 
@@ -343,13 +343,13 @@ def _rank(arranged: tuple[Bools | None, ...]) -> tuple[bool, int]:
     return not simple, max(len(one) for one in arranged if one is not None)
 
 
-def _told_apart(layers: Layers) -> bool:
+def _may_be_double(layers: Layers) -> bool:
     """Check quickly whether two cloths are possible at all."""
     ends, picks = layers.ends, layers.picks
     if ends is None or picks is None:
         above = layers.own == layers.above  # for the yarns that change
         changes = np.count_nonzero(np.diff(above, axis=0 if ends is None else 1))
-        return changes * _CHANGES < above.size
+        return changes * _CROSSINGS_PER_CHANGE < above.size
     # Neighbouring crossings with the other cloth mostly agree on which cloth is above.
     other, first_above = picks[:, None] != ends, layers.drawdown ^ ends
     rows, columns = other.shape
@@ -359,20 +359,22 @@ def _told_apart(layers: Layers) -> bool:
             for table in (other[:, ::turn], first_above[:, ::turn])
         )
         both = one & two
-        if np.count_nonzero(both & (high ^ low)) > _LOOSE * np.count_nonzero(both):
+        if np.count_nonzero(both & (high ^ low)) > _MOST_DISAGREEING * np.count_nonzero(both):
             return False
     return True
 
 
-def _apart(layers: Layers) -> float:
+def _fitting_share(layers: Layers) -> float:
     """Compute the share of crossings with the other cloth that fit two cloths; 0: none do."""
     share = 1.0
     for number in (0, 1):
         own, above = (layers.own, layers.above) if number else (layers.own.T, layers.above.T)
         upper = ~layers.drawdown if number else layers.drawdown.T
-        before, after = _beside(own, above)
+        before, after = _values_before_and_after(own, above)
         astray, of_other = (upper != before).astype(np.int8) + (upper != after), ~own
-        if np.count_nonzero(of_other & (astray == 2)) > (1.0 - _TOLD) * np.count_nonzero(of_other):
+        if np.count_nonzero(of_other & (astray == 2)) > (1.0 - _LEAST_ON_TOP) * np.count_nonzero(
+            of_other
+        ):
             return 0.0
         place = np.flatnonzero(own)
         row, (high, over) = (
@@ -381,14 +383,14 @@ def _apart(layers: Layers) -> float:
         )
         same = row[1:] == row[:-1]
         stays = same & (high[1:] == high[:-1])
-        if np.count_nonzero(same & ~stays) * _STAYS > len(place):
+        if np.count_nonzero(same & ~stays) * _LEAST_STAY > len(place):
             return 0.0
         run = np.concatenate([[0], np.cumsum(~stays)])
         turns = np.bincount(run[1:][stays & (over[1:] != over[:-1])], minlength=len(place))
         woven = turns[run] > 0
         if high.all() or not high.any():
             return 0.0
-        if min(woven[high].mean(), woven[~high].mean()) < _WOVEN:
+        if min(woven[high].mean(), woven[~high].mean()) < _LEAST_INTERLACED:
             return 0.0
         share = min(share, 1.0 - float(astray[of_other].mean()) / 2.0)
     return share

@@ -53,22 +53,24 @@ def feasible_intervals(cloth: Cloth) -> dict[Quantity, Interval]:
         pass  # no height is feasible; another diameter or spacing may help
     for measure, number in product(("diameter", "spacing"), (0, 1)):
         threads, family = cloth.threads[number], FAMILIES[number]
-        changed = partial(_changed, cloth, family, threads, measure)
+        changed = partial(_is_feasible_with, cloth, family, threads, measure)
         if isinstance(value := getattr(threads, measure), float):
-            interval = _interval(changed, value)
+            interval = _find_interval(changed, value)
             if interval is not None:
                 result[measure, number] = interval
     return result
 
 
-def _changed(cloth: Cloth, family: str, threads: Threads, measure: str, value: float) -> bool:
+def _is_feasible_with(
+    cloth: Cloth, family: str, threads: Threads, measure: str, value: float
+) -> bool:
     """Check whether a cloth can be woven with another measure of a family."""
     own: Any = {measure: value}
     changed: Any = {family: replace(threads, **own)}
-    return _woven(replace(cloth, **changed))
+    return _is_feasible(replace(cloth, **changed))
 
 
-def _woven(cloth: Cloth) -> bool:
+def _is_feasible(cloth: Cloth) -> bool:
     try:
         for number, threads in enumerate(cloth.threads):
             if threads.crimp is not None:
@@ -80,16 +82,18 @@ def _woven(cloth: Cloth) -> bool:
     return True
 
 
-def _interval(feasible: Callable[[float], bool], start: float) -> Interval | None:
+def _find_interval(feasible: Callable[[float], bool], start: float) -> Interval | None:
     """Find the ends of the feasible values around `start`; None if there are none."""
     tried = (start * 2.0 ** (k / 4 * sign) for k in range(_STEPS) for sign in (1, -1))
     inside = next((value for value in tried if feasible(value)), None)
     if inside is None:
         return None
-    return _end(feasible, inside, 0.5, 0.0), _end(feasible, inside, 2.0, inf)
+    return _find_end(feasible, inside, 0.5, 0.0), _find_end(feasible, inside, 2.0, inf)
 
 
-def _end(feasible: Callable[[float], bool], inside: float, factor: float, limit: float) -> float:
+def _find_end(
+    feasible: Callable[[float], bool], inside: float, factor: float, limit: float
+) -> float:
     outside, start = inside, inside
     for step in range(_STEPS):
         outside *= factor

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.geometry.axes import axes_of, woven_gaps
+from spacemap_vtk.textile.geometry.cloth_axes import family_axes, woven_gaps
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.peirce import solve
 from spacemap_vtk.textile.weave.yarn import section_factor
@@ -80,7 +80,7 @@ def _excess_lengths(cloth: Cloth, number: int) -> Floats:
     """Compute how much longer each yarn of a family is than its straight projection, in m."""
     chosen, which = cloth.courses[number]
     if cloth.axis == "spline":
-        path = axes_of(cloth, number, chosen)
+        path = family_axes(cloth, number, chosen)
         straight = path.along[path.last] - path.along[0]
         return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
     excess = np.empty(len(chosen))

@@ -13,9 +13,9 @@ Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (19
 equations are solved for theta in closed form: with t = tan(theta/2) both give
 t**2 (2D - h) - 2 p t + h = 0.
 
-`solve` and the functions after it refuse jammed yarns. `bend` and the functions after it handle
-many gaps at once and refuse nothing. Their arrays have the families first, (2, n): the gap of the
-warp over picks, that of the weft over ends.
+`solve` and the functions after it refuse jammed yarns. `solve_gaps` and the functions after it
+handle many gaps at once and refuse nothing. Their arrays have the families first, (2, n): the gap
+of the warp over picks, that of the weft over ends.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.textile.weave.naming import Naming, in_words
+from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
 from spacemap_vtk.units import metres
 
 #: Rounding tolerance of the square of the straight length, over D**2. A square within it is set to
@@ -40,9 +40,9 @@ _SLIVER = 1e-14
 _SERIES_BELOW = 0.1
 #: Tolerance of the squares of heights, over D**2; Newton's method uses them because lengths are
 #: almost linear in them.
-_ALIKE = 1e-7
+_TOLERANCE = 1e-7
 #: Height over D below which a yarn is straight.
-_LEAST = 1e-9
+_STRAIGHT = 1e-9
 
 
 class Crimp(NamedTuple):
@@ -71,14 +71,14 @@ def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Cri
     refused = ~((square >= -JAM * d * d) & (h >= 0) & np.isfinite(square))
     if refused.any():
         where = int(np.argmax(refused))
-        _refuse(float(p.flat[where]), float(h.flat[where]), float(d.flat[where]))
+        _refuse_height(float(p.flat[where]), float(h.flat[where]), float(d.flat[where]))
     s = np.sqrt(np.where(square > _SLIVER * d * d, square, 0.0))
     # p + s is 0 only if both crossings are at the same point.
     theta = 2.0 * np.arctan2(h, p + s)
     length = d * theta + s
     # l - p = h t - 2 D (t - arctan t), because p - s = t (2D - h). This subtracts no large numbers.
     t = np.tan(0.5 * theta)
-    excess = h * t - 2.0 * d * _minus_arctan(t)
+    excess = h * t - 2.0 * d * _subtract_arctan(t)
     crimp = np.divide(excess, p, out=np.zeros_like(excess), where=p > 0)
     return Crimp(theta[()], s[()], length[()], crimp[()])
 
@@ -112,14 +112,14 @@ def check_height(
     weft_spacing: float,
     diameter_sum: float,
     height: float,
-    names: Naming = in_words,
+    names: QuantityNames = quantity_name,
 ) -> None:
     """Refuse a crimp height h1 that leaves no room for the warp or the weft."""
     crimp_height, diameter = names("crimp_height", 0), names("diameter", 0)
     d, p1, p2 = diameter_sum, warp_spacing, weft_spacing
     low, high = feasible_height(p1, p2, d)
     middle = balanced_height(p1, p2, d)
-    if _jammed(p1, p2, middle, d):
+    if _is_jammed(p1, p2, middle, d):
         raise GeometryError(
             f"the cloth is jammed at every {crimp_height}: the weft needs at least "
             f"{metres(low)}, the warp at most {metres(high)}",
@@ -129,7 +129,7 @@ def check_height(
             cure="Make the yarns thinner or a spacing larger",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
-    if not inside or _jammed(p1, p2, height, d):
+    if not inside or _is_jammed(p1, p2, height, d):
         side = "warp" if height > middle else "weft"
         # Bounds are printed slightly inside, so that one copied from the message is accepted.
         margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
@@ -150,7 +150,7 @@ def _straight_squared(p: NDArray, h: NDArray, d: NDArray) -> Floats:
     return result
 
 
-def _jammed(p1: float, p2: float, height: float, d: float) -> bool:
+def _is_jammed(p1: float, p2: float, height: float, d: float) -> bool:
     # Compare squares: the roots in the interval lose half the digits where D is almost p.
     square = _straight_squared(np.array([p2, p1]), np.array([height, d - height]), np.array(d))
     return not bool(np.all(square >= -JAM * d * d))
@@ -161,7 +161,7 @@ def _least_height(p: float, d: float) -> float:
     return sqrt(square) if square > JAM * d * d else 0.0
 
 
-def _minus_arctan(t: NDArray) -> Floats:
+def _subtract_arctan(t: NDArray) -> Floats:
     """Compute t - arctan(t) for t >= 0 without loss of digits for small t."""
     small = np.minimum(t, _SERIES_BELOW) ** 2
     series = np.zeros_like(small)
@@ -170,7 +170,7 @@ def _minus_arctan(t: NDArray) -> Floats:
     return np.where(t < _SERIES_BELOW, t * series, t - np.arctan(t))
 
 
-def _refuse(p: float, h: float, d: float) -> None:
+def _refuse_height(p: float, h: float, d: float) -> None:
     allowed = "finite lengths"
     if isfinite(p + h + d) and d >= 0.0:
         allowed = f"a height of 0 m to {metres(d - _least_height(p, d))}"
@@ -196,7 +196,7 @@ class Gap(NamedTuple):
     """The tangent of half of theta."""
 
 
-def bend(room: Floats, height: Floats, distance: Floats) -> Gap:
+def solve_gaps(room: Floats, height: Floats, distance: Floats) -> Gap:
     """Compute Peirce's figures; past a jam there is no straight part."""
     # Few arrays are alive at once: allocating memory anew costs as much as the arithmetic.
     s = room * room
@@ -235,7 +235,7 @@ def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
         # The length is almost linear in h**2: d l / d(h**2) = sin(theta) / (2 h).
         step = (goal - 2.0 * d * np.arctan(t) - s) * reach * (1.0 + t * t)
         before, square = square, np.clip(square + step, 0.0, most)
-        done = np.abs(square - before) <= _ALIKE * d * d
+        done = np.abs(square - before) <= _TOLERANCE * d * d
         if 8 * np.count_nonzero(done) > len(done):
             result[live[done]] = square[done]
             on = np.flatnonzero(~done)
@@ -247,16 +247,16 @@ def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
     return np.sqrt(result).reshape(shape)
 
 
-def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Floats:
+def taut_heights(room: Floats, length: Floats, height: Floats, floor: Floats) -> Floats:
     """Compute heights (2, n) at which both yarns have the given lengths; crossings may flatten."""
     # Heights whose sum is below the floor only mean that D is at the floor. The start is the
     # solution for a larger D.
     result, live = np.empty_like(height), np.arange(height.shape[1])
-    p, goal, least = room, length, _LEAST * floor
+    p, goal, least = room, length, _STRAIGHT * floor
     h = np.where(length > room, np.maximum(height, least), least)
     for _ in range(30):
         d = h[0] + h[1]
-        gap = bend(p, h, d)
+        gap = solve_gaps(p, h, d)
         a, b = gap.theta, gap.theta - gap.sin
         # A yarn that is too short to bend at all is straight.
         missing = np.where(goal > p, goal - gap.length, 0.0)
@@ -266,7 +266,9 @@ def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Fl
         square, before = np.maximum(h * (h + 2.0 * step), 0.0), h
         h = np.maximum(np.sqrt(square), least)
         # Far below the floor the exact value does not matter.
-        done = (np.abs(h * h - before * before) <= _ALIKE * d * d).all(axis=0) | (d <= 0.5 * floor)
+        done = (np.abs(h * h - before * before) <= _TOLERANCE * d * d).all(axis=0) | (
+            d <= 0.5 * floor
+        )
         if 8 * np.count_nonzero(done) > len(done):
             result[:, live[done]] = h[:, done]
             on = np.flatnonzero(~done)
@@ -274,12 +276,12 @@ def both_taut(room: Floats, length: Floats, height: Floats, floor: Floats) -> Fl
             h, p, goal = (one.take(on, axis=1) for one in (h, p, goal))
         if not len(live):
             return result
-    result[:, live] = _both_taut_surely(p, goal, h.sum(axis=0), floor)
+    result[:, live] = _bisect_taut_heights(p, goal, h.sum(axis=0), floor)
     return result
 
 
-def _both_taut_surely(room: Floats, length: Floats, above: Floats, floor: Floats) -> Floats:
-    """Solve as `both_taut` does, by bisection: a lower D leaves more height relative to it."""
+def _bisect_taut_heights(room: Floats, length: Floats, above: Floats, floor: Floats) -> Floats:
+    """Solve as `taut_heights` does, by bisection: a lower D leaves more height relative to it."""
     low, high = 0.5 * floor, np.maximum(2.0 * above, 2.0 * floor)
     for _ in range(50):
         middle = 0.5 * (low + high)

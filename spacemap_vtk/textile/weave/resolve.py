@@ -11,12 +11,12 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError, Remark
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
-from spacemap_vtk.textile.drafts.drawdown import tile
+from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.double_weave import LEAST, Layers, find_layers, one_layer
-from spacemap_vtk.textile.weave.naming import Naming, in_words
-from spacemap_vtk.textile.weave.thick_yarns import flattened, scaled
-from spacemap_vtk.textile.weave.threads import Lengths, Threads, alike, along
+from spacemap_vtk.textile.weave.double_weave import LEAST_YARNS, Layers, find_layers, one_layer_cure
+from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
+from spacemap_vtk.textile.weave.thick_yarns import flatten_yarns, scale_yarns
+from spacemap_vtk.textile.weave.threads import Lengths, Threads, collapse_equal, repeat_values
 from spacemap_vtk.textile.weave.yarn import section_area, yarn_height
 
 #: Default distance between yarns, in m.
@@ -26,7 +26,7 @@ FILLING = 0.5
 #: The same for a double weave, whose cloths need more room to change places.
 LAYERED_FILLING = 0.45
 #: Message about a draft of two cloths.
-_FOUND = "it is a double weave, and is drawn as two cloths, one above the other"
+_DOUBLE_WEAVE = "it is a double weave, and is drawn as two cloths, one above the other"
 #: Default width over height of yarns that are not round.
 ASPECT = 1.5
 #: Default colours of warp and weft.
@@ -38,7 +38,7 @@ Rgb = tuple[int, int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThreadsAsked:
+class ThreadsRequest:
     """A user's request for the warp or the weft; None leaves a value to the draft or a default.
 
     `spacemap_vtk.filters.weave_source.WeaveSource` documents the values and the defaults.
@@ -63,7 +63,7 @@ class ThreadsAsked:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class ClothRequest:
     """A user's request for a cloth, in SI units; None leaves a value to the draft or a default.
 
     `spacemap_vtk.filters.weave_source.WeaveSource` documents the values and the defaults. Of values
@@ -72,8 +72,8 @@ class Asked:
 
     ends: int | None
     picks: int | None
-    warp: ThreadsAsked
-    weft: ThreadsAsked
+    warp: ThreadsRequest
+    weft: ThreadsRequest
     fibre_density: float
     packing: float
     crimp_height: float | None
@@ -85,14 +85,14 @@ class Asked:
     axis: str
 
 
-def resolve(draft: Draft, asked: Asked, names: Naming = in_words) -> Cloth:
+def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_name) -> Cloth:
     """Resolve every measure of a cloth.
 
     Parameters
     ----------
     draft : Draft
         Drawdown, with the sizes and colours that the draft stores.
-    asked : Asked
+    asked : ClothRequest
         The user's request.
     names : callable
         Names of the quantities of warp and weft in messages.
@@ -106,12 +106,12 @@ def resolve(draft: Draft, asked: Asked, names: Naming = in_words) -> Cloth:
     if asked.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
         warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
-    layers, told = _layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
-    filling = _filling(layers)
+    layers, told = _find_layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
+    filling = _default_filling(layers)
     cloth = Cloth(
-        drawdown=tile(draft.drawdown, ends, picks),
-        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, filling),
-        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, filling),
+        drawdown=tile_drawdown(draft.drawdown, ends, picks),
+        warp=_resolve_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, filling),
+        weft=_resolve_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, filling),
         crimp_height=asked.crimp_height,
         overhang=asked.overhang,
         caps=asked.caps,
@@ -129,20 +129,20 @@ def resolve(draft: Draft, asked: Asked, names: Naming = in_words) -> Cloth:
     thick = drawn[0] and not asked.warp.thick, drawn[1] and not asked.weft.thick
     if not any(thick):
         return cloth
-    mend = flattened if asked.thick_yarns == "flatten" else scaled
+    mend = flatten_yarns if asked.thick_yarns == "flatten" else scale_yarns
     cloth, note = mend(cloth, thick)
     return replace(cloth, warnings=(*cloth.warnings, Remark(note))) if note else cloth
 
 
-def _layers(
+def _find_layers(
     draft: Draft,
     size: tuple[int, int],
     asked: tuple[int | tuple[int, ...] | None, ...],
-    names: Naming,
+    names: QuantityNames,
 ) -> tuple[Layers | None, tuple[str, ...]]:
     """Return the two cloths that are requested or found, and messages about those found."""
     # A small piece of a weave is judged by more repeats of it.
-    whole = [count if count >= LEAST else 3 * LEAST for count in size]
+    whole = [count if count >= LEAST_YARNS else 3 * LEAST_YARNS for count in size]
     ends, picks = (
         None if layer is None else np.resize(layer, count) == 2
         for layer, count in zip(asked, whole, strict=True)
@@ -150,7 +150,7 @@ def _layers(
     known = [one for one in (ends, picks) if one is not None]
     if any(one.all() or not one.any() for one in known):
         return None, ()
-    found = find_layers(tile(draft.drawdown, whole[0], whole[1]), ends, picks)
+    found = find_layers(tile_drawdown(draft.drawdown, whole[0], whole[1]), ends, picks)
     if found is None and known:
         lacking, given = (names("layer", family) for family in ((0, 1) if ends is None else (1, 0)))
         raise InputError(
@@ -161,11 +161,11 @@ def _layers(
         )
     if found is None:
         return None, ()
-    remark = Remark(f"{_FOUND}; {one_layer(names)}")
+    remark = Remark(f"{_DOUBLE_WEAVE}; {one_layer_cure(names)}")
     return found.cropped(slice(size[0]), slice(size[1])), () if known else (remark,)
 
 
-def _filling(layers: Layers | None) -> float:
+def _default_filling(layers: Layers | None) -> float:
     """Return the default diameter over the spacing."""
     if layers is None:
         return FILLING
@@ -175,21 +175,26 @@ def _filling(layers: Layers | None) -> float:
     return LAYERED_FILLING * (2.0 if apart and not any(layers.joined) else 1.0)
 
 
-def _threads(
-    own: DraftThreads, asked: ThreadsAsked, fibres: Asked, count: int, color: Rgb, filling: float
+def _resolve_threads(
+    own: DraftThreads,
+    asked: ThreadsRequest,
+    fibres: ClothRequest,
+    count: int,
+    color: Rgb,
+    filling: float,
 ) -> Threads:
     aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
-    spacing = _spacing(own, asked, count)
+    spacing = _resolve_spacing(own, asked, count)
     diameter: Lengths
     if asked.count is not None:
         linear = np.asarray(asked.count, dtype=np.float64)
         area = section_area(linear, fibres.fibre_density, fibres.packing)
-        diameter = along(yarn_height(area, aspect, asked.section), count)
+        diameter = repeat_values(yarn_height(area, aspect, asked.section), count)
     elif asked.diameter is not None:
-        diameter = along(asked.diameter, count)
+        diameter = repeat_values(asked.diameter, count)
     elif own.thickness is not None:
         # Weaving programs draw what they call thickness: the width of the yarn.
-        diameter = along(along(own.thickness, count) / aspect, count)
+        diameter = repeat_values(repeat_values(own.thickness, count) / aspect, count)
     else:
         # The narrowest gap decides, so that the default is feasible.
         diameter = filling / aspect * float(np.min(spacing))
@@ -201,21 +206,25 @@ def _threads(
         aspect=aspect,
         crimp=asked.crimp,
         colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
-        twist=None if asked.twist is None else along(asked.twist, count),
-        plies=along(asked.plies or 1.0, count),
+        twist=None if asked.twist is None else repeat_values(asked.twist, count),
+        plies=repeat_values(asked.plies or 1.0, count),
     )
 
 
-def _spacing(own: DraftThreads, asked: ThreadsAsked, count: int) -> Lengths:
+def _resolve_spacing(own: DraftThreads, asked: ThreadsRequest, count: int) -> Lengths:
     """Return the distance between the yarns of a family: one value, or (count - 1,)."""
     if asked.spacing is not None:
-        return along(asked.spacing, max(count - 1, 1))
+        return repeat_values(asked.spacing, max(count - 1, 1))
     if asked.sett is not None:
         return 1.0 / asked.sett
     # Drafts without a spacing are drawn with the yarns touching each other.
     found = own.thickness if own.spacing is None else own.spacing
     if found is None:
         return SPACING
-    spaces = along(found, count)
+    spaces = repeat_values(found, count)
     # A thread lies in the middle of the space that its spacing defines.
-    return alike(0.5 * (spaces[1:] + spaces[:-1])) if isinstance(spaces, np.ndarray) else spaces
+    return (
+        collapse_equal(0.5 * (spaces[1:] + spaces[:-1]))
+        if isinstance(spaces, np.ndarray)
+        else spaces
+    )

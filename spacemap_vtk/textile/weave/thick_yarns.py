@@ -27,26 +27,28 @@ _LEAST = 1e-3
 Thick = tuple[bool, bool]
 
 
-def scaled(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
+def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Make a draft's yarns thinner until they can interlace; also return a message."""
 
     def at(factor: float) -> Cloth:
-        return _changed(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
+        return _replace_families(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
 
-    limit = _largest(lambda factor: _feasible(at(factor)))
+    limit = _largest_factor(lambda factor: _is_feasible(at(factor)))
     if limit is None or limit == 1.0:
         return cloth, ""
     found = at(THICKNESS_SHARE * limit)
     return found, (
-        f"{_too_thick(cloth, thick)}; drawn {_diameters(found, thick)} thick, "
+        f"{_describe_problem(cloth, thick)}; drawn {_format_diameters(found, thick)} thick, "
         f"{THICKNESS_SHARE:.0%} of the most that can be woven"
     )
 
 
-def flattened(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
+def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
-    if _feasible(cloth) or any(
-        _share(threads) < _LEAST for threads, mine in zip(cloth.threads, thick, strict=True) if mine
+    if _is_feasible(cloth) or any(
+        _width_share(threads) < _LEAST
+        for threads, mine in zip(cloth.threads, thick, strict=True)
+        if mine
     ):
         return cloth, ""
 
@@ -59,21 +61,21 @@ def flattened(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
                 section="racetrack" if threads.section == "circular" else threads.section,
             )
 
-        return _changed(cloth, thick, flat)
+        return _replace_families(cloth, thick, flat)
 
-    limit = _largest(lambda height: _feasible(at(height)))
+    limit = _largest_factor(lambda height: _is_feasible(at(height)))
     if limit is None:
         return cloth, ""
     found = at(THICKNESS_SHARE * limit)
-    widths = _named(thick, *(_width(threads) for threads in cloth.threads))
+    widths = _format_lengths(thick, *(_width(threads) for threads in cloth.threads))
     return found, (
-        f"{_too_thick(cloth, thick)}; flattened to {widths} wide "
-        f"and {_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the most "
+        f"{_describe_problem(cloth, thick)}; flattened to {widths} wide "
+        f"and {_format_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the most "
         "that can be woven"
     )
 
 
-def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -> Cloth:
+def _replace_families(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -> Cloth:
     warp, weft = (
         change(threads) if mine else threads
         for threads, mine in zip(cloth.threads, thick, strict=True)
@@ -83,17 +85,17 @@ def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -
 
 def _width(threads: Threads) -> Lengths:
     """Compute the width of a flattened yarn: its thickness, if others can pass beside it."""
-    return np.asarray(_share(threads) * threads.aspect * np.asarray(threads.diameter))
+    return np.asarray(_width_share(threads) * threads.aspect * np.asarray(threads.diameter))
 
 
-def _share(threads: Threads) -> float:
+def _width_share(threads: Threads) -> float:
     """Compute the share of its thickness that a flattened yarn keeps as its width."""
     thickness = threads.aspect * np.asarray(threads.diameter)
     between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
     return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
 
 
-def _feasible(cloth: Cloth) -> bool:
+def _is_feasible(cloth: Cloth) -> bool:
     try:
         _ = cloth.feasible_heights
     except GeometryError:
@@ -101,7 +103,7 @@ def _feasible(cloth: Cloth) -> bool:
     return True
 
 
-def _largest(feasible: Callable[[float], bool]) -> float | None:
+def _largest_factor(feasible: Callable[[float], bool]) -> float | None:
     """Find the largest feasible factor up to 1; None if it is below `_LEAST`."""
     if feasible(1.0):
         return 1.0
@@ -114,26 +116,26 @@ def _largest(feasible: Callable[[float], bool]) -> float | None:
     return low
 
 
-def _too_thick(cloth: Cloth, thick: Thick) -> str:
-    spacings = _named(thick, cloth.warp.spacing, cloth.weft.spacing)
+def _describe_problem(cloth: Cloth, thick: Thick) -> str:
+    spacings = _format_lengths(thick, cloth.warp.spacing, cloth.weft.spacing)
     return (
-        f"the draft's yarns are too thick to interlace: {_diameters(cloth, thick)} thick at "
+        f"the draft's yarns are too thick to interlace: {_format_diameters(cloth, thick)} thick at "
         f"spacings of {spacings}"
     )
 
 
-def _diameters(cloth: Cloth, thick: Thick) -> str:
-    return _named(thick, cloth.warp.diameter, cloth.weft.diameter)
+def _format_diameters(cloth: Cloth, thick: Thick) -> str:
+    return _format_lengths(thick, cloth.warp.diameter, cloth.weft.diameter)
 
 
-def _named(thick: Thick, *lengths: Lengths) -> str:
+def _format_lengths(thick: Thick, *lengths: Lengths) -> str:
     return " and ".join(
-        f"{_range(values)} ({family})"
+        f"{_format_range(values)} ({family})"
         for family, values, mine in zip(FAMILIES, lengths, thick, strict=True)
         if mine
     )
 
 
-def _range(values: Lengths) -> str:
+def _format_range(values: Lengths) -> str:
     shown = [format_quantity(value, "m", 4) for value in (np.min(values), np.max(values))]
     return " to ".join(dict.fromkeys(shown))

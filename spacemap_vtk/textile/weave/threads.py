@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.weave.naming import FAMILIES, Naming, in_words
+from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
 from spacemap_vtk.units import metres
 
@@ -21,7 +21,7 @@ SECTIONS = ("circular", "racetrack", "elliptic")
 #: One value for all yarns of a family, or one for each.
 Lengths = float | Floats
 #: Some yarns of a family, by their numbers.
-Some = slice | Ints
+YarnIndices = slice | Ints
 
 
 class Yarns(NamedTuple):
@@ -38,7 +38,7 @@ class Yarns(NamedTuple):
     position: Floats
     """(n,) Positions across the whole family."""
 
-    def chosen(self, which: Some) -> Yarns:
+    def chosen(self, which: YarnIndices) -> Yarns:
         """Select some of the yarns; their positions stay unchanged."""
         position = self.position[which]
         return self._replace(
@@ -89,8 +89,8 @@ class Threads:
     plies: Lengths = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "diameter", _unchangeable(self.diameter))
-        object.__setattr__(self, "spacing", _unchangeable(self.spacing))
+        object.__setattr__(self, "diameter", _freeze(self.diameter))
+        object.__setattr__(self, "spacing", _freeze(self.spacing))
 
     @property
     def shape(self) -> str:
@@ -167,10 +167,10 @@ class Threads:
             apart,
             self.aspect,
             self.shape,
-            _places(apart) + middle,
+            _centre_positions(apart) + middle,
         )
 
-    def check(self, family: int, count: int, names: Naming = in_words) -> None:
+    def check(self, family: int, count: int, names: QuantityNames = quantity_name) -> None:
         """Refuse bad lengths, wrong numbers of values, and impossible sections."""
         for key, values, wanted in (
             ("diameter", self.diameter, count),
@@ -218,7 +218,7 @@ class Threads:
             )
 
     def check_neighbours(
-        self, family: int, grace: float, diameter_sum: float, names: Naming = in_words
+        self, family: int, grace: float, diameter_sum: float, names: QuantityNames = quantity_name
     ) -> None:
         """Refuse yarns that overlap their neighbours by more than a share of their size."""
         mean = self._between()
@@ -250,19 +250,19 @@ class Threads:
         return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
 
 
-def along(values: Lengths | tuple[float, ...], count: int) -> Lengths:
+def repeat_values(values: Lengths | tuple[float, ...], count: int) -> Lengths:
     """Repeat values over a number of yarns; equal values become one."""
     if np.ndim(values) == 0:
         return values  # type: ignore[return-value]
-    return alike(np.resize(np.asarray(values, dtype=np.float64), count))
+    return collapse_equal(np.resize(np.asarray(values, dtype=np.float64), count))
 
 
-def alike(values: Floats) -> Lengths:
+def collapse_equal(values: Floats) -> Lengths:
     """Replace an array of equal values by one value."""
     return float(values[0]) if (values == values[0]).all() else values
 
 
-def _unchangeable(value: Lengths) -> Lengths:
+def _freeze(value: Lengths) -> Lengths:
     array = np.array(value, dtype=np.float64)
     if array.ndim == 0:
         return float(array)
@@ -270,7 +270,7 @@ def _unchangeable(value: Lengths) -> Lengths:
     return array
 
 
-def _places(spacing: Floats) -> Floats:
+def _centre_positions(spacing: Floats) -> Floats:
     """Compute (n + 1,) positions from (n,) distances, centred on 0."""
     count = len(spacing) + 1
     if spacing.size == 0 or np.ptp(spacing) == 0.0:

@@ -39,7 +39,7 @@ _COUNT = re.compile(rf"\s*(?:({_WORD})\s*{_NUMBER}|{_NUMBER}\s*({_WORD}))\s*", r
 _PLIED = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+)\s*")
 
 
-def linear_density(text: str) -> float:
+def parse_yarn_count(text: str) -> float:
     """Parse a yarn count.
 
     Parameters
@@ -62,11 +62,11 @@ def linear_density(text: str) -> float:
 
     Examples
     --------
-    >>> round(linear_density("20 Ne") * 1e6, 2)
+    >>> round(parse_yarn_count("20 Ne") * 1e6, 2)
     29.53
-    >>> linear_density("Nm 60/2") == linear_density("Nm 30")
+    >>> parse_yarn_count("Nm 60/2") == parse_yarn_count("Nm 30")
     True
-    >>> linear_density("20/2") == linear_density("Ne 10")
+    >>> parse_yarn_count("20/2") == parse_yarn_count("Ne 10")
     True
     """
     if (plied := _PLIED.fullmatch(text)) and float(plied[1]) < float(plied[2]):
@@ -119,7 +119,7 @@ def section_factor(aspect: float, section: str) -> float:
     return pi / 4 * aspect if section == "elliptic" else pi / 4 + (aspect - 1.0)
 
 
-def twist(text: str) -> float:
+def parse_twist(text: str) -> float:
     """Parse a twist.
 
     Parameters
@@ -141,7 +141,7 @@ def twist(text: str) -> float:
 
     Examples
     --------
-    >>> twist("S 600"), twist("-600"), round(twist("20 /in Z"))
+    >>> parse_twist("S 600"), parse_twist("-600"), round(parse_twist("20 /in Z"))
     (-600.0, -600.0, 787)
     """
     match = _TWIST.fullmatch(text)

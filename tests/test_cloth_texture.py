@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.textile.geometry.faces import grid_lines, layers, tubes
-from spacemap_vtk.textile.geometry.partition import whole_bounds
+from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines, yarn_shading
+from spacemap_vtk.textile.geometry.partition import cloth_bounds
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import Layers
 from spacemap_vtk.textile.weave.threads import Threads
@@ -15,7 +15,7 @@ def test_each_crossing_has_its_two_yarns_once() -> None:
     random = np.random.default_rng(3)
     drawdown = random.random((5, 7)) < 0.5
     warp, weft = (random.integers(1, 256, (n, 3), np.uint8) for n in (7, 5))
-    ends_over, picks_over, ends_under, picks_under = layers(drawdown, warp, weft)
+    ends_over, picks_over, ends_under, picks_under = color_layers(drawdown, warp, weft)
     assert np.array_equal(
         ends_over[..., :3] + ends_under[..., :3], np.broadcast_to(warp, (5, 7, 3))
     )
@@ -31,7 +31,7 @@ def test_the_cloth_behind_lies_in_the_shade_on_either_face() -> None:
     drawdown[::2, ::2], drawdown[1::2, 1::2], drawdown[1::2, ::2] = plain[:4, :4], plain[:4, :4], 1
     second = np.arange(8) % 2 == 1
     white = np.full((1, 3), 200, np.uint8)
-    made = layers(drawdown, white, white, Layers(drawdown, second, second))
+    made = color_layers(drawdown, white, white, Layers(drawdown, second, second))
     front, back = (one[..., 0] + two[..., 0] for one, two in (made[:2], made[2:]))
     assert (front[::2] == 200).all()
     assert (front[1::2, ::2] == 200).all()
@@ -47,7 +47,7 @@ def test_lines_end_where_the_cloth_does() -> None:
         warp=Threads(diameter=4e-4, spacing=spacing),
         weft=Threads(diameter=4e-4, spacing=1e-3),
     )
-    bounds = whole_bounds(cloth).reshape(3, 2)
+    bounds = cloth_bounds(cloth).reshape(3, 2)
     for number in (0, 1):
         lines = grid_lines(cloth, number, cloth.size[number])
         assert np.allclose(lines[[0, -1]], bounds[number])
@@ -59,6 +59,8 @@ def test_floats_lie_flat() -> None:
     threads = Threads(diameter=2e-4, spacing=5e-4)
     plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
     satin = np.eye(8, dtype=bool)
-    tight, loose = (tubes(Cloth(drawdown=d, warp=threads, weft=threads)) for d in (plain, satin))
+    tight, loose = (
+        yarn_shading(Cloth(drawdown=d, warp=threads, weft=threads)) for d in (plain, satin)
+    )
     assert tight[0].cover == 2e-4 / 5e-4
     assert 0.0 < loose[0].slope_over < 0.6 * tight[0].slope_over

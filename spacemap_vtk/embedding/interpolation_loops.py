@@ -19,7 +19,7 @@ _BUFFER = 128
 
 
 @compiled
-def apply(
+def apply_weights(
     weights: Floats,
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
@@ -37,7 +37,7 @@ def apply(
 
 
 @compiled
-def carry(
+def apply_maps(
     maps: Floats, tetrahedron: NDArray[np.int32], points: NDArray[Any], out: NDArray[Any]
 ) -> None:
     """Write values at points, from affine maps of the tetrahedra."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from spacemap_vtk.textile.crimp.crimp_geometry import CrimpGeometry
 from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
-from spacemap_vtk.textile.crimp.recrimp import Recrimp
 from spacemap_vtk.textile.drafts.drawdown import from_matrix
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -57,7 +57,7 @@ def everywhere(cloth: Cloth, stretch: tuple[float, float]) -> np.ndarray:
 
 def lengths(cloth: Cloth, number: int, height: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Whole lengths of the axes as drawn, less that past the first and last crossing."""
-    path = Recrimp(cloth).axes(number, height, stretch)
+    path = CrimpGeometry(cloth).axes(number, height, stretch)
     return np.bincount(path.owner, path.length) - 2.0 * cloth.families[number].overhang
 
 

@@ -17,17 +17,17 @@ import numpy as np
 from spacemap_vtk import cancel
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.peirce import Gap, bend
+from spacemap_vtk.textile.weave.peirce import Gap, solve_gaps
 
 #: Slack, or stretch past a jam, from which a yarn is not corrected; below, it is corrected in part.
-_RAMP = 1e-3
+_SLACK_LIMIT = 1e-3
 #: Largest relative change of heights in one step.
-_MOST = 0.05
+_MOST_CHANGE = 0.05
 #: Relative tolerance of a yarn's length, and largest number of steps to reach it.
-_EXACT, _STEPS = 1e-11, 12
+_TOLERANCE, _STEPS = 1e-11, 12
 
 
-class Said(NamedTuple):
+class CrossingResults(NamedTuple):
     """Results of separate crossings; arrays are (2, picks, ends)."""
 
     grown: Floats
@@ -38,7 +38,7 @@ class Said(NamedTuple):
     """Excess length of the yarn over its room, plus the stretch past a jam, over lengths."""
 
 
-class _Drawn(NamedTuple):
+class _FamilyGaps(NamedTuple):
     """The gaps between crossings of warp or weft: (yarns, gaps)."""
 
     changes: Bools
@@ -48,27 +48,27 @@ class _Drawn(NamedTuple):
     """(yarns,) From first to last crossing at rest, without the flats."""
 
 
-class Joined:
+class LengthCorrection:
     """The yarns of a cloth between their crossings; `loose` marks those that never change side."""
 
     def __init__(self, cloth: Cloth, loose: Floats) -> None:
         warp, weft = cloth.yarns
         self._full = 0.5 * np.add.outer(weft.diameter, warp.diameter)
         self._loose = loose
-        self._families: list[_Drawn] = []
+        self._families: list[_FamilyGaps] = []
         rest = np.reshape(cloth.shares, (2, 1, 1)) * self._full
         for number, crossed in enumerate((weft, warp)):
             upper = cloth.upper(number)
             flat = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
             changes = upper[:, 1:] != upper[:, :-1]
-            self._families.append(_Drawn(changes, crossed.spacing, flat, np.zeros(len(upper))))
+            self._families.append(_FamilyGaps(changes, crossed.spacing, flat, np.zeros(len(upper))))
             length = self._drawn(number, rest, crossed.spacing - flat).length.sum(axis=1)
             self._families[number] = self._families[number]._replace(length=length)
 
-    def heights(self, height: Floats, floor: Floats, said: Said) -> Floats:
+    def heights(self, height: Floats, floor: Floats, said: CrossingResults) -> Floats:
         """Correct heights so that yarns have the given lengths; `floor` is their least sum."""
         height = height.copy()
-        taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _RAMP, 0.0, 1.0))
+        taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _SLACK_LIMIT, 0.0, 1.0))
         # A yarn is as taut as its slackest crossing.
         taut[0], taut[1] = taut[0].min(axis=0), taut[1].min(axis=1)[:, None]
         gives = 1.1 - taut
@@ -76,29 +76,40 @@ class Joined:
         rooms: list[Floats] = []
         goals: list[Floats] = []
         for number, family in enumerate(self._families):
-            wider = family.spacing * (_mean(_rows(said.stretch, number)) - 1.0)
-            grown = np.where(family.changes, _mean(_rows(said.grown, number)), wider)
+            wider = family.spacing * (_average_neighbours(_yarn_rows(said.stretch, number)) - 1.0)
+            grown = np.where(
+                family.changes, _average_neighbours(_yarn_rows(said.grown, number)), wider
+            )
             goals.append(family.length + grown.sum(axis=1))
-            rooms.append(family.spacing * _mean(_rows(said.stretch, number)) - family.flat)
+            rooms.append(
+                family.spacing * _average_neighbours(_yarn_rows(said.stretch, number)) - family.flat
+            )
         moved = [np.zeros_like(goal) for goal in goals]
         for _ in range(_STEPS):
             cancel.check()
             found = True
             for number, family in enumerate(self._families):
-                gap, part = self._drawn(number, height, rooms[number]), _rows(taut, number)[:, 0]
-                own = _rows(height, number)
-                wider = _mean(own * _rows(taut[::-1], number))
-                rise = np.where(family.changes, 2.0 * _mean(own), np.abs(np.diff(own, axis=1)))
+                gap, part = (
+                    self._drawn(number, height, rooms[number]),
+                    _yarn_rows(taut, number)[:, 0],
+                )
+                own = _yarn_rows(height, number)
+                wider = _average_neighbours(own * _yarn_rows(taut[::-1], number))
+                rise = np.where(
+                    family.changes, 2.0 * _average_neighbours(own), np.abs(np.diff(own, axis=1))
+                )
                 by = (gap.sin * rise + 2.0 * (gap.theta - gap.sin) * wider).sum(axis=1)
                 # Share the missing length as springs would: a yarn that is almost slack hardly
                 # moves.
                 missing = part * (goals[number] - gap.length.sum(axis=1))
                 missing -= (1.0 - part) * by * moved[number]
-                live = (np.abs(missing) > _EXACT * family.length) & (by > 1e-9 * family.length)
+                live = (np.abs(missing) > _TOLERANCE * family.length) & (by > 1e-9 * family.length)
                 if not live.any():
                     continue
                 found, other = False, 1 - number
-                step = np.where(live, missing / np.where(live, by, 1.0), 0.0).clip(-_MOST, _MOST)
+                step = np.where(live, missing / np.where(live, by, 1.0), 0.0).clip(
+                    -_MOST_CHANGE, _MOST_CHANGE
+                )
                 moved[number] += step
                 move = step[:, None] * own
                 move = move if number else move.T
@@ -114,18 +125,20 @@ class Joined:
 
     def _drawn(self, number: int, height: Floats, room: Floats) -> Gap:
         """Compute the gaps of warp or weft as drawn, without the flats."""
-        family, rows = self._families[number], _rows(height, number)
+        family, rows = self._families[number], _yarn_rows(height, number)
         wide = 2.0 * height.sum(axis=0)
-        wide = _mean(wide if number else wide.T)
-        rise = np.where(family.changes, 2.0 * _mean(rows), np.abs(np.diff(rows, axis=1)))
-        return bend(np.maximum(room, 1e-9 * wide), rise, wide)
+        wide = _average_neighbours(wide if number else wide.T)
+        rise = np.where(
+            family.changes, 2.0 * _average_neighbours(rows), np.abs(np.diff(rows, axis=1))
+        )
+        return solve_gaps(np.maximum(room, 1e-9 * wide), rise, wide)
 
 
-def _rows(table: Floats, number: int) -> Floats:
+def _yarn_rows(table: Floats, number: int) -> Floats:
     """Arrange values (2, picks, ends) in a row for each yarn of a family."""
     return table[1] if number else table[0].T
 
 
-def _mean(rows: Floats) -> Floats:
+def _average_neighbours(rows: Floats) -> Floats:
     """Average neighbours in each row."""
     return 0.5 * (rows[:, 1:] + rows[:, :-1])

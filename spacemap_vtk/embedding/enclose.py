@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.cage.split import volumes_of
+from spacemap_vtk.cage.split import tetrahedron_volumes
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.ndarrays import AnyInts, Floats
 
@@ -24,7 +24,7 @@ _MOST = 10.0
 _LEAST = 0.1
 
 
-def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float) -> Floats:
+def enclose_points(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float) -> Floats:
     """Move vertices of a cage outwards so that it contains points.
 
     Parameters
@@ -50,7 +50,7 @@ def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float)
     :math:`\\sum_i w_i d_i = g`. The least such moves are :math:`d_i = w_i g / \\sum_j w_j^2`. Each
     vertex follows the point that requires its largest move.
     """
-    volumes = volumes_of(vertices, tetrahedra)
+    volumes = tetrahedron_volumes(vertices, tetrahedra)
     # Vertices stay in the points' box, so that flat sides, at which cages are supported, stay flat.
     low = np.minimum(points.min(axis=0), vertices)
     high = np.maximum(points.max(axis=0), vertices)
@@ -73,13 +73,13 @@ def holding(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach: float)
         moves = np.zeros_like(vertices)
         moves[corners.ravel()[order]] = share * asked.reshape(-1, 3)[order]
         moves = np.clip(vertices + moves, low, high) - vertices
-        while (bad := volumes_of(vertices + moves, tetrahedra) < _LEAST * volumes).any():
+        while (bad := tetrahedron_volumes(vertices + moves, tetrahedra) < _LEAST * volumes).any():
             moves[np.unique(tetrahedra[bad])] *= 0.5
         vertices = vertices + moves
     return vertices
 
 
-def share_filled(
+def enclosed_share(
     points: Floats, triangles: AnyInts, inside: float, volume: float, tolerance: float
 ) -> float:
     """Compute the share of a cage that the object's surface encloses.

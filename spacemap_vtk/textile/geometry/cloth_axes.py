@@ -8,49 +8,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.geometry.arcs import Gaps, gaps_of, lay_gaps
-from spacemap_vtk.textile.geometry.axis import Axes, sampled
-from spacemap_vtk.textile.geometry.spline import spline_axes
+from spacemap_vtk.textile.geometry.arcs import Gaps, build_axes, build_gaps
+from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
+from spacemap_vtk.textile.geometry.spline import build_spline_axes
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.threads import Some
+from spacemap_vtk.textile.weave.threads import YarnIndices
 
 
-class Share(NamedTuple):
+class YarnSelection(NamedTuple):
     """A selection of the yarns of a cloth."""
 
-    ends: Some
+    ends: YarnIndices
     """Numbers of the ends, ascending."""
-    picks: Some
+    picks: YarnIndices
     """Numbers of the picks, ascending."""
 
 
 #: Every yarn of a cloth.
-ALL = Share(slice(None), slice(None))
+ALL_YARNS = YarnSelection(slice(None), slice(None))
 
 
-def axes(cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
+def cloth_axes(cloth: Cloth, share: YarnSelection = ALL_YARNS) -> tuple[Axes, Axes]:
     """Compute the axes of warp and weft."""
-    warp, weft = (axes_of(cloth, number, some) for number, some in enumerate(share))
+    warp, weft = (family_axes(cloth, number, some) for number, some in enumerate(share))
     return warp, weft
 
 
-def axes_of(cloth: Cloth, number: int, some: Some) -> Axes:
+def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
     """Compute the axes of some ends (0) or picks (1)."""
     own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
     if cloth.axis == "spline":
         height = cloth.passing(number, some).height
-        return spline_axes(own, crossed, height, cloth.families[number].overhang)
-    return lay_gaps(0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact)
+        return build_spline_axes(own, crossed, height, cloth.families[number].overhang)
+    return build_axes(
+        0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact
+    )
 
 
-def woven_gaps(cloth: Cloth, number: int, some: Some = slice(None)) -> Gaps:
+def woven_gaps(cloth: Cloth, number: int, some: YarnIndices = slice(None)) -> Gaps:
     """Compute the gaps of ends (0) or picks (1) as woven, for axes by arcs."""
     arc, height, kept = cloth.passing(number, some)
     past = cloth.families[number].overhang
-    return gaps_of(cloth.yarns[1 - number], arc, height, past, kept=kept)
+    return build_gaps(cloth.yarns[1 - number], arc, height, past, kept=kept)
 
 
-def axis_points(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:
+def sample_axes(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:
     """Sample the exact axes of the yarns; the patches approximate these axes.
 
     Parameters
@@ -68,8 +70,8 @@ def axis_points(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int3
         Yarn of each point.
     """
     result, owners, first_yarn = [], [], 0
-    for number, family in enumerate(axes(cloth)):
-        part, station, fraction = sampled(family, samples)
+    for number, family in enumerate(cloth_axes(cloth)):
+        part, station, fraction = sample_places(family, samples)
         points = np.empty((len(part), 3))
         points[:, 1 - number], points[:, 2], _ = family.at(part, station, fraction)
         yarn = station - part

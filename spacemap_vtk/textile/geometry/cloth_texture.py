@@ -22,7 +22,7 @@ _SHADE = 0.6
 
 
 @dataclass(frozen=True)
-class Tube:
+class YarnShading:
     """Measures of a family's yarns that decide how much light they reflect."""
 
     #: Width over height of the section; width over spacing.
@@ -33,7 +33,7 @@ class Tube:
     slope_under: float
 
 
-def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
+def yarn_shading(cloth: Cloth) -> tuple[YarnShading, YarnShading]:
     """Compute the mean measures of warp and weft.
 
     Parameters
@@ -43,7 +43,7 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
 
     Returns
     -------
-    tuple of Tube
+    tuple of YarnShading
         Warp and weft.
     """
     made = []
@@ -52,7 +52,7 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
         share = float(np.count_nonzero(gaps)) / gaps.size if gaps.size else 0.0
         theta = float(family.crimp.theta)
         made.append(
-            Tube(
+            YarnShading(
                 threads.aspect,
                 min(family.width / family.spacing, 1.0),
                 0.4 * theta * float(np.sqrt(share)),
@@ -62,7 +62,7 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
     return made[0], made[1]
 
 
-def layers(
+def color_layers(
     drawdown: Bools, warp: NDArray[np.uint8], weft: NDArray[np.uint8], double: Layers | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
     """Sort the colours of a cloth's crossings by the yarn on top.
@@ -85,7 +85,7 @@ def layers(
     Examples
     --------
     >>> red, blue = np.array([[255, 0, 0]], np.uint8), np.array([[0, 0, 255]], np.uint8)
-    >>> over, _, _, under = layers(np.array([[True, False]]), red, blue)
+    >>> over, _, _, under = color_layers(np.array([[True, False]]), red, blue)
     >>> over.tolist(), under.tolist()
     ([[[255, 0, 0, 255], [0, 0, 0, 0]]], [[[0, 0, 255, 255], [0, 0, 0, 0]]])
     """

@@ -7,7 +7,7 @@ sections turn with the surface and are not squeezed by it. At crossings, yarns h
 distance along the common normal. Where it is less than at rest, yarns are thinner there in the same
 ratio, so that they touch and do not overlap.
 
-Invariant: cells are those of `spacemap_vtk.textile.geometry.weave.build`, whatever the heights.
+Invariant: cells are those of `spacemap_vtk.textile.geometry.weave.build_weave` at all heights.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from numpy.typing import DTypeLike
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL, for_each
-from spacemap_vtk.textile.geometry.arcs import Plan, gaps_of, lay_gaps, plan_of
-from spacemap_vtk.textile.geometry.axes import ALL, Share, woven_gaps
-from spacemap_vtk.textile.geometry.axis import Axes
-from spacemap_vtk.textile.geometry.section import Cap, Section, cap, section
-from spacemap_vtk.textile.geometry.sweep import Tubes, span_caps
+from spacemap_vtk.textile.geometry.arcs import PartPlan, build_axes, build_gaps, plan_parts
+from spacemap_vtk.textile.geometry.axis_parts import Axes
+from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection, woven_gaps
+from spacemap_vtk.textile.geometry.section import Cap, Section, build_cap, build_section
+from spacemap_vtk.textile.geometry.sweep import Tubes, fill_cap_points
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 
-class Recrimp:
+class CrimpGeometry:
     """Control points of a cloth, or of some of its yarns, while its crossings move.
 
     Parameters
     ----------
     cloth : Cloth
         At rest, with axes by arcs.
-    share : Share
-        Yarns to include, as for `spacemap_vtk.textile.geometry.weave.build`.
+    share : YarnSelection
+        Yarns to include, as for `spacemap_vtk.textile.geometry.weave.build_weave`.
 
     Raises
     ------
@@ -46,16 +46,16 @@ class Recrimp:
     Examples
     --------
     >>> from spacemap_vtk.textile.weave.threads import Threads
-    >>> from spacemap_vtk.textile.geometry.weave import build
+    >>> from spacemap_vtk.textile.geometry.weave import build_weave
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    >>> yarns = Recrimp(cloth)
+    >>> yarns = CrimpGeometry(cloth)
     >>> woven = yarns.spread(yarns.feet) + yarns.rest
-    >>> yarns.feet.shape, bool(np.allclose(woven, build(cloth).points, atol=1e-15))
+    >>> yarns.feet.shape, bool(np.allclose(woven, build_weave(cloth).points, atol=1e-15))
     ((64, 3), True)
     """
 
-    def __init__(self, cloth: Cloth, share: Share = ALL) -> None:
+    def __init__(self, cloth: Cloth, share: YarnSelection = ALL_YARNS) -> None:
         cloth.check()
         self.cloth, self.share, self._recycler = cloth, share, Recycler()
         self._families: list[_Family] = []
@@ -147,13 +147,15 @@ class Recrimp:
         pressed = bool((abs(thinner - 1.0) > 1e-12).any())
         for number, family in enumerate(self._families):
             path, of_part = self._laid(number, height, stretch)
-            rings = _rings(path, of_part)
-            flat = family.at_rings(_rows(thinner, number, self.share)) if pressed else None
-            _spread(family, rings, (along[family.rings], normal[family.rings]), flat, result)
+            rings = _compute_rings(path, of_part)
+            flat = family.at_rings(_yarn_rows(thinner, number, self.share)) if pressed else None
+            _write_tube_points(
+                family, rings, (along[family.rings], normal[family.rings]), flat, result
+            )
         for family in self._families:
             if family.cap:
                 here = result[new : new + family.cap_points]
-                span_caps(family.tubes, family.cap, result, here)
+                fill_cap_points(family.tubes, family.cap, result, here)
                 new += len(here)
         return result
 
@@ -220,17 +222,17 @@ class Recrimp:
     def _laid(self, number: int, height: Floats, stretch: Floats) -> tuple[Axes, Floats]:
         """Compute the axes of a family, and the stretch along each part."""
         family, crossed = self._families[number], self.cloth.yarns[1 - number]
-        rows = _rows(height[number], number, self.share)
-        gaps = gaps_of(
+        rows = _yarn_rows(height[number], number, self.share)
+        gaps = build_gaps(
             crossed,
-            _rows(height.sum(axis=0), number, self.share),
+            _yarn_rows(height.sum(axis=0), number, self.share),
             np.where(family.upper, rows, -rows),
             self.cloth.families[number].overhang,
-            _rows(stretch[number], number, self.share),
+            _yarn_rows(stretch[number], number, self.share),
         )
         own = self.cloth.yarns[number]
         radius = 0.5 * own.diameter[self.share[number]]
-        path = lay_gaps(radius, family.lateral, gaps, self.cloth.exact, family.plan)
+        path = build_axes(radius, family.lateral, gaps, self.cloth.exact, family.plan)
         return path, gaps.stretch.ravel()[family.gap]
 
     def _family(self, number: int, first: int, point: int) -> _Family:
@@ -238,13 +240,13 @@ class Recrimp:
         own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
         upper = cloth.upper(number, some)
         gaps = woven_gaps(cloth, number, some)
-        plan = plan_of(gaps, cloth.exact)
-        path = lay_gaps(0.5 * own.diameter, own.position, gaps, cloth.exact, plan)
+        plan = plan_parts(gaps, cloth.exact)
+        path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan)
         count = (2 * plan.pieces + plan.straight).ravel()
         station = np.arange(len(path.length)) + path.owner
         middle = 0.5 * (path.along[station] + path.along[station + 1])
         place, threads = crossed.position, cloth.threads[number]
-        shape = section(threads.shape, threads.aspect, cloth.exact)
+        shape = build_section(threads.shape, threads.aspect, cloth.exact)
         numbers = np.arange(cloth.size[number])[some]
         ends = cloth.size[0]
         step, across = (ends, 1) if number == 0 else (1, ends)
@@ -256,10 +258,10 @@ class Recrimp:
             radius=np.repeat(path.radius, 3 * path.parts + 1),
             lateral=own.position,
             plan=plan,
-            rest=_rings(path, np.ones(len(path.length))),
+            rest=_compute_rings(path, np.ones(len(path.length))),
             tubes=Tubes(point, shape.size, path.parts, shape.aspect),
             shape=shape,
-            cap=cap(shape.size) if cloth.caps and len(path.parts) else None,
+            cap=build_cap(shape.size) if cloth.caps and len(path.parts) else None,
             spread=np.kron(basis, np.eye(3)).astype(np.float64),
             first=first,
             gap=np.repeat(np.arange(count.size), count),
@@ -288,7 +290,7 @@ class _Family(NamedTuple):
     """(rings,) Half the height of the section."""
     lateral: Floats
     """(yarns,) Position of each yarn's plane."""
-    plan: Plan
+    plan: PartPlan
     """Numbers of parts of its yarns."""
     rest: _Rings
     tubes: Tubes
@@ -328,7 +330,7 @@ class _Family(NamedTuple):
         return (1.0 - share) * at_crossings[row, left] + share * at_crossings[row, right]
 
 
-def _spread(
+def _write_tube_points(
     family: _Family,
     rings: _Rings,
     frame: tuple[Floats, Floats],
@@ -362,12 +364,12 @@ def _spread(
     for_each(range(0, len(shift), block), lambda: do)
 
 
-def _rows(table: Floats, number: int, share: Share) -> Floats:
+def _yarn_rows(table: Floats, number: int, share: YarnSelection) -> Floats:
     """Arrange values (picks, ends) in a row for each yarn of a share."""
     return table[share[1]] if number else table.T[share[0]]
 
 
-def _rings(path: Axes, stretch: Floats) -> _Rings:
+def _compute_rings(path: Axes, stretch: Floats) -> _Rings:
     """Compute the rings of tubes around axes, as in `spacemap_vtk.textile.geometry.sweep`."""
     owner = path.owner
     start = np.arange(len(owner)) + owner

@@ -9,9 +9,9 @@ FAMILIES = ("warp", "weft")
 
 #: Function that names a quantity, such as "diameter", of the warp (0) or weft (1) in messages. Code
 #: that makes a cloth from a user's values passes one with the names that the user knows.
-Naming = Callable[[str, int], str]
+QuantityNames = Callable[[str, int], str]
 
 
-def in_words(quantity: str, family: int) -> str:
+def quantity_name(quantity: str, family: int) -> str:
     """Name a quantity of a family in words: "crimp height of the warp"."""
     return f"{quantity.replace('_', ' ')} of the {FAMILIES[family]}"

@@ -83,7 +83,7 @@ class Axes(NamedTuple):
         return along, height, a + k * s
 
 
-def sampled(family: Axes, samples: int) -> tuple[Ints, Ints, Floats]:
+def sample_places(family: Axes, samples: int) -> tuple[Ints, Ints, Floats]:
     """Choose evenly spaced points on the axes of a family, yarn by yarn."""
     count = np.full(len(family.length), samples)
     count[np.cumsum(family.parts) - 1] += 1
