@@ -20,7 +20,7 @@ import pages  # noqa: E402
 
 import spacemap_vtk  # noqa: E402
 
-gc.disable()  # pages are circles that live to the end: to look through them takes a fifth of all
+gc.disable()  # the pages live to the end; collecting garbage would take a fifth of the time
 
 project = "spacemap_vtk"
 author = "The spacemap_vtk developers"
@@ -31,18 +31,18 @@ exclude_patterns = ["made/*.txt"]
 
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 4
-# The word before a colon in "view.color: stress" is no scheme; these alone are.
+# Only these are URL schemes; the word before the colon in "view.color: stress" is not.
 myst_url_schemes = ("http", "https", "mailto")
 suppress_warnings = ["myst.header"]
 
 autodoc_typehints = "none"  # numpydoc has them, with shapes and units
 autodoc_default_options = {"members": True, "show-inheritance": False}
 numpydoc_show_class_members = False
-# It would compile the same template anew for each docstring.
+# numpydoc would compile the same template for each docstring.
 _templates = SandboxedEnvironment(loader=PackageLoader("numpydoc"))
 docscrape_sphinx.SandboxedEnvironment = lambda loader: _templates
 
-smartquotes = False  # "--set" is what has to be typed
+smartquotes = False  # "--set" must stay as it is typed
 toc_object_entries = False
 
 html_theme = "furo"
@@ -58,15 +58,15 @@ html_theme_options = {
 }
 
 
-def _formula(self: Any, node: nodes.Element) -> None:
-    """Write a formula as MathML, which browsers set themselves: no script, no network."""
+def _write_formula(self: Any, node: nodes.Element) -> None:
+    """Write a formula as MathML, which browsers show without a script or the network."""
     display = "block" if isinstance(node, nodes.math_block) else "inline"
     self.body.append(latex2mathml.converter.convert(node.astext(), display=display))
     raise nodes.SkipNode
 
 
 def setup(app: Any) -> None:
-    """Make the pages that are generated, before any is read."""
+    """Generate pages before any page is read."""
     app.connect("builder-inited", lambda _: pages.write(HERE / "made"))
-    app.add_node(nodes.math, override=True, html=(_formula, None))
-    app.add_node(nodes.math_block, override=True, html=(_formula, None))
+    app.add_node(nodes.math, override=True, html=(_write_formula, None))
+    app.add_node(nodes.math_block, override=True, html=(_write_formula, None))

@@ -29,7 +29,7 @@ DIAMOND = Loom(
 )
 
 
-def diamond(window: MainWindow) -> None:
+def weave_diamond(window: MainWindow) -> None:
     """Weave a diamond twill with two stripes, in the paper's cage."""
     stripes = ["#2d6a8e"] * 3 + ["#b5443c"] + ["#2d6a8e"] * 7 + ["#b5443c"] + ["#2d6a8e"] * 3
     values = {"ends": 15, "picks": 15, "warp_color": stripes, "weft_color": "#ead7b0"}
@@ -42,21 +42,21 @@ def diamond(window: MainWindow) -> None:
     window.times.go_to(0.02)
 
 
-def curves(window: MainWindow) -> None:
+def wait_for_plots(window: MainWindow) -> None:
     """Wait for the plots."""
     wait(lambda: window.plots.curves is not None)
 
 
 def wait(done: Callable[[], bool], seconds: float = 60.0) -> None:
-    """Let the window live until something holds."""
+    """Process events until a condition holds."""
     end = time.monotonic() + seconds
     while not done() and time.monotonic() < end:
         QApplication.processEvents()
         time.sleep(0.01)
 
 
-def shoot(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow], None]) -> None:
-    """Save what the screen shows of a window with the paper's scene."""
+def save_picture(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow], None]) -> None:
+    """Save a screenshot of a window with the scene plain_weave."""
     window = MainWindow()
     window.resize(1440, 900)
     if window.menus.dark.isChecked() != dark:
@@ -66,7 +66,7 @@ def shoot(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow], None
     window.tabs.setCurrentWidget(getattr(window, tab))
     wait(lambda: window.view.frame is not None)
     prepare(window)
-    # A smooth picture of the last state.
+    # The window draws the last state again, with smooth edges.
     end = time.monotonic() + 2.0
     wait(lambda: time.monotonic() > end and not window.engine.busy)
     QApplication.primaryScreen().grabWindow(window.winId()).save(str(file))
@@ -82,5 +82,5 @@ if __name__ == "__main__":
     QSettings.setPath(QSettings.Format.IniFormat, own, tempfile.mkdtemp())
     app = QApplication([])
     app.setApplicationName("spacemap")
-    shoot(folder / "gui.png", "draft", False, diamond)
-    shoot(folder / "gui_plots.png", "plots", True, curves)
+    save_picture(folder / "gui.png", "draft", False, weave_diamond)
+    save_picture(folder / "gui_plots.png", "plots", True, wait_for_plots)

@@ -1,4 +1,4 @@
-"""Pages of the site that the program knows best: parameters, commands, formats, API, gallery."""
+"""Generate pages of the site from the program: parameters, commands, formats, API, gallery."""
 
 from __future__ import annotations
 
@@ -18,11 +18,16 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
 
 ROOT = Path(__file__).parents[1]
-_ROOMS = {"textile": "Textile", "cage": "Cage", "mechanics": "Mechanics", "embedding": "Embedding"}
+_KERNELS = {
+    "textile": "Textile",
+    "cage": "Cage",
+    "mechanics": "Mechanics",
+    "embedding": "Embedding",
+}
 
 
 def write(folder: Path) -> None:
-    """Write all pages into a folder, those alone that are new."""
+    """Write all pages that have changed into a folder."""
     folder.mkdir(exist_ok=True)
     pages = {
         "parameters": parameters(),
@@ -47,30 +52,30 @@ def _cell(text: str) -> str:
 def parameters() -> Iterator[str]:
     """Yield every key of scene files, section by section."""
     yield "# Every parameter\n"
-    yield "What a scene file can say, as `spacemap keys` tells it. The same names are keywords in"
+    yield "All keys of scene files, as `spacemap keys` prints them. The same names are keywords in"
     yield "Python, fields in the window and in ParaView, and follow `--set` on the command line.\n"
     for section, owner in sections().items():
         yield f"## [{section}]\n\n{(owner.__doc__ or '').strip().splitlines()[0]}\n"
-        yield "| key | default | is | allowed |\n|---|---|---|---|"
+        yield "| key | default | meaning | allowed |\n|---|---|---|---|"
         for key, parameter in owner.parameters.items():
             counts = f" Used only if {parameter.counts}." if parameter.counts else ""
             default, _, stands_for = format_default(parameter).partition("  # ")
             shown = f"`{default}`" + (f" ({_cell(stands_for)})" if stands_for else "")
-            told = _cell(parameter.help + counts)
-            yield f"| `{key}` | {shown} | {told} | {_cell(parameter.allowed)} |"
+            meaning = _cell(parameter.help + counts)
+            yield f"| `{key}` | {shown} | {meaning} | {_cell(parameter.allowed)} |"
         yield ""
 
 
 def commands() -> Iterator[str]:
-    """Yield what `--help` says of every command."""
+    """Yield the help of every command."""
     text = app.generate_docs(output_format="markdown")
     _, begin, rest = text.partition("## spacemap render")
-    yield "# Every command\n\nThis is what `--help` says.\n"
+    yield "# Every command\n\nThe text of `--help`.\n"
     yield re.sub(r"^```console$", "```text", begin + rest, flags=re.M)
 
 
 def formats() -> Iterator[str]:
-    """Yield which files are read and written."""
+    """Yield the formats that are read and written."""
     yield "# Every file format\n"
     yield "What each of them contains: [](../reference/files.md).\n\n## Read\n"
     yield "| endings | format | holds |\n|---|---|---|"
@@ -90,29 +95,29 @@ def _endings(endings: tuple[str, ...]) -> str:
 
 
 def stages() -> Iterator[str]:
-    """Yield the filters' classes, and what connects them."""
+    """Yield the classes of the filters, and the functions that connect them."""
     yield "# Filters in Python\n\nVTK algorithms, as in `from spacemap_vtk import WeaveSource`.\n"
-    named = {name: ("class", f"{module}.{name}") for name, module in FILTERS.items()}
-    named |= {
+    entries = {name: ("class", f"{module}.{name}") for name, module in FILTERS.items()}
+    entries |= {
         "connect": ("function", "spacemap_vtk.filters.base.connect"),
-        "What all filters have": ("class", "spacemap_vtk.filters.base.Stage"),
+        "All filters": ("class", "spacemap_vtk.filters.base.Stage"),
         "Loads": ("module", "spacemap_vtk.filters.load"),
-        "On PyVista's meshes": ("module", "spacemap_vtk.accessor"),
+        "PyVista meshes": ("module", "spacemap_vtk.accessor"),
         "Errors": ("module", "spacemap_vtk.errors"),
     }
-    for title, (kind, name) in named.items():
-        yield f"## {title}\n\n{_documented(kind, name)}"
+    for title, (kind, name) in entries.items():
+        yield f"## {title}\n\n{_autodoc(kind, name)}"
 
 
-def _documented(kind: str, name: str) -> str:
-    """Return what takes in a docstring, which is of reStructuredText; of a filter that is all."""
-    alone = "   :no-members:\n" if kind == "class" and name.split(".")[-1] in FILTERS else ""
-    return f"```{{eval-rst}}\n.. auto{kind}:: {name}\n{alone}```\n"
+def _autodoc(kind: str, name: str) -> str:
+    """Return a block that includes a docstring; for a filter, without its members."""
+    options = "   :no-members:\n" if kind == "class" and name.split(".")[-1] in FILTERS else ""
+    return f"```{{eval-rst}}\n.. auto{kind}:: {name}\n{options}```\n"
 
 
 def kernels() -> Iterator[str]:
-    """Yield the entries of the science: arrays in, arrays out."""
-    yield "# Kernels\n\nThe science apart from VTK: NumPy arrays go in, NumPy arrays come out.\n"
+    """Yield the public functions of the kernels."""
+    yield "# Kernels\n\nScience without VTK: functions from NumPy arrays to NumPy arrays.\n"
     entries: dict[str, list[str]] = {}
     public = {
         (module, node.name)
@@ -121,23 +126,23 @@ def kernels() -> Iterator[str]:
         if isinstance(node, check_docstrings.Named)
     }
     for module, name in sorted(check_docstrings.documented() & public):
-        if module.partition(".")[0] in _ROOMS and not name.startswith("_"):
+        if module.partition(".")[0] in _KERNELS and not name.startswith("_"):
             entries.setdefault(module, []).append(name)
-    for room, title in _ROOMS.items():
+    for folder, title in _KERNELS.items():
         yield f"## {title}\n"
         for module, names in entries.items():
-            if module.partition(".")[0] == room:
+            if module.partition(".")[0] == folder:
                 yield f"### {module}\n"
                 for name in names:
                     kind = "class" if name[:1].isupper() else "function"
-                    yield _documented(kind, f"spacemap_vtk.{module}.{name}")
+                    yield _autodoc(kind, f"spacemap_vtk.{module}.{name}")
 
 
 def gallery(folder: Path) -> Iterator[str]:
-    """Yield the scenes that come with the program, with the pictures that they make."""
+    """Yield the built-in scenes with their pictures."""
     yield "# Gallery\n"
-    yield "Each picture is its scene's, drawn by `python -m spacemap_vtk.draw.thumbnails`; a test"
-    yield "asks each for a number that is known from elsewhere (`tests/test_scenes.py`).\n"
+    yield "The pictures are drawn by `python -m spacemap_vtk.draw.thumbnails`. A test compares each"
+    yield "scene with a number from another source (`tests/test_scenes.py`).\n"
     for kind, names in library.kinds().items():
         yield f"## {kind[:1].upper()}{kind[1:]}\n"
         for name in names:

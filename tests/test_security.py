@@ -241,7 +241,7 @@ def test_a_picture_is_no_program(monkeypatch):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[weave]\nends = " + "[" * 50_000, "brackets in brackets"),
+        ("[weave]\nends = " + "[" * 50_000, "brackets are nested"),
         (f"[{'.'.join('a' * 50_000)}]\n", "a key has more than 16 names"),
         (f"[weave]\nends = {'9' * 50_000}", "thousands of digits"),
         ("#" * (2**24 + 1), "more than 16777216 bytes"),

@@ -163,10 +163,10 @@ def animate(
     except BaseException as error:
         from spacemap_vtk.jobs.frames import BusyError, FrameFolder
 
-        kept = FrameFolder(output)
-        if kept.count and not isinstance(error, BusyError):
+        frames = FrameFolder(output)
+        if frames.count and not isinstance(error, BusyError):
             print(
-                f"spacemap: {kept.count} frames are kept in {kept.folder}; the same command "
+                f"spacemap: {frames.count} frames are kept in {frames.folder}; the same command "
                 "continues from there",
                 file=sys.stderr,
             )

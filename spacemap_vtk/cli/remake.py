@@ -139,28 +139,28 @@ def describe_record(record: Record, file: Path) -> list[str]:
 
 def _existing_output(target: Path) -> Path | None:
     """Return the first path that would be overwritten: the file, or one that belongs to it."""
-    beside = (target.with_suffix(".mtl"), target.with_suffix(""))
-    named = target, *beside, target.with_name(f"{target.name}-metadata.json")
-    return next((path for path in named if path.exists()), None)
+    metadata = target.with_name(f"{target.name}-metadata.json")
+    outputs = target, target.with_suffix(".mtl"), target.with_suffix(""), metadata
+    return next((path for path in outputs if path.exists()), None)
 
 
-def compare_files(one: Path, other: Path) -> Iterator[str]:
+def compare_files(first: Path, second: Path) -> Iterator[str]:
     """Yield how the contents of two files differ, in words; their records are ignored."""
-    if one.read_bytes() == other.read_bytes() and not one.with_suffix("").is_dir():
+    if first.read_bytes() == second.read_bytes() and not first.with_suffix("").is_dir():
         return  # no other file belongs to them that could differ
-    ending = one.suffix.lower()
+    ending = first.suffix.lower()
     if ending in registry.writer_endings("picture"):
-        yield from _compare_pixels(one, other)
+        yield from _compare_pixels(first, second)
         return
     # An analysis is more than its mesh, and a moving surface more than its motion: compare lines.
-    held = {kind for each in registry.writers() if ending in each.endings for kind in each.holds}
+    kinds = {kind for each in registry.writers() if ending in each.endings for kind in each.holds}
     read = [kind for kind in ("motion", "mesh") if ending in registry.reader_endings(kind)]
     found = []
-    if read and "analysis" not in held:
-        found = list((_compare_steps if read[0] == "motion" else _compare_arrays)(one, other))
+    if read and "analysis" not in kinds:
+        found = list((_compare_steps if read[0] == "motion" else _compare_arrays)(first, second))
     yield from found
-    if not found and (not read or held & {"analysis", "moving"}):
-        lines = [_content_lines(path) for path in (one, other)]
+    if not found and (not read or kinds & {"analysis", "moving"}):
+        lines = [_content_lines(path) for path in (first, second)]
         count = sum(a != b for a, b in zip(*lines, strict=False))
         count += abs(len(lines[0]) - len(lines[1]))
         if count:
@@ -177,12 +177,12 @@ def _content_lines(path: Path) -> list[bytes]:
     return [line for line in content.splitlines() if name not in line]
 
 
-def _compare_pixels(one: Path, other: Path) -> Iterator[str]:
+def _compare_pixels(first: Path, second: Path) -> Iterator[str]:
     import numpy as np
     from PIL import Image
 
     pixels = []
-    for path in (one, other):
+    for path in (first, second):
         with Image.open(path) as image:
             pixels.append(np.asarray(image.convert("RGBA"), np.int16))
     if pixels[0].shape != pixels[1].shape:
@@ -195,10 +195,10 @@ def _compare_pixels(one: Path, other: Path) -> Iterator[str]:
         yield f"{share:.2%} of the pixels differ, by up to {off.max()} of 255"
 
 
-def _compare_steps(one: Path, other: Path) -> Iterator[str]:
+def _compare_steps(first: Path, second: Path) -> Iterator[str]:
     from spacemap_vtk.io.series import open_series
 
-    series = open_series(one), open_series(other)
+    series = open_series(first), open_series(second)
     if series[0].times != series[1].times:
         yield "the times differ"
         return
@@ -207,23 +207,23 @@ def _compare_steps(one: Path, other: Path) -> Iterator[str]:
             yield f"at {time:g} s: {text}"
 
 
-def _compare_arrays(one: Path, other: Path) -> Iterator[str]:
+def _compare_arrays(first: Path, second: Path) -> Iterator[str]:
     from spacemap_vtk.io.reading import merge_blocks, read_blocks
 
-    yield from _compare_meshes(*(merge_blocks(read_blocks(path), path) for path in (one, other)))
+    yield from _compare_meshes(*(merge_blocks(read_blocks(path), path) for path in (first, second)))
 
 
-def _compare_meshes(was: Any, made: Any) -> Iterator[str]:
+def _compare_meshes(before: Any, after: Any) -> Iterator[str]:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     from spacemap_vtk.datasets.arrays import points_of
 
-    if was.GetNumberOfCells() != made.GetNumberOfCells():
-        yield f"{made.GetNumberOfCells()} cells instead of {was.GetNumberOfCells()}"
-    tables = {"points": (points_of(was), points_of(made))}
+    if before.GetNumberOfCells() != after.GetNumberOfCells():
+        yield f"{after.GetNumberOfCells()} cells instead of {before.GetNumberOfCells()}"
+    tables = {"points": (points_of(before), points_of(after))}
     for kind in ("GetPointData", "GetCellData"):
-        here, there = getattr(was, kind)(), getattr(made, kind)()
+        here, there = getattr(before, kind)(), getattr(after, kind)()
         for k in range(here.GetNumberOfArrays()):
             name = here.GetArrayName(k)
             pair = here.GetArray(k), there.GetArray(name)

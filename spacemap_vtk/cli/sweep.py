@@ -187,14 +187,14 @@ def _wrap_heading(heading: str) -> list[str]:
 
 def _print_run_warnings(found: Mapping[str, RunResult]) -> None:
     """Print the stages' warnings; of those that differ only in numbers, the first."""
-    alike: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for result in found.values():
         for text in dict.fromkeys(result.warnings):
-            alike.setdefault(re.sub(r"[0-9.]+", "#", text), []).append(text)
-    for texts in list(alike.values())[:_MOST_WARNINGS]:
+            groups.setdefault(re.sub(r"[0-9.]+", "#", text), []).append(text)
+    for texts in list(groups.values())[:_MOST_WARNINGS]:
         like = "" if len(set(texts)) == 1 else ", with different numbers"
         count = f"{len(texts)} of {len(found)} runs{like}"
         print(f"spacemap: warning: {texts[0]} ({count})", file=sys.stderr)
-    if len(alike) > _MOST_WARNINGS:
-        more = len(alike) - _MOST_WARNINGS
+    if len(groups) > _MOST_WARNINGS:
+        more = len(groups) - _MOST_WARNINGS
         print(f"spacemap: warning: {more} more, see the .json of each run", file=sys.stderr)

@@ -57,10 +57,10 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
         )
     if not numbered and (number := re.search(r"%\d*d(?![a-z])", path.name)):
-        one = path.with_name(path.name.replace(number[0], "0001"))
+        example = path.with_name(path.name.replace(number[0], "0001"))
         raise InputError(
             f"{path}: this command writes one file, not a numbered series",
-            allowed=f"a name without {number[0]}, for example {one}",
+            allowed=f"a name without {number[0]}, for example {example}",
             cure='Write one file for each --time, or numbered pictures with "spacemap animate".',
         )
     if _UNREADABLE.search(path.name):
@@ -137,8 +137,8 @@ def explain_disk_errors(path: Path, name: str = "") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        named = error.filename
-        elsewhere = isinstance(named, str) and not Path(named).is_relative_to(path.parent)
+        filename = error.filename
+        elsewhere = isinstance(filename, str) and not Path(filename).is_relative_to(path.parent)
         if error.errno is None or error.errno == errno.EPIPE or elsewhere:
             raise
         why, cure = _DISK_ERRORS.get(error.errno, (os.strerror(error.errno).lower(), None))

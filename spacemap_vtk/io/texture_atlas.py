@@ -139,8 +139,8 @@ def apply_materials(blocks: list[vtkPolyData], materials: list[Material]) -> vtk
         return to_image(_tint(materials[0]))
     tiles: dict[tuple[int, tuple[float, ...], int, int], Pixels] = {}
     used, places = [], []
-    for block, material, has in zip(blocks, materials, painted, strict=True):
-        if has:
+    for block, material, is_painted in zip(blocks, materials, painted, strict=True):
+        if is_painted:
             given = vtk_to_numpy(block.GetPointData().GetArray(material.coordinates))
             at = given.astype(np.float64)
             first = np.floor(at.min(axis=0))
@@ -149,13 +149,15 @@ def apply_materials(blocks: list[vtkPolyData], materials: list[Material]) -> vtk
             at /= repeats
         else:
             at, repeats = np.full((block.GetNumberOfPoints(), 2), 0.5), [1, 1]
-        key = (id(material.picture) if has else 0, material.color, repeats[0], repeats[1])
+        key = (id(material.picture) if is_painted else 0, material.color, repeats[0], repeats[1])
         if key not in tiles:
-            tile = _tint(material) if has else np.full((8, 8, 3), _color_bytes(material.color))
+            tile = (
+                _tint(material) if is_painted else np.full((8, 8, 3), _color_bytes(material.color))
+            )
             tiles[key] = _repeat_tile(tile, repeats)
         used.append(key)
         places.append(at)
-    whole, boxes = _stack_tiles(list(tiles.values()))
+    atlas, boxes = _stack_tiles(list(tiles.values()))
     for block, key, at in zip(blocks, used, places, strict=True):
         low, size = boxes[list(tiles).index(key)]
         at = low + np.clip(at, 0.0, 1.0) * size
@@ -163,7 +165,7 @@ def apply_materials(blocks: list[vtkPolyData], materials: list[Material]) -> vtk
         for other in materials:
             data.RemoveArray(other.coordinates)  # they belong to the separate pictures
         data.SetTCoords(to_array(at.astype(np.float32), COORDINATES))
-    return to_image(whole)
+    return to_image(atlas)
 
 
 def _color_bytes(color: tuple[float, ...]) -> Bytes:
@@ -193,12 +195,12 @@ def _stack_tiles(tiles: list[Pixels]) -> tuple[Pixels, list[tuple[NDArray[Any], 
     parts = 4 if any(tile.shape[2] == 4 for tile in tiles) else 3
     width = max(tile.shape[1] for tile in tiles) + 2 * _GUTTER
     height = sum(tile.shape[0] + 2 * _GUTTER for tile in tiles)
-    whole = np.full((height, width, parts), 255, dtype=np.uint8)
+    atlas = np.full((height, width, parts), 255, dtype=np.uint8)
     boxes, row = [], 0
     for tile in tiles:
         frame = np.pad(tile, ((_GUTTER, _GUTTER), (_GUTTER, _GUTTER), (0, 0)), mode="edge")
-        whole[row : row + frame.shape[0], : frame.shape[1], : tile.shape[2]] = frame
+        atlas[row : row + frame.shape[0], : frame.shape[1], : tile.shape[2]] = frame
         low = np.array([_GUTTER / width, (row + _GUTTER) / height])
         boxes.append((low, np.array([tile.shape[1] / width, tile.shape[0] / height])))
         row += frame.shape[0]
-    return whole, boxes
+    return atlas, boxes

@@ -74,8 +74,8 @@ class WarningList:
         for cases, kind in sorted((sorted(cases), kind) for kind, cases in self._cases.items()):
             (line, text), last = cases[0], cases[-1][0]
             more = f" (and {len(cases) - 1} more, the last in line {last})" if cases[1:] else ""
-            whole = f"line {line}: {text}{more}"
-            texts.append(whole if kind in self._doubtful else Remark(whole))
+            message = f"line {line}: {text}{more}"
+            texts.append(message if kind in self._doubtful else Remark(message))
         return tuple(texts)
 
 

@@ -50,7 +50,7 @@ def format_wif(draft: Draft) -> bytes:
         "WARP THICKNESS": _length_lines(draft.warp.thickness),
         "WEFT THICKNESS": _length_lines(draft.weft.thickness),
     }
-    sections |= {name: list(said) for name, said in draft.besides.items() if name != "TEXT"}
+    sections |= {name: list(lines) for name, lines in draft.besides.items() if name != "TEXT"}
     sections = {name: lines for name, lines in sections.items() if lines}
     head = {
         "WIF": [

@@ -98,9 +98,9 @@ def _element_lines(model: Model) -> Iterator[str]:
     edges = model.points[cells[:, 1:4]] - model.points[cells[:, :1]]
     turned = np.linalg.det(edges) < 0
     cells[turned] = cells[turned][:, _SWAPPED_NODES[nodes]]
-    one = np.ones(len(cells))
+    ones = np.ones(len(cells))
     given = model.fittings.stiffness_factors, model.fittings.mass_factors
-    factors = np.stack([one if each is None else each for each in given], axis=1)
+    factors = np.stack([ones if each is None else each for each in given], axis=1)
     kinds, which = np.unique(factors, axis=0, return_inverse=True)
     which = which.reshape(-1)
     density = model.density * (_TINY_DENSITY if model.lumped else 1.0)

@@ -39,10 +39,10 @@ def _table_lines(curves: YarnCurves) -> Iterator[str]:
     yield _COLUMNS
     begin = 0
     for yarn, count in enumerate(curves.counts.tolist()):
-        look = f"{curves.widths[yarn]:.6g},{','.join(map(str, curves.colors[yarn].tolist()))}"
+        style = f"{curves.widths[yarn]:.6g},{','.join(map(str, curves.colors[yarn].tolist()))}"
         places = curves.points[0, begin : begin + count].tolist()
         yield "\n".join(
-            f"{yarn},{place},{x:.9g},{y:.9g},{z:.9g},{look}"
+            f"{yarn},{place},{x:.9g},{y:.9g},{z:.9g},{style}"
             for place, (x, y, z) in enumerate(places)
         )
         begin += count

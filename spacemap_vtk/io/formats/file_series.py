@@ -63,10 +63,10 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
     lines = []
     for number, (time, data) in enumerate(steps):
         ending = ".vtp" if data.IsA("vtkPolyData") else ".vtu"
-        one = folder / f"{folder.name}_{number:04d}{ending}"
+        step_file = folder / f"{folder.name}_{number:04d}{ending}"
         with attach_record_at(time):
-            writer(one).write(one, data)
-        name = quoteattr(f"{folder.name}/{one.name}")
+            writer(step_file).write(step_file, data)
+        name = quoteattr(f"{folder.name}/{step_file.name}")
         lines.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={name}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
     record = record_comments("    ")

@@ -105,11 +105,11 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps} -i -"
     kind = "-an -c:v libx264 -crf 10 -pix_fmt yuv420p -y"
     words = ["-metadata", f"comment={NAME}: {record_text()}"] if record_text() else []
-    with TemporaryFile() as said:
+    with TemporaryFile() as messages:
         process = subprocess.Popen(
             [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), *words, str(file)],
             stdin=subprocess.PIPE,
-            stderr=said,
+            stderr=messages,
             start_new_session=True,  # otherwise Ctrl-C makes ffmpeg end a short film without error
         )
         assert process.stdin is not None
@@ -127,8 +127,8 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
                 process.stdin.close()
         if process.returncode:
             _raise_disk_error(file)
-            said.seek(0)
-            why = " ".join(said.read().decode(errors="replace").split())
+            messages.seek(0)
+            why = " ".join(messages.read().decode(errors="replace").split())
             raise SpacemapError(f"{file.name}: ffmpeg failed: {why[-200:]}")
     with file.open("rb") as stream:  # boxes that begin with their lengths; the last one is "moov"
         end, begin, box = file.stat().st_size, 0, b""
@@ -139,8 +139,8 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
         _require_end(file, box[4:8] == b"moov" and begin == end)
 
 
-def _require_end(file: Path, there: bool) -> None:
-    if not there:
+def _require_end(file: Path, complete: bool) -> None:
+    if not complete:
         raise SpacemapError(
             f"{file.name}: the film is incomplete: the disk has not stored all of it"
         )

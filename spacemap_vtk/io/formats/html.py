@@ -157,12 +157,12 @@ def _script_json(value: Any) -> str:
 
 def _data_elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     """Yield elements of the page with all arrays, compressed."""
-    kept = b""
+    pending = b""
     for part in _compress_arrays(arrays):
-        kept += part
-        while len(kept) >= _ELEMENT_BYTES or (not part and kept):
-            text = base64.b64encode(kept[:_ELEMENT_BYTES])
-            kept = kept[_ELEMENT_BYTES:]
+        pending += part
+        while len(pending) >= _ELEMENT_BYTES or (not part and pending):
+            text = base64.b64encode(pending[:_ELEMENT_BYTES])
+            pending = pending[_ELEMENT_BYTES:]
             yield b'<script type="text/plain" class="data">' + text + b"</script>\n"
 
 

@@ -67,8 +67,8 @@ def _read_materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], M
     for library in libraries:
         known |= _read_library(path.parent / library, paint)
     names = list(dict.fromkeys(faces))
-    whole = len(faces) != data.GetNumberOfPolys() or data.GetNumberOfLines()
-    if not known or whole or not faces:
+    mismatch = len(faces) != data.GetNumberOfPolys() or data.GetNumberOfLines()
+    if not known or mismatch or not faces:
         return [data], MaterialSet([Material()], paint.notes)
     order = {name: i for i, name in enumerate(names)}
     of_face = np.array([order[name] for name in faces])
@@ -144,16 +144,16 @@ def _read_library(path: Path, paint: MaterialSet) -> dict[str, Material]:
 @writes(".obj", label="Wavefront OBJ", holds=("painted",))
 def write_obj(file: Path, surface: MovingSurface) -> None:
     """Write triangles, in a group for each part, and a second file with the materials."""
-    library, looks = file.with_suffix(".mtl"), []
+    library, lines = file.with_suffix(".mtl"), []
     for shade in surface.materials:
         color = surface.colors[shade.points][0] / 255.0
         shares = [1.0, 1.0, 1.0] if surface.painted else color.tolist()
-        looks += [
+        lines += [
             f"newmtl {_material_name(shade)}",
             "Kd " + " ".join(f"{x:.6g}" for x in shares),
             "",
         ]
-    write_parts(library, ["\n".join(looks).encode()])
+    write_parts(library, ["\n".join(lines).encode()])
     write_parts(file, (f"{text}\n".encode() for text in _obj_lines(surface, library.name)))
 
 

@@ -77,14 +77,14 @@ def read_with_pyvista(path: Path) -> Any:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
-    said = StringIO()
+    printed = StringIO()
     try:
         check_in_child(path, f"{__name__}:read_with_pyvista")
         # meshio prints messages, and ends the program if it cannot read a file
         with (
             quiet_vtk(path),
-            redirect_stdout(said),
-            redirect_stderr(said),
+            redirect_stdout(printed),
+            redirect_stderr(printed),
             _quiet_logging(),
         ):
             # Absolute, because pyvista expands a relative path that begins with a folder "~".
@@ -97,7 +97,7 @@ def read_with_pyvista(path: Path) -> Any:
         ) from None
     except (Exception, SystemExit) as error:
         # pyvista and meshio raise many types: for unknown endings, broken headers, missing parts
-        why = said.getvalue() if isinstance(error, SystemExit) else str(error)
+        why = printed.getvalue() if isinstance(error, SystemExit) else str(error)
         meshes = reader_endings("mesh")
         raise InputError(
             f"{path}: cannot be read: {' '.join(why.split())[:200]}"
@@ -106,7 +106,7 @@ def read_with_pyvista(path: Path) -> Any:
             key="file",
             allowed="a complete file of a format that pyvista reads: " + ", ".join(meshes),
         ) from None
-    if "not closed" in said.getvalue():  # meshio continues with what it has read
+    if "not closed" in printed.getvalue():  # meshio continues with what it has read
         raise truncated_error(path)
     check_point_ids(made, path)
     return made

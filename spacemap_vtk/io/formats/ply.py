@@ -42,18 +42,18 @@ def _check(path: Path) -> None:
         raise damaged_error(path, "not a PLY file: its header is missing or truncated")
     # For each element: its number, and the types of its properties. A list has two types.
     elements: list[tuple[int, list[list[str]]]] = []
-    named: list[tuple[str, ...]] = []
+    names: list[tuple[str, ...]] = []
     for words in lines:
         if words[:1] == ["element"]:
             known = len(words) == 3 and re.fullmatch("[0-9]{1,18}", words[2])
             elements.append((int(words[2]) if known else -1, []))
-            named.append(tuple(words[1:2]))
+            names.append(tuple(words[1:2]))
         elif words[:1] == ["property"] and elements:
             elements[-1][1].append(words[2:-1] if words[1:2] == ["list"] else words[1:-1])
-            named.append((*named[-1][:1], *words[-1:]))
+            names.append((*names[-1][:1], *words[-1:]))
     for count, properties in elements:
         kinds = [len(each) in (1, 2) and _TYPES.keys() >= set(each) for each in properties]
-        if count < 0 or not kinds or not all(kinds) or len(set(named)) < len(named):
+        if count < 0 or not kinds or not all(kinds) or len(set(names)) < len(names):
             why = "its header has an element without count or properties, or one twice"
             raise damaged_error(path, f"not a PLY file: {why}")
     if ["format", "ascii", "1.0"] in lines:

@@ -45,10 +45,10 @@ def _read_columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ..
         words = _SEPARATOR.split(line)
         try:
             row = tuple(float(word) for word in words[:count])
-            whole = len(row) == count and (count > 1 or len(words) == 1)
+            is_row = len(row) == count and (count > 1 or len(words) == 1)
         except ValueError:
-            whole = False
-        if whole:
+            is_row = False
+        if is_row:
             rows.append(row)
         elif not heading or line[0] in "+-.0123456789":
             raise InputError(f'line {number} of {path}: "{line[:80]}"', key="file", allowed=allowed)

@@ -107,8 +107,8 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
         shown.Set(_vector_array(linear(moving.colors)))
     for number, material in enumerate(moving.materials):
         place = f"/Cloth/Looks/Material_{number}"
-        look = UsdShade.Material.Define(stage, place)
-        look.GetPrim().SetDisplayName(material.name)
+        prim = UsdShade.Material.Define(stage, place)
+        prim.GetPrim().SetDisplayName(material.name)
         shader = UsdShade.Shader.Define(stage, f"{place}/Surface")
         shader.CreateIdAttr("UsdPreviewSurface")
         color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
@@ -121,11 +121,11 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
             color.ConnectToSource(read)
         shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(_ROUGHNESS)
         made = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-        look.CreateSurfaceOutput().ConnectToSource(made)
+        prim.CreateSurfaceOutput().ConnectToSource(made)
         faces = np.flatnonzero(material.points[moving.triangles[:, 0]]).astype(np.int32)
         binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
         part = binding.CreateMaterialBindSubset(f"Part_{number}", Vt.IntArray.FromNumpy(faces))
-        UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(look)
+        UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(prim)
     # One frame for each time, if the times are equally spaced.
     seconds = moving.clips[0].times if moving.clips else np.zeros(1)
     rate = (len(seconds) - 1) / float(seconds[-1]) if len(seconds) > 1 else 24.0

@@ -97,9 +97,9 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
         for number, piece in enumerate(pieces):
             if not piece.GetNumberOfCells():
                 continue  # more pieces than yarns; an empty one lacks the others' arrays
-            one = folder / f"{folder.name}_{number:04d}{ending}"
-            (write_vtp if ending == ".vtp" else write_vtu)(one, piece)
-            names.append(quoteattr(f"{folder.name}/{one.name}"))
+            piece_file = folder / f"{folder.name}_{number:04d}{ending}"
+            (write_vtp if ending == ".vtp" else write_vtu)(piece_file, piece)
+            names.append(quoteattr(f"{folder.name}/{piece_file.name}"))
             lines = lines or list(_array_descriptions(piece))
     kind = "PPolyData" if ending == ".vtp" else "PUnstructuredGrid"
     record = record_comments("  ")
@@ -187,9 +187,9 @@ def _estimate_text_bytes(data: vtkDataSet) -> int:
         if array is not None:  # None: an array of texts
             content = np.ascontiguousarray(vtk_to_numpy(array)).reshape(-1).view(np.uint8).data
             begins = range(0, len(content), max(_BLOCK, len(content) // _SAMPLES))
-            taken = [content[begin : begin + _BLOCK] for begin in begins]
-            packed = sum(len(zlib.compress(block, 5)) for block in taken)
-            size += len(content) * packed / max(1, sum(map(len, taken)))
+            samples = [content[begin : begin + _BLOCK] for begin in begins]
+            packed = sum(len(zlib.compress(block, 5)) for block in samples)
+            size += len(content) * packed / max(1, sum(map(len, samples)))
     return int(4 / 3 * size)  # base64 writes three bytes as four letters
 
 
