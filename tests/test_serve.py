@@ -71,7 +71,7 @@ def served(opened) -> Iterator[tuple[subprocess.Popen[str], str]]:
         process.communicate()
 
 
-def test_who_has_no_token_gets_nothing(served, opened):
+def test_requests_without_the_token_are_refused(served, opened):
     _, address = served
     while not opened.exists():
         time.sleep(0.01)
@@ -133,7 +133,7 @@ async def _call(socket, number, method, args):
     return found
 
 
-def test_a_taken_port_and_a_public_address_are_refused(served, capsys):
+def test_used_port_and_public_address_are_refused(served, capsys):
     port = str(urlsplit(served[1]).port)
     for option, value, told in (
         ("--host", "0.0.0.0", "reachable from this machine only"),
@@ -158,7 +158,7 @@ class _State(types.SimpleNamespace):
         return None
 
 
-def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
+def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
     monkeypatch.setattr("spacemap_vtk.app.web.session.CANCEL_AFTER", 0.0)
 
     async def ask() -> None:
@@ -205,7 +205,7 @@ def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
     asyncio.run(ask())
 
 
-def test_a_browser_shows_it_live(served):
+def test_browser_page_moves_and_follows_changes(served):
     process, address = served
     with browser(900, 600) as page:
         page.open(address)

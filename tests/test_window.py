@@ -26,7 +26,7 @@ def row(window: Any, section: str, name: str) -> Any:
     return window.properties.rows[name]
 
 
-def test_the_stages_tell_their_state_time_and_runs(open_scene: Any) -> None:
+def test_stages_show_their_state_time_and_runs(open_scene: Any) -> None:
     window = open_scene()
     for section in ("weave", "cage", "modal", "response", "warp", "surface"):
         assert window.stages.states[section] == "fresh"
@@ -34,7 +34,7 @@ def test_the_stages_tell_their_state_time_and_runs(open_scene: Any) -> None:
         assert window.stages.items[section].text(2) == "1"
 
 
-def test_every_declared_parameter_has_its_field(open_scene: Any) -> None:
+def test_every_declared_parameter_has_a_field(open_scene: Any) -> None:
     window = open_scene(wait=False)
     for section, part in sections().items():
         window.stages.select(section)
@@ -45,7 +45,7 @@ def test_every_declared_parameter_has_its_field(open_scene: Any) -> None:
             assert (rows[name].automatic is not None) == bool(parameter.automatic), name
 
 
-def test_a_typed_value_takes_its_unit(open_scene: Any) -> None:
+def test_typed_value_with_a_unit_is_converted(open_scene: Any) -> None:
     window = open_scene()
     before = executions(window)
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
@@ -55,7 +55,7 @@ def test_a_typed_value_takes_its_unit(open_scene: Any) -> None:
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
 
 
-def test_the_word_for_automatic_can_be_typed(open_scene: Any) -> None:
+def test_word_auto_can_be_typed(open_scene: Any) -> None:
     window = open_scene()
     document = window.document
     document.set("modal", "material", "denim")  # of an isotropic one moduli do not count
@@ -78,7 +78,7 @@ def test_the_word_for_automatic_can_be_typed(open_scene: Any) -> None:
         assert editor.line.text() == "", name
 
 
-def test_a_drag_runs_only_what_lies_downstream(open_scene: Any) -> None:
+def test_slider_drag_runs_only_downstream_stages(open_scene: Any) -> None:
     window = open_scene()
     editor = row(window, "modal", "youngs_modulus").editor
     before, image = executions(window), window.view.image().astype(int)
@@ -98,7 +98,7 @@ def test_a_drag_runs_only_what_lies_downstream(open_scene: Any) -> None:
     assert window.document.scene.modal.youngs_modulus == value
 
 
-def test_a_new_time_runs_the_last_three_stages(open_scene: Any) -> None:
+def test_new_time_runs_only_the_last_three_stages(open_scene: Any) -> None:
     window = open_scene()
     before = executions(window)
     type_into(window.times.line, "33 ms")
@@ -107,7 +107,7 @@ def test_a_new_time_runs_the_last_three_stages(open_scene: Any) -> None:
     assert changed == {"response", "warp", "surface"}
 
 
-def test_playing_draws_frame_after_frame_and_loops(open_scene: Any) -> None:
+def test_playing_draws_frames_and_loops(open_scene: Any) -> None:
     window = open_scene()
     times: list[float] = []
     window.director.drawn.connect(lambda frame: times.append(frame.time))
@@ -120,7 +120,7 @@ def test_playing_draws_frame_after_frame_and_loops(open_scene: Any) -> None:
     assert window.view.frame.time == window.times.time
 
 
-def test_a_wrong_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
+def test_invalid_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
     window = open_scene()
     for section, name, text in (
         ("weave", "warp_diameter", "wide"),
@@ -146,7 +146,7 @@ def test_a_wrong_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
         assert window.errors.text == ""
 
 
-def test_a_jammed_cloth_keeps_the_last_picture(open_scene: Any) -> None:
+def test_jammed_cloth_keeps_the_last_picture(open_scene: Any) -> None:
     window = open_scene()
     frame = window.view.frame
     field = row(window, "weave", "warp_diameter")
@@ -161,7 +161,7 @@ def test_a_jammed_cloth_keeps_the_last_picture(open_scene: Any) -> None:
     assert window.stages.states["weave"] == "fresh"
 
 
-def test_the_feasible_interval_of_h1_is_live(open_scene: Any) -> None:
+def test_feasible_interval_of_the_crimp_height_is_updated(open_scene: Any) -> None:
     window = open_scene()
     field = row(window, "weave", "warp_crimp_height")
     before = field.editor.toolTip()
@@ -184,7 +184,7 @@ def test_the_feasible_interval_of_h1_is_live(open_scene: Any) -> None:
     assert window.document.scene.source.warp_crimp_height is None
 
 
-def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> None:
+def test_window_responds_during_a_run_that_can_be_cancelled(open_window: Any) -> None:
     window = open_window()
     image = window.view.image().astype(int)
     window.document.set("modal", "modes", 400)
@@ -207,7 +207,7 @@ def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> No
     wait_until(lambda: settled(window))
 
 
-def test_closing_during_a_solve(open_window: Any) -> None:
+def test_window_can_be_closed_during_a_run(open_window: Any) -> None:
     window = open_window(wait=False)
     window.document.set("modal", "modes", 400)
     window.document.set("cage", "divisions", [20, 20, 3])

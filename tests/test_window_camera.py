@@ -22,7 +22,7 @@ def image(window: Any) -> np.ndarray:
     return window.view.image().astype(int)
 
 
-def test_every_camera_is_another_picture(open_scene: Any) -> None:
+def test_every_camera_preset_gives_another_picture(open_scene: Any) -> None:
     window = open_scene()
     pictures = []
     assert {*CAMERAS} - {"side"} == {*window.tools.cameras}  # it is the right one
@@ -35,7 +35,7 @@ def test_every_camera_is_another_picture(open_scene: Any) -> None:
     assert np.abs(image(window) - pictures[-1]).max() > 60
 
 
-def test_the_face_has_no_perspective(open_scene: Any) -> None:
+def test_face_camera_has_no_perspective(open_scene: Any) -> None:
     window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
     camera, parallel = window.view.canvas.camera, window.tools.orthographic
     assert camera.GetParallelProjection()
@@ -51,7 +51,7 @@ def test_the_face_has_no_perspective(open_scene: Any) -> None:
     assert not camera.GetParallelProjection()
 
 
-def test_what_lies_behind_follows_the_window_until_it_is_said(open_scene: Any) -> None:
+def test_background_follows_the_theme_unless_the_scene_sets_it(open_scene: Any) -> None:
     window = open_scene()
     document, dark = window.document, window.menus.dark
     dark.trigger()
@@ -64,7 +64,7 @@ def test_what_lies_behind_follows_the_window_until_it_is_said(open_scene: Any) -
     assert image(window)[[0, -1], 0].min() > 200
 
 
-def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
+def test_click_on_an_axis_looks_along_it(open_scene: Any) -> None:
     window = open_scene()
     widget, camera = window.view.canvas, window.view.canvas.camera
     signs = window.view.scene_view.annotations
@@ -86,7 +86,7 @@ def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
     window.tools.part_actions["triad"].trigger()
 
 
-def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:
+def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
     window = open_scene()
     widget, camera = window.view.canvas, window.view.canvas.camera
     # From the side, and from above, where nothing is up: each drag would roll a trackball.
@@ -108,7 +108,7 @@ def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:
     window.tools.turntable.setChecked(False)
 
 
-def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> None:
+def test_resizing_keeps_the_scene_in_view_until_the_camera_is_moved(open_scene: Any) -> None:
     window = open_scene()
 
     def clear(share: float) -> bool:

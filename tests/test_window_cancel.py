@@ -35,7 +35,7 @@ def slack() -> float:
     return 10.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
-def test_work_stops_at_its_next_check_and_other_work_goes_on() -> None:
+def test_cancelled_work_stops_at_its_next_check() -> None:
     token, blocks = CancelToken(), []
     with token.active():
         check()
@@ -108,7 +108,7 @@ def cancel_when_running(window: Any, stage: str) -> None:
     wait_until(lambda: not window.engine.busy and window.errors.text)
 
 
-def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
+def test_cancelled_run_can_be_started_again(open_window: Any) -> None:
     window = open_window()
     window.document.set_many("cage", {"divisions": [12, 12, 2], "order": 2})
     cancel_when_running(window, "modal")
@@ -123,7 +123,7 @@ def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
     assert not window.errors.run_button.isVisible()
 
 
-def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -> None:
+def test_message_about_a_cancelled_run_is_correct(open_window: Any, tmp_path: Path) -> None:
     window = open_window()
     # Long enough a run that it is not over when it is cancelled.
     window.document.set_many("weave", {"ends": 12, "picks": 12})
@@ -144,7 +144,7 @@ def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -
     assert "no picture of this scene" in window.errors.text
 
 
-def test_closing_ends_a_run_too(open_window: Any) -> None:
+def test_closing_cancels_the_run(open_window: Any) -> None:
     window = open_window(str(library.folder() / "animal_in_carved_cage.toml"))
     window.document.set("cage", "divisions", [130, 100, 65])
     wait_until(lambda: window.stages.states["cage"] == "running")
@@ -155,7 +155,7 @@ def test_closing_ends_a_run_too(open_window: Any) -> None:
     assert not window.engine.isRunning()
 
 
-def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> None:
+def test_child_process_ends_with_the_cancelled_run(tmp_path: Path) -> None:
     token, ends = CancelToken(), []
     code = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
 
@@ -174,7 +174,7 @@ def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> 
     assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
 
 
-def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
+def test_child_process_returns_its_output(tmp_path: Path) -> None:
     code = "import sys; print('x' * 100_000); sys.stderr.write('wrong'); sys.exit(3)"
     done = run_process([sys.executable, "-c", code], tmp_path)
     assert done.returncode == 3
@@ -216,7 +216,7 @@ def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
         engine.cancelled.disconnect()
 
 
-def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: Any) -> None:
+def test_cancel_before_a_run_starts_stops_only_that_run(qapp: Any) -> None:
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
         do, pending = engine.run_request, [engine.cancel]
@@ -242,7 +242,7 @@ def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: 
         assert told[2] == first.values
 
 
-def test_closing_between_a_job_and_its_run_ends_it(qapp: Any) -> None:
+def test_closing_before_a_run_starts_ends_the_engine(qapp: Any) -> None:
     with running_engine() as (engine, told):
         do, taken = engine.run_request, threading.Event()
 
@@ -260,7 +260,7 @@ def test_closing_between_a_job_and_its_run_ends_it(qapp: Any) -> None:
         assert told == ["cancelled"]
 
 
-def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
+def test_cancelling_a_long_run_does_not_cancel_the_next(
     qapp: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A newer wish ends a run of some time; the run may end by itself in that very moment."""

@@ -43,7 +43,7 @@ def change_a_lot(window: Any) -> None:
 
 
 @pytest.mark.parametrize("start", ["gust", None])
-def test_the_command_line_draws_what_the_scene_draws(
+def test_copied_command_draws_the_same_picture(
     open_scene: Any, tmp_path: Path, start: str | None
 ) -> None:
     window = open_scene("gust")
@@ -70,7 +70,7 @@ def test_the_command_line_draws_what_the_scene_draws(
     assert np.abs(one.astype(int) - other).max() == 0
 
 
-def test_the_script_moves_every_point_as_the_window_does(open_scene: Any, tmp_path: Path) -> None:
+def test_copied_script_computes_the_points_of_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("gust")
     change_a_lot(window)
     wait_until(lambda: settled(window))
@@ -86,7 +86,7 @@ def test_the_script_moves_every_point_as_the_window_does(open_scene: Any, tmp_pa
     np.testing.assert_allclose(bounds, window.view.frame.surface.GetBounds(), rtol=1e-12)
 
 
-def test_what_is_automatic_again_is_said(open_scene: Any) -> None:
+def test_copied_command_sets_automatic_values(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("weave", "warp_diameter", None)
     line = copied(window, "Copy as command line")
@@ -99,7 +99,7 @@ def test_what_is_automatic_again_is_said(open_scene: Any) -> None:
     assert again.source.settings == window.document.scene.source.settings
 
 
-def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
+def test_copied_command_names_the_draft_file(open_scene: Any) -> None:
     draft = library.folder() / "32-shaft_twill.wif"
     window = open_scene(str(draft), wait=False)
     window.document.set("weave", "thick_yarns", "scale")
@@ -108,7 +108,7 @@ def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
     assert 'weave.thick_yarns="scale"' in line
 
 
-def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_scene: Any) -> None:
+def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     window.tabs.setCurrentWidget(window.figures)
 

@@ -18,7 +18,7 @@ from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
-def test_an_edit_builds_one_scene(
+def test_each_edit_builds_one_scene(
     open_window: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     built: list[int] = []
@@ -78,7 +78,7 @@ def box(window: Any, section: str, column: int = 3) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
+def test_stages_can_be_switched_in_the_list(open_scene: Any) -> None:
     window = open_scene()
     document, stages = window.document, window.stages
     before, values = document.text, document.values
@@ -110,9 +110,7 @@ def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     assert document.text == before
 
 
-def test_one_stage_takes_over_from_another_what_both_declare(
-    open_scene: Any, tmp_path: Path
-) -> None:
+def test_replacing_stage_takes_over_common_values(open_scene: Any, tmp_path: Path) -> None:
     scene = tmp_path / "held.toml"
     scene.write_text(
         "[weave]\nends = 3\npicks = 3\n\n[cage]\ndivisions = [1, 1, 1]\n\n[modal]\n\n[response]\n"
@@ -139,7 +137,7 @@ def test_one_stage_takes_over_from_another_what_both_declare(
     }
 
 
-def test_eye_button_menu_and_scene_never_disagree(open_scene: Any) -> None:
+def test_eye_button_menu_and_scene_always_agree(open_scene: Any) -> None:
     window = open_scene()
     document, cage, fabric = (
         window.document,

@@ -43,7 +43,7 @@ def runs(window: Any) -> dict[str, int]:
     return {s.section: s.executions for s in scene_of(window).stages}
 
 
-def test_the_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     before, counts, image = woven(window), runs(window), window.view.image().astype(int)
     click(qtbot, window, "threading", 2, 4)
@@ -64,9 +64,7 @@ def test_the_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path)
     np.testing.assert_array_equal(woven(window), after)
 
 
-def test_a_drag_threads_a_whole_line_and_is_undone_as_one(
-    draft_of: Any, qtbot: Any, twill: Path
-) -> None:
+def test_drag_threads_several_ends_in_one_undo_step(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     view = window.draft.grid.viewport()
     qtbot.mousePress(view, LEFT, pos=spot(window, "threading", 8, 1))
@@ -83,7 +81,9 @@ def test_a_drag_threads_a_whole_line_and_is_undone_as_one(
     assert window.draft.grid.shown.loom.threading[7] == (4,)
 
 
-def test_tie_up_treadling_and_second_marks(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_tie_up_treadling_and_second_marks_can_be_edited(
+    draft_of: Any, qtbot: Any, twill: Path
+) -> None:
     window = draft_of(twill)
     loom = window.draft.grid.shown.loom
     click(qtbot, window, "tieup", 1, 3)
@@ -104,9 +104,7 @@ def test_tie_up_treadling_and_second_marks(draft_of: Any, qtbot: Any, twill: Pat
     assert window.document.text == before
 
 
-def test_a_liftplan_is_another_writing_of_the_same_cloth(
-    draft_of: Any, qtbot: Any, twill: Path
-) -> None:
+def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     # Pressed in an order that is not theirs; there and back they keep their numbers.
     window.draft._set_loom(window.draft.grid.shown.loom.treadled(1, (3,)), "treadling")
@@ -129,7 +127,7 @@ def test_a_liftplan_is_another_writing_of_the_same_cloth(
     np.testing.assert_array_equal(loom.drawdown(), woven(window))
 
 
-def test_a_sinking_shed_turns_the_cloth_over(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_sinking_shed_inverts_the_drawdown(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     before = woven(window)
     box = window.draft.rising
@@ -137,7 +135,7 @@ def test_a_sinking_shed_turns_the_cloth_over(draft_of: Any, qtbot: Any, twill: P
     np.testing.assert_array_equal(woven(window), ~before)
 
 
-def test_numbers_of_yarns_shafts_and_treadles(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_yarns_shafts_and_treadles_can_be_counted(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     before, counts = woven(window), window.draft.counts
     type_into(counts["ends"].lineEdit(), "12")
@@ -156,7 +154,7 @@ def test_numbers_of_yarns_shafts_and_treadles(draft_of: Any, qtbot: Any, twill: 
     assert window.errors.text == ""
 
 
-def test_the_drawdown_of_a_pattern_is_painted_by_hand(draft_of: Any, qtbot: Any) -> None:
+def test_drawdown_of_a_pattern_can_be_painted(draft_of: Any, qtbot: Any) -> None:
     window = draft_of("plain_weave")
     before, view = woven(window), window.draft.grid.viewport()
     assert not before[0, 1]
@@ -177,7 +175,9 @@ def test_the_drawdown_of_a_pattern_is_painted_by_hand(draft_of: Any, qtbot: Any)
     np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
 
 
-def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_strips_are_painted_with_palette_and_dialog_colours(
+    draft_of: Any, qtbot: Any, twill: Path
+) -> None:
     window = draft_of(twill)
     draft = window.draft
 
@@ -214,7 +214,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     assert draft.grid.color.name() == "#e8c78f"
 
 
-def test_swatches_stay_where_they_are(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_swatches_keep_their_places(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     draft, view = window.draft, window.draft.grid.viewport()
     row = draft.palette_row
@@ -251,7 +251,7 @@ def test_swatches_stay_where_they_are(draft_of: Any, qtbot: Any, twill: Path) ->
     assert (color(0, 1), color(1, 0)) == ("#aa3300", "#ffffff")
 
 
-def test_a_draft_is_edited_by_keys(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_draft_can_be_edited_with_the_keyboard(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     grid, keys = window.draft.grid, Qt.Key
     click(qtbot, window, "threading", 2, 2)
@@ -276,7 +276,7 @@ def test_a_draft_is_edited_by_keys(draft_of: Any, qtbot: Any, twill: Path) -> No
     assert "pick 1 " in window.draft.hint.text()
 
 
-def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None:
+def test_draft_with_32_shafts_fits_into_the_tab(draft_of: Any, qtbot: Any) -> None:
     window = draft_of(library.folder() / "32-shaft_twill.wif")
     window.splitter.setSizes([260, 300, 640])
     qtbot.wait(50)
@@ -319,7 +319,7 @@ def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None
     assert last[1] < first[1]
 
 
-def test_the_drawdown_lies_as_the_cloth_does(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_drawdown_has_the_orientation_of_the_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
     # Neither turned nor mirrored is it the same: 8 ends, 6 picks, an end threaded against its line.
     (twill.parent / "still.toml").write_text('[weave]\ndraft = "twill.wif"\npicks = 6\n')
     window = draft_of(twill.parent / "still.toml")
@@ -357,7 +357,7 @@ def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Pat
     assert runs(window) == before
 
 
-def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
+def test_draft_tab_explains_that_a_mesh_has_no_draft(draft_of: Any) -> None:
     window = draft_of(next(library.folder().rglob("*.ply")))
     assert "not woven" in window.draft.placeholder.text()
     assert not window.draft.grid.isVisible()
@@ -365,7 +365,7 @@ def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
     assert window.draft.grid.isVisible()
 
 
-def test_counts_that_are_typed_keep_their_digits(draft_of: Any, twill: Path) -> None:
+def test_typed_counts_keep_their_digits(draft_of: Any, twill: Path) -> None:
     window = draft_of(twill)
     ends, hint = window.draft.counts["ends"], window.draft.hint
     line = ends.lineEdit()

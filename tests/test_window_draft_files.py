@@ -25,7 +25,7 @@ from spacemap_vtk.scenes.shown import as_series  # noqa: E402
 from spacemap_vtk.textile.drafts.draft import Draft  # noqa: E402
 
 
-def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     original = read_wif(twill.with_suffix(".wif")).loom
     click(qtbot, window, "threading", 2, 4)
@@ -49,7 +49,7 @@ def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, tw
     assert kept.is_file()  # for undo
 
 
-def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
+def test_draft_versions_are_deleted_with_their_owner(twill: Path) -> None:
     keeper = DraftVersions()
     path = keeper.add(read_wif(twill.with_suffix(".wif")))
     assert keeper.contains(path)
@@ -59,7 +59,7 @@ def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
     assert not path.parent.exists()
 
 
-def test_a_draft_that_found_no_room_is_kept_whole_later(
+def test_draft_version_is_complete_after_a_failed_write(
     small_disk: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = small_disk(2**16)
@@ -75,7 +75,7 @@ def test_a_draft_that_found_no_room_is_kept_whole_later(
     np.testing.assert_array_equal(read_wif(keeper.add(wif)).drawdown, drawdown)
 
 
-def test_drafts_are_opened_and_saved_as_wif(
+def test_drafts_can_be_opened_and_saved_as_wif(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = draft_of("plain_weave")
@@ -110,7 +110,7 @@ def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: P
     assert read_wif(file).loom == window.draft.grid.shown.loom
 
 
-def test_an_edited_draft_has_a_name_that_the_user_knows(
+def test_edited_draft_is_shown_by_its_original_name(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = draft_of(twill)
@@ -138,7 +138,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     assert line.text() == "mine.wif"
 
 
-def test_a_saved_draft_is_no_unsaved_change(
+def test_saved_draft_leaves_no_unsaved_change(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, text = draft_of(twill), twill.read_text()
@@ -162,7 +162,7 @@ def test_a_saved_draft_is_no_unsaved_change(
     assert window.isWindowModified()
 
 
-def test_a_draft_that_was_opened_is_saved_as_one(
+def test_opened_draft_is_saved_as_a_draft(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = draft_of(twill.with_suffix(".wif"))
@@ -186,7 +186,7 @@ def test_a_draft_that_was_opened_is_saved_as_one(
     assert window.isWindowModified()
 
 
-def test_a_draft_is_a_document(
+def test_draft_can_be_opened_edited_and_saved_as_a_document(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, said = twill.with_suffix(".wif"), "[TEXT]\nAuthor=Ada\n[NOTES]\n1=for the loom upstairs\n"
@@ -250,7 +250,7 @@ def test_a_draft_is_a_document(
     assert "no .wifw can be written" in asked[0][0]
 
 
-def test_colours_are_written_as_their_repeat() -> None:
+def test_yarn_colours_are_written_as_their_repeat() -> None:
     a, b = (1, 2, 3), (4, 5, 6)
 
     def series(*rows: tuple[int, ...]) -> Any:
@@ -263,7 +263,7 @@ def test_colours_are_written_as_their_repeat() -> None:
     assert len(as_series(many)) == 2001
 
 
-def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> None:
+def test_edited_draft_keeps_the_data_of_its_file(draft_of: Any, qtbot: Any) -> None:
     source = library.folder() / "32-shaft_twill.wif"
     window = draft_of(source)
     before = window.document.scene.woven.cloth

@@ -48,7 +48,7 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
     QTest.mouseClick(save, Qt.MouseButton.LeftButton)
 
 
-def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> None:
+def test_exported_picture_has_the_camera_of_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.tools.part_actions["cage"].trigger()
     done = written(window)
@@ -82,7 +82,7 @@ def colourful(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
 
 @pytest.mark.parametrize("widths", [(300, 260, 640), (200, 900, 100)])
 @pytest.mark.parametrize("size", [(400, 300), (240, 480)])
-def test_what_the_view_shows_fills_a_picture_of_any_form(
+def test_exported_picture_of_any_shape_is_filled(
     open_scene: Any, tmp_path: Path, widths: tuple[int, ...], size: tuple[int, int]
 ) -> None:
     window = open_scene()
@@ -101,7 +101,7 @@ def test_what_the_view_shows_fills_a_picture_of_any_form(
     assert max(shares) == pytest.approx(max(seen), abs=0.02)
 
 
-def test_what_is_cut_by_the_edges_of_the_view_stays_in_the_picture(open_scene: Any) -> None:
+def test_exported_picture_contains_at_least_the_zoomed_view(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
     window.view.zoom(4.0)
@@ -123,9 +123,7 @@ def test_what_is_cut_by_the_edges_of_the_view_stays_in_the_picture(open_scene: A
     assert 0.5 * tall.parallel_scale == pytest.approx(here.parallel_scale * width / height)
 
 
-def test_a_dark_window_exports_its_background_and_a_wire_frame(
-    open_scene: Any, tmp_path: Path
-) -> None:
+def test_dark_window_exports_its_background_and_wireframe(open_scene: Any, tmp_path: Path) -> None:
     window, done = open_scene(), []
     window.exports.written.connect(done.append)
     window.menus.dark.trigger()
@@ -154,7 +152,9 @@ def test_a_dark_window_exports_its_background_and_a_wire_frame(
     assert shares[1] < 0.6 * shares[2]
 
 
-def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: Path) -> None:
+def test_export_dialog_applies_presets_and_remembers_the_size(
+    open_scene: Any, tmp_path: Path
+) -> None:
     window, done = open_scene(), []
     window.exports.written.connect(done.append)
     seen: list[Any] = []
@@ -193,7 +193,7 @@ def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: 
         assert np.abs(both[0] - both[1])[cover == 255].mean() < 15.0
 
 
-def test_what_a_format_cannot_hold_is_told(open_scene: Any, tmp_path: Path) -> None:
+def test_data_lost_by_a_format_are_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("twill_2_2")
     done = written(window)
     file = tmp_path / "twill.dtx"
@@ -206,7 +206,7 @@ def test_what_a_format_cannot_hold_is_told(open_scene: Any, tmp_path: Path) -> N
     assert window.errors.text == ""
 
 
-def test_a_film_is_written_whole(open_scene: Any, tmp_path: Path) -> None:
+def test_film_has_all_its_frames(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("animation", "stop", "20 ms")
     done = written(window)
@@ -220,7 +220,7 @@ def test_a_film_is_written_whole(open_scene: Any, tmp_path: Path) -> None:
     assert sorted(tmp_path.glob(".spacemap*")) == []
 
 
-def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
+def test_cancelled_film_leaves_no_file(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -259,7 +259,7 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
 
 
 @pytest.mark.parametrize("encoder", [True, False])
-def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
+def test_film_without_an_encoder_is_neither_proposed_nor_started(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoder: bool
 ) -> None:
     window = open_scene()
@@ -303,7 +303,7 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
         ("Surface", ".stl", None),
     ],
 )
-def test_data_are_those_of_the_time_shown(
+def test_exported_data_belong_to_the_shown_time(
     open_scene: Any,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -325,7 +325,7 @@ def test_data_are_those_of_the_time_shown(
         np.testing.assert_allclose(data.bounds, here, atol=1e-6)
 
 
-def test_a_series_has_the_times_that_are_typed(
+def test_exported_series_has_the_typed_times(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -368,7 +368,7 @@ def test_a_series_has_the_times_that_are_typed(
     assert len([each for each in before if each.suffix == ".vtp"]) == 4
 
 
-def test_what_cannot_be_written_is_told(open_scene: Any, tmp_path: Path) -> None:
+def test_failed_exports_are_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.exports.start("picture", tmp_path / "no" / "picture.png")
     assert "does not exist" in window.errors.text
@@ -386,7 +386,7 @@ def test_what_cannot_be_written_is_told(open_scene: Any, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("kind", "name"), [("surface", "x.vtp"), ("picture", "x.png"), ("film", "x.mp4")]
 )
-def test_a_full_disk_is_told_and_what_was_there_stays(
+def test_full_disk_is_reported_and_the_old_file_stays(
     open_scene: Any, small_disk: Any, kind: str, name: str
 ) -> None:
     disk = small_disk(2**15)
@@ -403,7 +403,7 @@ def test_a_full_disk_is_told_and_what_was_there_stays(
     ]
 
 
-def test_a_folder_that_comes_in_the_way_is_told(open_scene: Any, tmp_path: Path) -> None:
+def test_folder_in_place_of_the_output_is_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.exports.start("picture", tmp_path / "x.png", size=(160, 120))
     (tmp_path / "x.png").mkdir()
@@ -426,7 +426,7 @@ launch("plain_weave", lambda window: QTimer.singleShot(1000, lambda: begin(windo
 """
 
 
-def test_a_window_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+def test_terminated_window_leaves_no_partial_file(tmp_path: Path) -> None:
     target = tmp_path / "film.mp4"
     target.write_bytes(b"what was there")
     with subprocess.Popen([sys.executable, "-c", _ENDED, str(target)]) as process:
@@ -441,7 +441,7 @@ def test_a_window_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     ]
 
 
-def test_processes_that_do_not_start_are_told_and_the_next_one_runs(
+def test_process_that_does_not_start_is_reported(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -467,7 +467,7 @@ def test_processes_that_do_not_start_are_told_and_the_next_one_runs(
     assert [path.name for path in folder.iterdir()] == ["picture.png"]
 
 
-def test_a_size_that_is_typed_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
+def test_typed_size_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
     window, seen = open_scene(), []
 
     def fill() -> None:

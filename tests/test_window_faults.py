@@ -28,9 +28,7 @@ file = "puff.csv"  # measured
 """
 
 
-def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
-    open_scene: Any, tmp_path: Path
-) -> None:
+def test_load_with_a_table_file_can_be_edited(open_scene: Any, tmp_path: Path) -> None:
     (tmp_path / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
     scene = tmp_path / "scene.toml"
     scene.write_text(SMALL + PUFF)
@@ -48,7 +46,7 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
     assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")
 
 
-def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> None:
+def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("response")
     alpha = window.properties.rows["alpha"]
@@ -74,7 +72,7 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
     assert table.item(0, 2).text() == "0.050"
 
 
-def test_what_does_not_count_and_is_refused_can_be_put_right(open_scene: Any) -> None:
+def test_refused_value_without_effect_can_be_corrected(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("modal")
     window.document.set("modal", "thickness", "1 mm")
@@ -93,7 +91,7 @@ def test_what_does_not_count_and_is_refused_can_be_put_right(open_scene: Any) ->
 
 
 @pytest.mark.parametrize("answer", ["Yes", "No"])
-def test_a_name_without_its_ending_writes_over_nothing_unasked(
+def test_name_without_an_ending_asks_before_overwriting(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
     window = open_scene()
@@ -114,7 +112,7 @@ def test_a_name_without_its_ending_writes_over_nothing_unasked(
     assert (window.document.file == there) == (answer == "Yes")
 
 
-def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
+def test_scene_with_another_file_ending_opens(tmp_path: Path) -> None:
     document = Document()
     file = tmp_path / "cloth.v2"
     file.write_text(SMALL)
@@ -126,7 +124,7 @@ def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
     assert Scene.read(file).source.ends == 4
 
 
-def test_leaving_the_time_untouched_leaves_the_time(open_scene: Any) -> None:
+def test_leaving_the_time_field_unchanged_keeps_the_time(open_scene: Any) -> None:
     window = open_scene()
     window.times.go_to(1 / 30)
     asked: list[float] = []
@@ -139,7 +137,7 @@ def test_leaving_the_time_untouched_leaves_the_time(open_scene: Any) -> None:
     assert asked == [0.02]
 
 
-def test_a_stage_that_undo_takes_away_is_off_again(open_scene: Any, tmp_path: Path) -> None:
+def test_undo_switches_an_added_stage_off(open_scene: Any, tmp_path: Path) -> None:
     still = tmp_path / "still.toml"
     still.write_text(SMALL)
     window = open_scene(str(still))
@@ -155,7 +153,7 @@ def test_a_stage_that_undo_takes_away_is_off_again(open_scene: Any, tmp_path: Pa
     assert window.stages.states["modal"] == "off"
 
 
-def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> None:
+def test_last_value_of_a_fast_drag_is_applied(qtbot: Any) -> None:
     document = Document()
     document.open("plain_weave")
     begin, changes, congested = document.text, [], [False]
@@ -189,7 +187,7 @@ def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> N
     document.changed.disconnect()  # which keeps the document
 
 
-def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None:
+def test_mouse_wheel_scrolls_without_changing_fields(open_scene: Any) -> None:
     window = open_scene("gust")
     window.stages.select("response")
     assert isinstance(window.properties.rows["loads"].editor.cards[0].action, QComboBox)
@@ -211,7 +209,7 @@ def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None
     assert window.document.history.isClean()
 
 
-def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_scene: Any) -> None:
+def test_typed_time_is_shown_with_its_unit_or_marked_as_invalid(open_scene: Any) -> None:
     window = open_scene()
     line = window.times.line
     type_into(line, "0.05")
@@ -227,7 +225,7 @@ def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_scene: Any) 
     assert (line.text(), line.property("bad")) == ("0 s", False)
 
 
-def test_a_draft_that_is_none_is_marked_before_a_clear_background(
+def test_invalid_draft_marks_its_field_and_shows_an_empty_view(
     open_window: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "bad.wif").write_text("junk")
@@ -242,7 +240,7 @@ def test_a_draft_that_is_none_is_marked_before_a_clear_background(
     assert window.view.image().min() < 100
 
 
-def test_the_table_of_modes_follows_a_change_while_time_runs(open_scene: Any) -> None:
+def test_table_of_modes_follows_a_change_while_playing(open_scene: Any) -> None:
     window = open_scene()
     window.times.play.click()
     before = window.modes.table.item(0, 1).text()

@@ -31,7 +31,7 @@ def click(widget: Any, at: Any = None) -> None:
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at or widget.rect().center())
 
 
-def test_one_component_of_a_vector_is_dragged(open_scene: Any) -> None:
+def test_vector_component_can_be_dragged(open_scene: Any) -> None:
     window = open_scene()
     gravity = editor(window, "response", "gravity")
     before = window.document.scene.response.gravity
@@ -44,7 +44,7 @@ def test_one_component_of_a_vector_is_dragged(open_scene: Any) -> None:
     assert [c.line.text() for c in gravity.components] == [f"{v:.6g}" for v in after]
 
 
-def test_a_component_takes_a_unit_and_refuses_a_word(open_scene: Any) -> None:
+def test_vector_component_accepts_a_unit_and_refuses_a_word(open_scene: Any) -> None:
     window = open_scene()
     gravity = editor(window, "response", "gravity")
     type_into(gravity.components[2].line, "-1 g")
@@ -55,7 +55,7 @@ def test_a_component_takes_a_unit_and_refuses_a_word(open_scene: Any) -> None:
     assert window.document.scene.response.gravity[2] == -9.80665
 
 
-def test_sides_are_held_by_clicking(open_scene: Any) -> None:
+def test_sides_are_fixed_by_clicking(open_scene: Any) -> None:
     window = open_scene()
     fixed = editor(window, "modal", "fixed")
     assert [s for s, b in fixed.sides.items() if b.isChecked()] == ["+y"]
@@ -74,7 +74,7 @@ def test_sides_are_held_by_clicking(open_scene: Any) -> None:
     assert window.properties.rows["fixed"].property("bad")
 
 
-def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
+def test_pattern_can_be_painted_with_the_mouse(open_scene: Any) -> None:
     window = open_scene()
     pattern = editor(window, "weave", "pattern")
     pattern.box.setCurrentText("")
@@ -106,7 +106,7 @@ def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
     assert pattern.grid.repeat.shape == (3, 5)
 
 
-def test_a_swatch_opens_the_dialog_for_its_colour(
+def test_swatch_opens_a_dialog_with_its_colour(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene("tartan")
@@ -126,7 +126,7 @@ def test_a_swatch_opens_the_dialog_for_its_colour(
     assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
 
 
-def test_what_is_automatic_is_seen_as_it_is_in_use(
+def test_automatic_values_in_use_are_shown(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene("plain_weave")
@@ -155,7 +155,7 @@ def test_what_is_automatic_is_seen_as_it_is_in_use(
     wait_until(lambda: settled(window))
 
 
-def test_a_new_fabric_shows_at_once_what_is_automatic(open_scene: Any) -> None:
+def test_new_fabric_shows_automatic_values_at_once(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     ends = editor(window, "weave", "ends")
     window.properties._next_limits = perf_counter() + 60.0  # as behind limits that took long
@@ -165,7 +165,7 @@ def test_a_new_fabric_shows_at_once_what_is_automatic(open_scene: Any) -> None:
     assert ends.line.placeholderText() == "7"
 
 
-def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
+def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
     window = open_scene()
     loads = editor(window, "response", "loads")
     for action in loads.add_button.menu().actions():
@@ -194,7 +194,7 @@ def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_a_changed_load_keeps_the_comments_round_it(open_scene: Any) -> None:
+def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:
     window = open_scene("gust")
     before = (library.folder() / "gust.toml").read_text().splitlines()
     loads = editor(window, "response", "loads")
@@ -207,7 +207,7 @@ def test_a_changed_load_keeps_the_comments_round_it(open_scene: Any) -> None:
 
 
 @pytest.mark.parametrize("scene", ["plain_weave", "gust"])
-def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
+def test_reset_restores_every_default(open_scene: Any, scene: str) -> None:
     window = open_scene(scene)
     for section in sections():
         window.stages.select(section)
@@ -220,7 +220,7 @@ def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
             assert getattr(part, name) == parameter.default, section
 
 
-def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
+def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("cage")
     rows = window.properties.rows
@@ -246,7 +246,7 @@ def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
     assert "margin" in shown()
 
 
-def test_a_page_shows_what_its_stage_asks_for(open_scene: Any) -> None:
+def test_rows_without_effect_are_hidden(open_scene: Any) -> None:
     window = open_scene()
     for section in sections():
         window.properties.show_section(section)
@@ -268,7 +268,7 @@ def undo_typing(line: Any, text: str) -> None:
 
 
 @pytest.mark.parametrize("again", [type_again, undo_typing])
-def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, again: Any) -> None:
+def test_restoring_a_value_clears_the_error(open_scene: Any, again: Any) -> None:
     window = open_scene()
     for scene, section, name, wrong in (
         ("plain_weave", "weave", "pattern", "twil"),
@@ -292,7 +292,7 @@ def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, ag
         assert window.document.history.isClean(), name
 
 
-def test_a_picture_s_size_begins_with_the_cloth_s_own(open_scene: Any) -> None:
+def test_picture_size_starts_with_the_automatic_size(open_scene: Any) -> None:
     window = open_scene("handweaving")
     window.document.set("view", "size", None)
     window.stages.select("view")
@@ -304,7 +304,7 @@ def test_a_picture_s_size_begins_with_the_cloth_s_own(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_undo_takes_a_refused_value_back_first(open_scene: Any) -> None:
+def test_undo_first_restores_a_refused_value(open_scene: Any) -> None:
     window = open_scene("plain_weave")
     undo = window.menus.actions["Undo"]
     line, row = editor(window, "weave", "ends").line, window.properties.rows["ends"]
@@ -324,7 +324,7 @@ def test_undo_takes_a_refused_value_back_first(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_scene: Any) -> None:
+def test_vector_field_is_valid_only_when_all_components_are(open_scene: Any) -> None:
     window = open_scene("gust")
     gravity = editor(window, "response", "gravity")
     row = window.properties.rows["gravity"]
@@ -345,7 +345,7 @@ def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_scene: Any)
     assert window.errors.text == ""
 
 
-def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_scene: Any) -> None:
+def test_value_refused_by_a_run_stays_marked_until_changed(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_until(lambda: window.errors.text)
@@ -358,7 +358,7 @@ def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_scene: Any) ->
     assert window.errors.text
 
 
-def test_a_number_typed_alone_is_in_the_unit_of_its_field(open_scene: Any) -> None:
+def test_number_without_a_unit_has_the_unit_of_its_field(open_scene: Any) -> None:
     window = open_scene()
     diameter = editor(window, "weave", "warp_diameter")
     assert diameter.line.text().endswith("mm")

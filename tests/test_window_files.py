@@ -66,13 +66,13 @@ def test_every_kind_of_scene_opens(open_scene: Any, name: str) -> None:
     opened(open_scene, name)
 
 
-def test_a_mesh_opens(open_scene: Any) -> None:
+def test_mesh_opens_as_a_scene(open_scene: Any) -> None:
     mesh = next(library.folder().rglob("*.ply"))
     window = opened(open_scene, str(mesh))
     assert window.document.values["object"]["file"] == str(mesh.resolve())
 
 
-def test_a_painted_object_shows_its_picture(open_scene: Any, tmp_path: Path) -> None:
+def test_object_shows_its_texture(open_scene: Any, tmp_path: Path) -> None:
     squares = np.zeros((64, 64, 3), np.uint8)
     squares[:, :32] = 230, 20, 20
     squares[:, 32:] = 20, 20, 230
@@ -105,7 +105,7 @@ def test_a_painted_object_shows_its_picture(open_scene: Any, tmp_path: Path) -> 
     assert window.view.scene_view.surface.GetTexture() is texture
 
 
-def test_a_draft_opens(open_scene: Any) -> None:
+def test_draft_file_opens_as_a_scene(open_scene: Any) -> None:
     window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
     assert window.errors.text == ""
     assert window.document.file is None
@@ -128,7 +128,7 @@ def test_saving_keeps_every_comment(open_scene: Any, tmp_path: Path) -> None:
     assert Scene.read(tmp_path / "mine.toml").modal.youngs_modulus == 2000.0
 
 
-def test_a_scene_of_the_program_is_never_overwritten(
+def test_scene_of_the_program_is_never_overwritten(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -139,7 +139,7 @@ def test_a_scene_of_the_program_is_never_overwritten(
     assert window.files.recent[0] == str(target.with_suffix(".toml"))
 
 
-def test_the_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
+def test_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
     window, file = open_scene(), tmp_path / "swing.toml"
     window.document.save(file)
     assert '"20 ms"' in file.read_text()
@@ -156,7 +156,7 @@ def test_the_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
     assert "# half a swing" in file.read_text()
 
 
-def test_a_reset_value_comes_back_with_its_comment(open_scene: Any) -> None:
+def test_undo_of_a_reset_restores_the_comment(open_scene: Any) -> None:
     window = open_scene()
     before = window.document.text
     window.stages.select("modal")
@@ -168,7 +168,7 @@ def test_a_reset_value_comes_back_with_its_comment(open_scene: Any) -> None:
     assert "fixed" not in window.document.text
 
 
-def test_paths_lead_to_the_same_file_from_another_folder(tmp_path: Path) -> None:
+def test_paths_refer_to_the_same_file_after_saving_in_another_folder(tmp_path: Path) -> None:
     first, second = tmp_path / "a", tmp_path / "b"
     first.mkdir()
     second.mkdir()
@@ -201,7 +201,7 @@ gravity = [0.0, "-1 g", 0.0]  # downwards
     "text",
     [LOADS, '[response]\nloads = [{gravity = [0, 0, 1], time = "table", file = "puff.csv"}]\n'],
 )
-def test_files_of_loads_are_found_from_another_folder(tmp_path: Path, text: str) -> None:
+def test_files_of_loads_are_found_after_saving_in_another_folder(tmp_path: Path, text: str) -> None:
     first, second = tmp_path / "a", tmp_path / "b" / "c"
     first.mkdir()
     second.mkdir(parents=True)
@@ -240,7 +240,7 @@ def leads_to(document: Document) -> tuple[Path | None, Path]:
     return draft, scene.response.loads[0].file.resolve(strict=True)
 
 
-def test_undo_after_save_as_keeps_every_reference(folders: tuple[Path, Path]) -> None:
+def test_undo_after_save_as_keeps_every_path(folders: tuple[Path, Path]) -> None:
     first, second = folders
     document = Document()
     document.open(first / "scene.toml")
@@ -271,7 +271,7 @@ def test_undo_after_save_as_keeps_every_reference(folders: tuple[Path, Path]) ->
     assert document.text == (first / "scene.toml").read_text()
 
 
-def test_a_save_that_fails_changes_nothing(folders: tuple[Path, Path]) -> None:
+def test_failed_save_changes_nothing(folders: tuple[Path, Path]) -> None:
     first, second = folders
     document = Document()
     document.open(first / "scene.toml")
@@ -286,7 +286,7 @@ def test_a_save_that_fails_changes_nothing(folders: tuple[Path, Path]) -> None:
     assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
 
 
-def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, Path]) -> None:
+def test_undo_restores_an_overwritten_draft(folders: tuple[Path, Path]) -> None:
     first, second = folders
     document = Document()
     document.open(first / "scene.toml")
@@ -310,7 +310,7 @@ def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, P
     assert (document.scene.woven.make_draft().drawdown == inverted).all()
 
 
-def test_undo_to_a_file_that_is_gone_is_told(open_scene: Any, folders: tuple[Path, Path]) -> None:
+def test_undo_to_a_deleted_file_is_reported(open_scene: Any, folders: tuple[Path, Path]) -> None:
     first, _ = folders
     window = open_scene(str(first / "scene.toml"))
     document = window.document
@@ -325,7 +325,9 @@ def test_undo_to_a_file_that_is_gone_is_told(open_scene: Any, folders: tuple[Pat
     wait_until(lambda: settled(window) and window.errors.text == "")
 
 
-def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_asks_about_unsaved_changes(
+    open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     window = open_window()
     window.document.set("weave", "ends", 5)
     assert window.isWindowModified()
@@ -342,7 +344,7 @@ def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.M
     assert window.document.scene.source.ends == 5
 
 
-def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: Path) -> None:
+def test_dropped_file_opens_and_an_invalid_one_is_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
 
     def drop(path: Path) -> None:
@@ -373,7 +375,7 @@ def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: P
     assert window.errors.text == ""
 
 
-def test_the_copied_command_and_script_run(open_scene: Any, tmp_path: Path) -> None:
+def test_copied_command_and_script_run(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("weave", "ends", 5)
     window.document.set("weave", "warp_diameter", "0.2 mm")
@@ -396,7 +398,7 @@ def test_the_copied_command_and_script_run(open_scene: Any, tmp_path: Path) -> N
     assert int(done.stdout.split()[0]) == window.view.frame.surface.GetNumberOfPoints()
 
 
-def test_a_picture_is_what_is_seen(
+def test_screenshot_equals_the_view_and_can_be_drawn_again(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -416,7 +418,7 @@ def test_a_picture_is_what_is_seen(
     assert (np.abs(again - seen).max(axis=2) > 48).mean() < 0.01
 
 
-def test_dark_and_light_and_every_key_is_told(open_scene: Any) -> None:
+def test_dark_theme_can_be_switched_and_help_lists_the_keys(open_scene: Any) -> None:
     window = open_scene()
     light = window.palette().window().color().lightness()
     window.menus.dark.trigger()
@@ -426,7 +428,7 @@ def test_dark_and_light_and_every_key_is_told(open_scene: Any) -> None:
         assert words in "\n".join(window.menus.help_texts)
 
 
-def test_no_menu_says_the_same_twice(open_scene: Any) -> None:
+def test_menu_items_are_unique(open_scene: Any) -> None:
     window = open_scene()
 
     def look_at(menu: Any) -> None:
@@ -441,7 +443,7 @@ def test_no_menu_says_the_same_twice(open_scene: Any) -> None:
         look_at(top.menu())
 
 
-def test_rounds_of_opening_leave_one_window_of_stages(open_window: Any) -> None:
+def test_opening_scenes_repeatedly_leaks_no_stages(open_window: Any) -> None:
     def stages() -> int:
         gc.collect()
         return sum(isinstance(thing, Stage) for thing in gc.get_objects())

@@ -36,17 +36,17 @@ def place(window: Any, name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", library.names())
-def test_every_scene_has_a_picture_of_itself_as_it_is(name: str) -> None:
+def test_every_thumbnail_is_up_to_date(name: str) -> None:
     """After a change of a scene: python -m spacemap_vtk.draw.thumbnails"""
     assert thumbnails.stored_digest(name) == thumbnails.digest_of(name)
 
 
-def test_no_picture_is_left_over() -> None:
+def test_every_thumbnail_belongs_to_a_scene() -> None:
     folder = thumbnails.file_of("").parent
     assert sorted(path.stem for path in folder.glob("*.jpg")) == library.names()
 
 
-def test_nothing_named_shows_the_papers_scene_and_the_gallery(open_window: Any) -> None:
+def test_starting_without_a_scene_shows_plain_weave_and_the_gallery(open_window: Any) -> None:
     window = open_window(None)
     assert window.document.source.stem == "plain_weave"
     assert window.view.image().std() > 20
@@ -59,13 +59,13 @@ def test_nothing_named_shows_the_papers_scene_and_the_gallery(open_window: Any) 
         assert len(colors) > 20
 
 
-def test_a_named_scene_shows_no_gallery(open_window: Any) -> None:
+def test_starting_with_a_scene_shows_the_modes_tab(open_window: Any) -> None:
     window = open_window("gust")
     assert window.tabs.currentWidget() is window.modes
 
 
 @pytest.mark.parametrize("how", ["click", "double click", "keyboard"])
-def test_a_scene_is_opened(open_scene: Any, how: str) -> None:
+def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     window = open_scene(None)
     opened: list[str] = []
     window.document.replaced.connect(lambda: opened.append(window.document.source.stem))
@@ -92,7 +92,9 @@ def test_a_scene_is_opened(open_scene: Any, how: str) -> None:
     assert window.errors.text == ""
 
 
-def test_unsaved_changes_are_asked_about(open_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_opening_a_scene_asks_about_unsaved_changes(
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     window = open_scene(None)
     window.document.set("weave", "ends", 5)
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Cancel)
@@ -102,7 +104,7 @@ def test_unsaved_changes_are_asked_about(open_scene: Any, monkeypatch: pytest.Mo
     assert window.document.scene.source.ends == 5
 
 
-def test_what_was_used_lately_is_listed(open_scene: Any, tmp_path: Path) -> None:
+def test_recent_files_are_listed(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene(None)
     assert window.gallery.recent.isHidden()
     window.document.save(tmp_path / "mine.toml")
@@ -117,7 +119,7 @@ def test_what_was_used_lately_is_listed(open_scene: Any, tmp_path: Path) -> None
     assert window.document.file == tmp_path / "mine.toml"
 
 
-def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> None:
+def test_splash_screen_closes_when_the_window_has_drawn(open_window: Any) -> None:
     splash = Splash("gust")
     screen = splash.label
     assert screen.isVisible()
@@ -130,7 +132,7 @@ def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> N
     assert np.isfinite(window.view.frame.time)
 
 
-def test_the_first_picture_goes_when_the_first_run_is_given_up(
+def test_splash_screen_closes_when_the_first_run_is_cancelled(
     open_window: Any, tmp_path: Path
 ) -> None:
     scene = tmp_path / "large.toml"
@@ -150,7 +152,7 @@ def test_the_first_picture_goes_when_the_first_run_is_given_up(
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_the_gallerys_scroll_bar_is_drawn_whole(open_scene: Any, dark: bool) -> None:
+def test_scroll_bar_of_the_gallery_is_drawn_completely(open_scene: Any, dark: bool) -> None:
     window = open_scene()
     if window.menus.dark.isChecked() != dark:
         window.menus.dark.trigger()
@@ -170,7 +172,7 @@ def test_the_gallerys_scroll_bar_is_drawn_whole(open_scene: Any, dark: bool) -> 
         window.menus.dark.trigger()
 
 
-def test_pictures_that_come_late_are_seen_whole(open_window: Any) -> None:
+def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     window = open_window("plain_weave")
     window.tabs.setCurrentWidget(window.gallery)
     pictures = window.gallery.list
@@ -188,7 +190,7 @@ def test_pictures_that_come_late_are_seen_whole(open_window: Any) -> None:
 
 
 @pytest.mark.parametrize("ends", ["drawn", "cancelled"])
-def test_a_scene_that_takes_long_shows_its_picture_meanwhile(
+def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     ends: str, open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window()
@@ -231,7 +233,7 @@ def test_a_scene_that_takes_long_shows_its_picture_meanwhile(
     go.set()
 
 
-def test_a_scene_of_the_users_has_no_picture(open_window: Any, tmp_path: Path) -> None:
+def test_scene_of_the_user_has_no_preview(open_window: Any, tmp_path: Path) -> None:
     file = tmp_path / "tartan.toml"
     file.write_text("[weave]\nends = 4\npicks = 4\n")
     window = open_window()

@@ -27,7 +27,7 @@ def test_other_commands_import_no_qt() -> None:
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-def test_the_window_imports_neither_plotter_nor_solver() -> None:
+def test_window_imports_neither_plotter_nor_solver() -> None:
     require_display()
     code = (
         "import sys\n"
@@ -39,7 +39,7 @@ def test_the_window_imports_neither_plotter_nor_solver() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_the_first_picture_of_kept_modes_needs_no_solver(tmp_path: Path) -> None:
+def test_first_picture_with_cached_modes_imports_no_solver(tmp_path: Path) -> None:
     require_display()
     code = (
         "import sys\n"
@@ -68,7 +68,7 @@ def test_the_first_picture_of_kept_modes_needs_no_solver(tmp_path: Path) -> None
     assert again.stdout.strip() == "False []"
 
 
-def test_without_the_extra_it_says_what_to_install(
+def test_missing_extra_is_reported_with_the_command_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(requirements, "PACKAGES", ("there_is_no_such_package",))
@@ -80,7 +80,7 @@ def test_without_the_extra_it_says_what_to_install(
     assert "pip install 'spacemap_vtk[qt]'" in message
 
 
-def test_a_missing_system_library_is_named(
+def test_missing_system_library_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def lacking(_name: str) -> None:
@@ -114,7 +114,7 @@ def free_display() -> str:
         {"DISPLAY": free_display(), "WAYLAND_DISPLAY": "wayland-77"},
     ],
 )
-def test_without_a_display_it_says_so(given: dict[str, str]) -> None:
+def test_missing_display_is_reported(given: dict[str, str]) -> None:
     pytest.importorskip("PySide6")
     rest = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-m", "spacemap_vtk", "gui"]
@@ -134,7 +134,7 @@ def test_without_a_display_it_says_so(given: dict[str, str]) -> None:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of X and Wayland")
-def test_a_plugin_that_cannot_be_loaded_is_named() -> None:
+def test_missing_qt_plugin_is_named() -> None:
     require_display()
     environment = {**os.environ, "QT_QPA_PLATFORM": "none_such"}
     command = [sys.executable, "-m", "spacemap_vtk", "gui"]
@@ -145,7 +145,7 @@ def test_a_plugin_that_cannot_be_loaded_is_named() -> None:
     assert "apt-get install" in done.stderr
 
 
-def test_a_wrong_name_is_refused_before_anything_opens(
+def test_unknown_scene_name_is_refused_before_a_window_opens(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -154,7 +154,7 @@ def test_a_wrong_name_is_refused_before_anything_opens(
     assert "plain_weave" in capsys.readouterr().err
 
 
-def test_a_scene_that_cannot_be_read_ends_the_program_in_order(tmp_path: Path) -> None:
+def test_unreadable_scene_ends_the_program_with_one_message(tmp_path: Path) -> None:
     require_display()
     scene = tmp_path / "bad.toml"
     scene.write_text("[weave]\nends = -3\n")

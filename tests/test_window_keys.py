@@ -78,7 +78,7 @@ def image(window: Any) -> np.ndarray:
     return window.view.image().astype(int)
 
 
-def test_arrows_zoom_in_the_view_and_choose_elsewhere(view_of: Any, hand: Press) -> None:
+def test_arrow_keys_zoom_in_the_view_and_select_in_lists(view_of: Any, hand: Press) -> None:
     window = view_of()
     start = distance(window)
     hand("Up")
@@ -97,9 +97,7 @@ def test_arrows_zoom_in_the_view_and_choose_elsewhere(view_of: Any, hand: Press)
     assert distance(window) == pytest.approx(start * 1.05)
 
 
-def test_r_shows_the_whole_from_this_side_and_1_from_three_quarters(
-    view_of: Any, hand: Press
-) -> None:
+def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Press) -> None:
     window = view_of()
     whole, at_first = image(window), direction(window)
     camera = window.view.canvas.camera
@@ -125,7 +123,7 @@ def test_r_shows_the_whole_from_this_side_and_1_from_three_quarters(
     wait_until(lambda: np.allclose(direction(window), -1 / np.sqrt(3)))
 
 
-def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
+def test_w_switches_the_wireframe(view_of: Any, hand: Press) -> None:
     window = view_of()
     before = image(window)
     # So near that the facets' edges do not touch.
@@ -148,7 +146,7 @@ def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
     wait_until(lambda: np.abs(image(window) - before).max() < 8)
 
 
-def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> None:
+def test_plus_and_minus_change_the_line_width_of_the_scene(view_of: Any, hand: Press) -> None:
     window = view_of()
     document = window.document
     before, scene = image(window), document.text
@@ -183,7 +181,7 @@ def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> 
     assert document.value_in_file("view", "line_scale") == 0.1
 
 
-def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand: Press) -> None:
+def test_p_picks_and_shift_f_flies_to_the_point_under_the_mouse(view_of: Any, hand: Press) -> None:
     window = view_of()
     window.tools.cameras["front"].trigger()
     QTest.qWait(100)
@@ -216,7 +214,7 @@ def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand
     assert window.view.viewpoint == place
 
 
-def test_no_other_key_changes_the_view(view_of: Any) -> None:
+def test_other_keys_do_not_change_the_view(view_of: Any) -> None:
     window = view_of()
     taken = {
         key[0].key()
@@ -241,7 +239,7 @@ def test_no_other_key_changes_the_view(view_of: Any) -> None:
     assert np.abs(image(window) - before).max() < 8
 
 
-def test_the_help_tells_every_key_of_the_view(open_scene: Any) -> None:
+def test_help_lists_every_key_of_the_view(open_scene: Any) -> None:
     window = open_scene()
     lines = {line.split()[0]: line for line in "\n".join(window.menus.help_texts).splitlines()}
     for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P", "V", "Ctrl+2", "T"):

@@ -37,7 +37,7 @@ def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("rounds", [20, pytest.param(100, marks=pytest.mark.nightly)])
-def test_many_rounds_leave_nothing_behind(rounds: int) -> None:
+def test_many_windows_leave_no_memory_or_objects_behind(rounds: int) -> None:
     told = run("window_rounds.py", str(rounds))
     assert len(told["memory"]) == rounds
     assert (told["windows"], told["widgets"]) == (0, 0)
@@ -51,7 +51,7 @@ def test_many_rounds_leave_nothing_behind(rounds: int) -> None:
     assert told["memory"][-1] - told["memory"][warm] < 10, told["memory"]
 
 
-def test_on_a_dense_screen_all_is_the_same_and_finer(tmp_path: Path) -> None:
+def test_high_resolution_screen_shows_the_same_in_finer_pixels(tmp_path: Path) -> None:
     once, twice = (
         run("window_dense.py", str(tmp_path / f"{scale}.png"), QT_SCALE_FACTOR=str(scale))
         for scale in (1, 2)

@@ -47,7 +47,7 @@ def opened(open_window: Any, tmp_path: Path) -> Any:
     return show
 
 
-def test_eight_hundred_yarns_follow_the_time(opened: Any) -> None:
+def test_cloth_with_eight_hundred_yarns_follows_the_time(opened: Any) -> None:
     window = opened(800)
     frame = window.view.frame
     assert frame.cloth is not None
@@ -65,9 +65,7 @@ def at_rest(window: Any) -> bool:
     return settled(window) and not window.view.steering
 
 
-def test_yarns_are_made_where_they_are_seen_near(
-    opened: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)
     monkeypatch.setattr(level_of_detail, "NEAR_PATCHES", 12_000)
     window = opened(60)
@@ -115,7 +113,7 @@ def test_yarns_are_made_where_they_are_seen_near(
     ("swing", "coarse"),
     [(None, True), (Swing(1, 0.1, 0.25), False), (Pull(1.02, 0.97), False)],
 )
-def test_yarns_in_sight_move_as_all_together_do(
+def test_near_yarns_move_like_the_whole_cloth(
     swing: Swing | Pull | None, coarse: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     values = {"weave": {"ends": 9, "picks": 9}, "cage": {}, "response": {"gravity": [0, 0, 9.8]}}
@@ -143,7 +141,7 @@ def test_yarns_in_sight_move_as_all_together_do(
     assert bool(frame.yarns.GetPointData().HasArray("velocity")) is (swing is None)
 
 
-def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
+def test_run_for_the_view_is_cancelled_when_the_camera_moves(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)
@@ -172,7 +170,7 @@ def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
     wait_until(lambda: at_rest(window) and view.frame is not frame)
 
 
-def test_many_facets_are_fewer_while_the_camera_moves(
+def test_fewer_facets_are_drawn_while_the_camera_moves(
     open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pipeline, "_HEAVY_QUADS", 1000)
@@ -192,7 +190,7 @@ def test_many_facets_are_fewer_while_the_camera_moves(
 
 
 @pytest.mark.parametrize("way_back", ["untick", "undo"])
-def test_a_sheet_lies_flat_again_without_its_motion(
+def test_sheet_returns_to_rest_when_its_motion_is_removed(
     way_back: str, open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", 100)

@@ -33,7 +33,7 @@ def play(window: Any) -> None:
     frames_drawn(window, 3)
 
 
-def test_while_time_plays_messages_stay_until_they_are_put_right(
+def test_messages_stay_while_playing(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -80,7 +80,7 @@ def test_while_time_plays_messages_stay_until_they_are_put_right(
     assert window.times.playing
 
 
-def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_scene: Any) -> None:
+def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: Any) -> None:
     window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
     wait_until(lambda: "damping_ratio" in window.errors.text)
@@ -98,7 +98,7 @@ def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_scene: Any) ->
     assert window.stages.states["response"] == "fresh"
 
 
-def test_a_swing_that_cannot_go_on_ends(open_scene: Any) -> None:
+def test_failing_mode_animation_ends(open_scene: Any) -> None:
     window = open_scene()
     window.modes.table.cellClicked.emit(1, 0)
     frames_drawn(window, 3)
@@ -115,7 +115,7 @@ def test_a_swing_that_cannot_go_on_ends(open_scene: Any) -> None:
     assert len(told) < 4
 
 
-def test_a_failure_of_before_stops_no_later_wish(open_scene: Any) -> None:
+def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
     window = open_scene()
     told: list[Any] = []
     window.director.failed.connect(told.append)
@@ -144,7 +144,7 @@ def wait_without_window(done: Callable[[], bool]) -> None:
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_undo_takes_in_what_a_drag_has_left_waiting(
+def test_undo_includes_the_waiting_change_of_a_drag(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch, alone: bool
 ) -> None:
     window = open_scene()
@@ -176,7 +176,7 @@ def test_undo_takes_in_what_a_drag_has_left_waiting(
     assert document.history.isClean()
 
 
-def test_a_drag_ends_with_its_slider(open_scene: Any) -> None:
+def test_drag_ends_when_its_slider_is_deleted(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("modal")
     slider = window.properties.rows["youngs_modulus"].editor.slider
@@ -189,7 +189,7 @@ def test_a_drag_ends_with_its_slider(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_a_surface_that_could_not_be_drawn_is_refused_and_the_last_stays(
+def test_surface_too_large_to_draw_is_refused_and_the_last_one_stays(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -214,7 +214,7 @@ response = { alpha = 0.5, gravity = [0.0, 0.0, "-1 g"], duration = "1 s" }
 """
 
 
-def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_path: Path) -> None:
+def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: Path) -> None:
     file = tmp_path / "strip.toml"
     file.write_text(STRIP)
     window = open_scene(file)
@@ -261,7 +261,7 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     assert not window.details_button.isVisible()
 
 
-def test_warnings_are_short_and_do_not_greet_who_opens_an_example(
+def test_warnings_are_short_and_hidden_for_unchanged_examples(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()

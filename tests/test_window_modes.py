@@ -26,7 +26,7 @@ def click_row(window: Any, row: int) -> None:
     QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=where)
 
 
-def test_the_table_has_the_figures_of_the_command_line(open_scene: Any) -> None:
+def test_table_of_modes_equals_the_command_line(open_scene: Any) -> None:
     window = open_scene()
     figures = report.modes(Scene.read("plain_weave"))["modes"]
     table = window.modes.table
@@ -44,7 +44,7 @@ def test_the_table_has_the_figures_of_the_command_line(open_scene: Any) -> None:
     assert table.item(0, 3).text() == f"{figures[0]['effective_mass_share'][2]:.0%} z"
 
 
-def test_a_click_in_the_response_lets_the_nearest_mode_swing(
+def test_click_in_the_response_plot_animates_the_nearest_mode(
     open_scene: Any, tmp_path: Path
 ) -> None:
     window = open_scene()
@@ -66,7 +66,7 @@ def test_a_click_in_the_response_lets_the_nearest_mode_swing(
     wait_until(lambda: not plot.isVisible(), 20.0)
 
 
-def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
+def test_click_animates_a_mode_and_runs_no_stage(open_scene: Any) -> None:
     window = open_scene()
     scene = scene_of(window)
     before = {stage.section: stage.executions for stage in scene.stages}
@@ -90,7 +90,7 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
     assert window.modes.mode is None
 
 
-def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
+def test_table_of_modes_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("modal", "modes", 12)
     wait_until(lambda: settled(window))
@@ -110,7 +110,7 @@ def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
     assert window.modes.table.rowCount() == 5
 
 
-def test_modes_shorter_than_the_cells_resolve_are_marked(open_scene: Any) -> None:
+def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     """Of the paper's 5 x 5 cells the 7th mode of a sheet is a quarter too high."""
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
@@ -134,7 +134,7 @@ def test_modes_shorter_than_the_cells_resolve_are_marked(open_scene: Any) -> Non
     assert not warning.isVisible()
 
 
-def test_masses_of_the_modes_before_are_grey(open_scene: Any) -> None:
+def test_masses_of_former_modes_are_grey(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
 
@@ -153,7 +153,7 @@ def test_masses_of_the_modes_before_are_grey(open_scene: Any) -> None:
 
 # Wide, as at first, and as narrow as it gets.
 @pytest.mark.parametrize("width", [510, 360, 1])
-def test_the_table_fills_its_width_with_other_modes_too(open_scene: Any, width: int) -> None:
+def test_table_of_modes_fills_its_width(open_scene: Any, width: int) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     window.splitter.setSizes([290, 910 - width, width])
@@ -169,7 +169,7 @@ def test_the_table_fills_its_width_with_other_modes_too(open_scene: Any, width: 
     assert table.horizontalHeader().length() == table.viewport().width()
 
 
-def test_without_modes_the_tab_says_how_to_get_them(open_scene: Any) -> None:
+def test_modes_tab_explains_how_to_add_modes(open_scene: Any) -> None:
     window = open_scene("handweaving")
     assert window.modes.table.rowCount() == 0
     assert "modal solver" in window.modes.hint.text()
@@ -181,7 +181,7 @@ def test_without_modes_the_tab_says_how_to_get_them(open_scene: Any) -> None:
     assert window.modes.table.rowCount() == 0
 
 
-def test_arrow_keys_go_from_mode_to_mode(open_scene: Any) -> None:
+def test_arrow_keys_change_the_animated_mode(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     table = window.modes.table
@@ -196,7 +196,9 @@ def test_arrow_keys_go_from_mode_to_mode(open_scene: Any) -> None:
     assert window.modes.mode is None
 
 
-def test_a_mode_that_is_rebuilt_turns_by_a_right_angle(open_scene: Any, tmp_path: Path) -> None:
+def test_mode_with_rotation_strain_rotates_by_ninety_degrees(
+    open_scene: Any, tmp_path: Path
+) -> None:
     file = tmp_path / "strip.toml"
     file.write_text(
         "weave = { ends = 3, picks = 9 }\ncage = { divisions = [1, 20, 1] }\nrotation = {}\n"

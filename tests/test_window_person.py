@@ -32,7 +32,7 @@ def press(qtbot: Any, window: Any, key: Any, *keys: Any) -> None:
     qtbot.keyClick(window, key, *keys)
 
 
-def test_keys_play_step_look_and_undo(open_scene: Any, qtbot: Any) -> None:
+def test_keys_play_step_switch_parts_and_undo(open_scene: Any, qtbot: Any) -> None:
     window = active(open_scene, qtbot)
     press(qtbot, window, Qt.Key.Key_Space)
     assert window.times.playing
@@ -61,7 +61,7 @@ def test_keys_play_step_look_and_undo(open_scene: Any, qtbot: Any) -> None:
     assert window.document.scene.source.ends == 5
 
 
-def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
+def test_letters_typed_into_a_field_are_no_shortcuts(open_scene: Any, qtbot: Any) -> None:
     window = active(open_scene, qtbot)
     window.stages.select("weave")
     line = window.properties.rows["pattern"].editor
@@ -73,7 +73,7 @@ def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
     assert not window.times.playing
 
 
-def test_enter_gives_the_view_the_keyboard_and_tab_goes_on_from_the_field(
+def test_enter_focuses_the_view_and_tab_continues_from_the_field(
     open_scene: Any, qtbot: Any
 ) -> None:
     window = active(open_scene, qtbot)
@@ -106,7 +106,7 @@ def test_enter_gives_the_view_the_keyboard_and_tab_goes_on_from_the_field(
     window.properties.search.clear()
 
 
-def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:
+def test_undo_works_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:
     window = active(open_scene, qtbot)
     window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
@@ -132,7 +132,7 @@ def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot:
 
 
 @pytest.mark.parametrize("moment", ["playing", "stroke", "curves", "swing", "loading"])
-def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) -> None:
+def test_window_can_be_closed_at_any_moment(open_window: Any, qtbot: Any, moment: str) -> None:
     window = open_window(wait=moment != "loading")
     if moment == "playing":
         qtbot.mouseClick(window.times.play, LEFT)
@@ -155,7 +155,7 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
     assert not window.isVisible()
 
 
-def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) -> None:
+def test_error_of_another_stage_does_not_end_a_drag(open_scene: Any, qtbot: Any) -> None:
     window = open_scene()
     window.stages.select("response")
     qtbot.wait(50)
@@ -179,7 +179,7 @@ def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) ->
 
 
 @pytest.mark.parametrize("deeds", [40, pytest.param(150, marks=pytest.mark.nightly)])
-def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
+def test_fast_random_input_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
     """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
     window, dice = open_window(), random.Random(6)
 

@@ -71,7 +71,7 @@ def _pick_one(qtbot: Any, window: Any) -> None:
     assert len(window.plots.points) == count + 1
 
 
-def test_a_picked_point_moves_as_its_curve_says(plots_of: Any, qtbot: Any) -> None:
+def test_curve_matches_the_motion_of_the_picked_point(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
     pick(qtbot, window, 2)
@@ -91,7 +91,7 @@ def test_a_picked_point_moves_as_its_curve_says(plots_of: Any, qtbot: Any) -> No
     assert error < 0.05 * np.abs(curves.motion[1, 0]).max()
 
 
-def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
+def test_plotted_points_are_marked_in_the_view(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
     pick(qtbot, window, 2)
@@ -116,7 +116,7 @@ def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
     assert len(window.plots.curves.points) == 1  # the tip
 
 
-def test_energies_and_response_are_those_of_the_pipeline(plots_of: Any) -> None:
+def test_plotted_energies_and_response_equal_those_of_the_pipeline(plots_of: Any) -> None:
     window = plots_of()
     curves = window.plots.curves
     scene = Scene.read("plain_weave")
@@ -139,7 +139,7 @@ def test_energies_and_response_are_those_of_the_pipeline(plots_of: Any) -> None:
     assert abs(peak / curves.modes[0] - 1) < 0.01
 
 
-def test_playing_moves_the_cursor_and_draws_no_plot(
+def test_playing_moves_the_cursor_without_drawing_the_plot(
     plots_of: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = plots_of()
@@ -173,7 +173,7 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
     assert sum(dark) >= 3
 
 
-def test_a_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
+def test_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     canvas = window.plots.canvas
     for axes, share in ((canvas.axes[0], 0.25), (canvas.axes[1], 0.75)):
@@ -190,7 +190,7 @@ def test_a_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
     assert window.times.time == before  # there is no time along frequencies
 
 
-def test_curves_follow_a_change_and_only_what_can_be_seen(plots_of: Any, qtbot: Any) -> None:
+def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     first = window.plots.curves
     window.document.set("modal", "youngs_modulus", "4 kPa")
@@ -213,7 +213,7 @@ def test_curves_follow_a_change_and_only_what_can_be_seen(plots_of: Any, qtbot: 
     assert window.plots.curves is not second
 
 
-def test_every_quantity_and_component_is_another_picture(plots_of: Any, qtbot: Any) -> None:
+def test_every_quantity_and_component_gives_another_plot(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     pictures = []
     for box in (window.plots.quantity, window.plots.component):
@@ -226,7 +226,7 @@ def test_every_quantity_and_component_is_another_picture(plots_of: Any, qtbot: A
     assert distinct >= len(pictures) * (len(pictures) - 1) // 2 - 6
 
 
-def test_curves_and_pictures_are_saved(
+def test_curves_and_plot_pictures_can_be_saved(
     plots_of: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = plots_of()
@@ -256,7 +256,7 @@ def test_curves_and_pictures_are_saved(
     assert not (tmp_path / "plots.xyz").exists()
 
 
-def test_a_motion_out_of_a_file_is_followed_step_by_step(plots_of: Any) -> None:
+def test_plots_use_the_time_steps_of_a_motion_file(plots_of: Any) -> None:
     window = plots_of("calculix_fabric")
     curves = window.plots.curves
     assert curves.balance is None
@@ -270,7 +270,7 @@ def test_a_motion_out_of_a_file_is_followed_step_by_step(plots_of: Any) -> None:
     np.testing.assert_allclose(curves.motion[0, 0, len(curves.times) // 2], expected, rtol=1e-6)
 
 
-def test_a_scene_that_stands_still_has_no_plots(plots_of: Any, tmp_path: Path) -> None:
+def test_scene_without_motion_has_no_plots(plots_of: Any, tmp_path: Path) -> None:
     window = plots_of()
     still = tmp_path / "still.toml"
     still.write_text("[weave]\nends = 3\npicks = 3\n")
@@ -286,7 +286,7 @@ def test_a_scene_that_stands_still_has_no_plots(plots_of: Any, tmp_path: Path) -
     wait_until(lambda: settled(window))
 
 
-def test_titles_and_legends_leave_each_other_room(plots_of: Any, qtbot: Any) -> None:
+def test_titles_and_legends_do_not_overlap(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
     canvas = window.plots.canvas
@@ -313,7 +313,7 @@ def test_titles_and_legends_leave_each_other_room(plots_of: Any, qtbot: Any) -> 
                     assert not box.overlaps(other), (points, size)
 
 
-def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
+def test_cancelled_run_gives_no_curves(plots_of: Any) -> None:
     window = plots_of()
     plots, before = window.plots, window.plots.curves
     window.document.set_many("cage", {"divisions": [24, 24, 2], "order": 2})
@@ -336,7 +336,7 @@ def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
     assert not np.allclose(plots.curves.modes[:5], before.modes[:5], rtol=1e-3)
 
 
-def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path: Path) -> None:
+def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: Path) -> None:
     file = tmp_path / "fall.toml"
     file.write_text(
         "weave = { ends = 3, picks = 5 }\ncage = { divisions = [1, 3, 1] }\n"
@@ -371,7 +371,7 @@ def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path:
     assert window.plots.curves.motion[0, 0, 7, 2] > 0
 
 
-def test_long_curves_show_how_far_they_are_and_can_be_cancelled(
+def test_slow_curves_show_progress_and_can_be_cancelled(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()

@@ -52,7 +52,7 @@ def size_of(data: Any) -> np.ndarray:
     return np.ptp(np.array(data.GetBounds()).reshape(3, 2), axis=1)
 
 
-def test_the_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) -> None:
+def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window)
     # The jam of this square cloth past +5.287 %, and the exchange curve of Peirce's geometry.
@@ -79,7 +79,7 @@ def test_the_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any
     assert pad.stretch == (1.0, 1.0)
 
 
-def test_keys_move_the_point_and_a_jam_is_told(open_scene: Any) -> None:
+def test_keys_move_the_point_and_a_jam_is_reported(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window)
     shown = window.times.time
@@ -102,7 +102,7 @@ def test_keys_move_the_point_and_a_jam_is_told(open_scene: Any) -> None:
     wait_until(lambda: settled(window) and window.view.frame.mode is None)
 
 
-def test_a_drag_pulls_the_cloth(open_scene: Any) -> None:
+def test_drag_on_the_map_stretches_the_cloth(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window, **ELASTIC)
     force = pad.map.force
@@ -113,7 +113,7 @@ def test_a_drag_pulls_the_cloth(open_scene: Any) -> None:
     assert "N/m" in window.pull.state_text.text()
 
 
-def test_another_cloth_has_another_map_and_stays_pulled(open_scene: Any) -> None:
+def test_map_follows_a_changed_cloth_and_keeps_the_stretch(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window, **ELASTIC)
     before = pad.map
@@ -133,7 +133,7 @@ def test_another_cloth_has_another_map_and_stays_pulled(open_scene: Any) -> None
     wait_until(lambda: np.array_equal(pad.map.force, before.force))
 
 
-def test_a_scene_without_yarns_gets_them_by_a_click(open_scene: Any) -> None:
+def test_link_adds_the_section_yarns(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.pull)
     assert "[yarns]" in window.pull.hint.text()

@@ -33,7 +33,7 @@ def arrows_of(loads: list[dict[str, Any]], time: float, gravity: Any = (0, 0, 0)
     return load_arrows(scene.response, scene.deformed_cage, time), scene
 
 
-def test_gravity_points_down_from_below_the_cage() -> None:
+def test_gravity_arrow_points_down_below_the_cage() -> None:
     arrows, scene = arrows_of([], 0.0, (0.0, -9.8, 0.0))
     assert arrows.kinds == ("gravity",)
     way = arrows.vectors[0] / np.linalg.norm(arrows.vectors[0])
@@ -41,7 +41,7 @@ def test_gravity_points_down_from_below_the_cage() -> None:
     assert abs(arrows.starts[0, 1] - points_of(scene.deformed_cage)[:, 1].min()) < 1e-9
 
 
-def test_a_pressure_ends_at_its_side_and_is_as_long_as_its_factor() -> None:
+def test_pressure_arrows_end_at_their_side_and_scale_with_the_factor() -> None:
     load = {"pressure": 1.0, "on": "+z", "time": "table", "times": [0, 1], "values": [0.5, 1.0]}
     lengths = []
     for time in (0.0, 1.0):
@@ -66,7 +66,7 @@ def test_a_pressure_ends_at_its_side_and_is_as_long_as_its_factor() -> None:
     assert abs(lengths[0] / lengths[1] - 0.5) < 1e-9
 
 
-def test_suction_pulls_a_force_ends_at_its_vertex_and_what_is_over_is_gone() -> None:
+def test_arrows_of_suction_force_and_ended_loads() -> None:
     pull, _ = arrows_of([{"pressure": -1.0, "on": "-z"}], 0.1)
     assert (pull.vectors[:, 2] < 0).all()
     force = {"force": [0.0, 0.0, 2e-6], "at": [1.0, -1.0, 1.0]}
@@ -79,7 +79,7 @@ def test_suction_pulls_a_force_ends_at_its_vertex_and_what_is_over_is_gone() -> 
     assert len(gone.starts) == 0
 
 
-def test_dead_loads_are_drawn_while_it_hangs() -> None:
+def test_dead_loads_are_drawn_in_the_equilibrium() -> None:
     pull = {"traction": [0.0, -2.0, 0.0], "on": "-y"}
     values = {
         "weave": {"ends": 3, "picks": 6},
@@ -107,7 +107,7 @@ def test_dead_loads_are_drawn_while_it_hangs() -> None:
     assert arrows.kinds == ()
 
 
-def test_loads_are_drawn_and_follow_time(open_scene: Any) -> None:
+def test_load_arrows_follow_the_time(open_scene: Any) -> None:
     window = open_scene("gust")
     window.tools.part_actions["loads"].trigger()
     without = window.view.image().astype(int)
@@ -119,7 +119,7 @@ def test_loads_are_drawn_and_follow_time(open_scene: Any) -> None:
     assert "pressure" not in window.view.frame.arrows.kinds
 
 
-def test_the_clip_plane_cuts_moves_and_comes_back(open_scene: Any) -> None:
+def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
     whole = window.view.image().astype(int)
@@ -173,7 +173,7 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_scene: Any) -> None:
     assert np.abs(window.view.image().astype(int) - whole).mean() < 1.0
 
 
-def test_another_scene_is_whole(open_scene: Any) -> None:
+def test_new_scene_is_not_clipped(open_scene: Any) -> None:
     window = open_scene()
     window.tools.clip.trigger()
     assert window.view.scene_view.cut is not None
@@ -184,7 +184,7 @@ def test_another_scene_is_whole(open_scene: Any) -> None:
 
 
 @pytest.mark.parametrize("name", list(BACKGROUNDS))
-def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) -> None:
+def test_background_is_one_undo_step(open_scene: Any, name: str) -> None:
     window = open_scene()
     before = window.document.text
     window.tools.backgrounds[name].trigger()
@@ -198,7 +198,7 @@ def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) 
     assert window.document.text == before
 
 
-def test_a_style_is_chosen_and_undone(open_scene: Any) -> None:
+def test_style_can_be_chosen_and_undone(open_scene: Any) -> None:
     window = open_scene()
     before = window.document.text
     window.tools.styles["blueprint"].trigger()
@@ -211,7 +211,7 @@ def test_a_style_is_chosen_and_undone(open_scene: Any) -> None:
     assert window.tools.styles["studio"].isChecked()
 
 
-def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
+def test_picked_points_are_listed_and_move_with_the_cloth(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
     type_into(window.times.line, "0")
@@ -240,7 +240,7 @@ def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
     assert told[-1] == []
 
 
-def test_an_object_is_picked_too(open_scene: Any) -> None:
+def test_point_of_an_object_can_be_picked(open_scene: Any) -> None:
     window = open_scene("animal_in_carved_cage")
     widget = window.view.canvas
     QTest.mouseClick(
@@ -251,7 +251,7 @@ def test_an_object_is_picked_too(open_scene: Any) -> None:
     assert "moved by" in window.status_text.full_text
 
 
-def test_the_scale_never_shrinks_while_time_passes(open_scene: Any) -> None:
+def test_colour_scale_never_shrinks_while_playing(open_scene: Any) -> None:
     window = open_scene()
     # Coloured only where all is still: a frame of 20 ms would widen the scale from the start.
     type_into(window.times.line, "0")

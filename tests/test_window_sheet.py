@@ -58,7 +58,7 @@ def notes(window: Any) -> dict[str, str]:
     return {name: row.note.text() for name, row in rows.items() if not row.isHidden()}
 
 
-def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Path) -> None:
+def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.stages.select("modal")
     found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
@@ -117,7 +117,7 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     assert not window.modes.sheet.isVisible()
 
 
-def test_what_was_automatic_begins_with_what_was_in_force(open_scene: Any, strip: Path) -> None:
+def test_automatic_off_starts_with_the_value_in_use(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.document.set("modal", "bending_rigidity", None)
     window.stages.select("modal")
@@ -131,7 +131,7 @@ def test_what_was_automatic_begins_with_what_was_in_force(open_scene: Any, strip
     assert window.errors.text == ""
 
 
-def test_it_hangs_and_does_not_at_a_click(open_scene: Any, strip: Path) -> None:
+def test_hang_button_switches_the_equilibrium(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     hang = window.tools.hang
     assert hang.isChecked()
@@ -163,7 +163,7 @@ def test_it_hangs_and_does_not_at_a_click(open_scene: Any, strip: Path) -> None:
         assert "hang" not in window.document.values["modal"]
 
 
-def test_what_has_no_gravity_hangs_under_that_of_its_motion(open_scene: Any, strip: Path) -> None:
+def test_hang_uses_the_gravity_of_the_motion(open_scene: Any, strip: Path) -> None:
     strip.write_text(
         STRIP.replace("gravity = [0, 0, -9.80665]", "") + "[response]\ngravity = [0, -1.6, 0]\n"
     )
@@ -177,7 +177,7 @@ def test_what_has_no_gravity_hangs_under_that_of_its_motion(open_scene: Any, str
     assert not window.tools.hang.isEnabled()
 
 
-def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> None:
+def test_dead_load_can_be_added_and_has_no_time_function(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.stages.select("modal")
     row, before = window.properties.rows["dead_loads"], equilibrium(window)
@@ -194,7 +194,7 @@ def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> N
     np.testing.assert_array_equal(equilibrium(window), before)
 
 
-def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path) -> None:
+def test_equilibrium_displacement_can_be_shown_in_colour(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     bar = window.view.scene_view.surface.color_bar
     sag = np.linalg.norm(equilibrium(window), axis=1).max()
@@ -212,7 +212,7 @@ def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path)
     assert not window.tools.colorings["equilibrium"].isVisible()
 
 
-def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip: Path) -> None:
+def test_equilibrium_reports_progress_and_can_be_cancelled(open_window: Any, strip: Path) -> None:
     window = open_window(str(strip))
     frame = window.view.frame
     window.document.set("cage", "divisions", [120, 60, 1])
@@ -235,7 +235,7 @@ def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip:
     )
 
 
-def test_colours_of_what_has_gone_are_reset(open_scene: Any, strip: Path) -> None:
+def test_colouring_is_reset_when_its_quantity_disappears(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     before = window.document.text
     window.document.set("view", "color", "equilibrium")

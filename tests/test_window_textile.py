@@ -27,11 +27,13 @@ def offered(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     return asked[0]
 
 
-def test_a_weave_is_offered_as_a_draft(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_export_offers_drafts_for_a_weave(
+    open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert "draft" in offered(open_window("plain_weave"), monkeypatch)
 
 
-def test_a_draft_that_is_no_section_weave_is_not_edited(open_window: Any, tmp_path: Path) -> None:
+def test_draft_of_another_source_cannot_be_edited(open_window: Any, tmp_path: Path) -> None:
     file = tmp_path / "tabby.toml"
     file.write_text("[tabby]\nthreads = 5\n", "utf-8")
     window = open_window(file)
@@ -45,7 +47,7 @@ def test_a_draft_that_is_no_section_weave_is_not_edited(open_window: Any, tmp_pa
 
 
 @pytest.mark.parametrize("source", [Rods, Loops])
-def test_a_textile_is_shown_with_its_own_figures(
+def test_other_textile_shows_its_own_figures(
     source: type[Rods], open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "textile.toml"

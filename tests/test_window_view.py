@@ -31,7 +31,7 @@ def image(window: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["fabric", "cage", "supports", "loads", "ghost"])
-def test_what_is_shown_can_be_switched(open_scene: Any, name: str) -> None:
+def test_each_part_can_be_shown_and_hidden(open_scene: Any, name: str) -> None:
     window = open_scene()
     before = image(window)
     window.tools.part_actions[name].trigger()
@@ -40,7 +40,7 @@ def test_what_is_shown_can_be_switched(open_scene: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() < 8
 
 
-def test_smooth_edges_are_the_same_whether_or_not_their_shader_could_be_quickened(
+def test_patched_fxaa_shader_draws_the_same_pixels(
     qtbot: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Plain(canvas.Canvas):
@@ -66,7 +66,7 @@ def test_smooth_edges_are_the_same_whether_or_not_their_shader_could_be_quickene
     np.testing.assert_array_equal(drawn(canvas.Canvas), usual)
 
 
-def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
+def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("response", "gravity", (0.0, -9.81, 0.0))
     # Wide: its height is what is scarce.
@@ -97,7 +97,7 @@ def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
     assert window.view.canvas.camera.GetPosition() == before
 
 
-def test_python_works_on_while_software_draws(open_window: Any) -> None:
+def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
     window = open_window()
     canvas, wait, done, ticks = window.view.canvas, window.view.canvas._gl_finish, [], []
     interactor, drawing, ended = canvas.interactor, [], threading.Event()
@@ -140,7 +140,7 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
     assert sum(drawing) <= 10
 
 
-def test_every_colouring_is_another_picture(open_scene: Any) -> None:
+def test_every_colouring_gives_another_picture(open_scene: Any) -> None:
     window = open_scene()
     of_yarns = ["crimp", "yarn_strain", "yarn_tension", "contact_force", "jammed"]
     assert not set(of_yarns) & set(window.document.scene.colorings)
@@ -167,7 +167,7 @@ def test_every_colouring_is_another_picture(open_scene: Any) -> None:
     assert window.document.values["view"]["color"] == names[-1]
 
 
-def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_scene: Any) -> None:
+def test_back_faces_of_yarns_are_not_drawn(open_scene: Any) -> None:
     window = open_scene()
     look = window.view.scene_view.surface.GetProperty()
     for azimuth in (0, 70, 110):
@@ -185,7 +185,7 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_scene: Any) -> N
 
 
 @pytest.mark.parametrize("color", ["own", "displacement"])
-def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
+def test_cut_yarn_is_solid(open_scene: Any, color: str) -> None:
     window = open_scene()
     view, look = window.view, window.view.scene_view.surface.GetProperty()
     window.document.set("view", "color", color)
@@ -209,7 +209,7 @@ def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
         look.BackfaceCullingOn()
 
 
-def test_the_face_of_a_cut_follows_the_mouse(open_scene: Any) -> None:
+def test_cut_face_follows_the_mouse(open_scene: Any) -> None:
     window = open_scene()
     view = window.view
     window.tools.clip.trigger()
@@ -225,7 +225,7 @@ def test_the_face_of_a_cut_follows_the_mouse(open_scene: Any) -> None:
     assert not view.scene_view.cut_face.GetVisibility()
 
 
-def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
+def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
     QTest.qWait(100)
@@ -281,7 +281,7 @@ def seen(window: Any) -> np.ndarray:
     return rows[:, : 3 * drawn.width()].astype(int)
 
 
-def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_scene: Any) -> None:
+def test_screen_follows_rotating_and_zooming(open_scene: Any) -> None:
     window = open_scene()
     widget, at = window.view.canvas, QPoint(300, 300)
     QTest.qWait(300)
@@ -297,7 +297,7 @@ def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_scene: Any) -> N
     wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
 
 
-def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene: Any) -> None:
+def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scene: Any) -> None:
     window = open_scene()
     view = window.view
     view.steer(True)
@@ -315,7 +315,7 @@ def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene:
     assert not view.canvas.shade.is_on
 
 
-def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) -> None:
+def test_labels_cast_no_shadows(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
     view.zoom(4.0)  # cloth all round
@@ -335,7 +335,7 @@ def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) 
     assert abs((without - with_).mean()) < 15.0
 
 
-def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -> None:
+def test_several_mouse_moves_are_drawn_once(open_scene: Any) -> None:
     window = open_scene()
     widget, at, drawn = window.view.canvas, QPoint(300, 300), []
     widget.render_window.AddObserver("EndEvent", lambda *_: drawn.append(1))
@@ -350,7 +350,7 @@ def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -
     assert 1 <= len(drawn) < 20
 
 
-def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
+def test_drag_rotates_the_camera_and_picks_nothing(open_scene: Any) -> None:
     window = open_scene()
     picks: list[Any] = []
     window.view.picked.connect(picks.append)
@@ -366,7 +366,7 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
     assert not picks
 
 
-def test_a_narrow_windows_tools_keep_together(open_scene: Any) -> None:
+def test_tools_of_a_narrow_window_stay_together(open_scene: Any) -> None:
     window = open_scene()
     window.resize(1024, 700)
     QTest.qWait(200)
@@ -378,14 +378,14 @@ def test_a_narrow_windows_tools_keep_together(open_scene: Any) -> None:
     wait_until(lambda: window.times.slider.width() >= 100, 5)
 
 
-def test_a_stages_figures_stand_beside_its_name(open_scene: Any) -> None:
+def test_stage_list_shows_time_and_runs_beside_the_name(open_scene: Any) -> None:
     window = open_scene()
     for item in window.stages.items.values():
         for column in (1, 2):
             assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
 
 
-def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_scene: Any) -> None:
+def test_narrow_tool_bar_keeps_all_tools_reachable(open_scene: Any) -> None:
     window = open_scene()
     window.resize(1000, 700)
     QTest.qWait(100)
@@ -418,7 +418,7 @@ def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_scene: Any) -> None:
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1260, 660), (1372, 800), (1600, 900)])
-def test_tabs_and_tools_are_all_in_sight(size: tuple[int, int], open_window: Any) -> None:
+def test_all_tabs_and_tools_are_visible(size: tuple[int, int], open_window: Any) -> None:
     """A screen of 1280 x 720 pixels, or one of twice that at scale 2; its windows are smaller."""
     window = open_window()
     window.resize(*size)
@@ -436,7 +436,7 @@ def test_tabs_and_tools_are_all_in_sight(size: tuple[int, int], open_window: Any
     assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
 
 
-def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
+def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view, stage = window.view, scene_of(window).surface
     view.zoom(0.3)
@@ -475,7 +475,7 @@ def test_facets_follow_the_camera_once_it_rests(open_scene: Any) -> None:
     assert view.frame.surface.GetNumberOfCells() == facets
 
 
-def test_words_on_a_picked_point_outlast_another_view(open_scene: Any) -> None:
+def test_text_about_a_picked_point_stays_when_the_camera_moves(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
     window.tools.cameras["front"].trigger()
@@ -489,7 +489,7 @@ def test_words_on_a_picked_point_outlast_another_view(open_scene: Any) -> None:
     wait_until(lambda: settled(window) and "facets" in window.status_text.full_text)
 
 
-def test_the_view_has_the_fibres_of_the_file(
+def test_view_and_exported_picture_have_the_same_fibres(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene("twill_2_2")

@@ -30,7 +30,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 # Tests of single parts of the window hold each of these claims for the gate.
 @pytest.mark.nightly
-def test_an_artist_makes_a_film_and_an_object(
+def test_artist_makes_a_film_and_an_object(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)

@@ -25,7 +25,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 # Tests of single parts of the window hold each of these claims for the gate.
 @pytest.mark.nightly
-def test_a_clumsy_user_loses_nothing(
+def test_clumsy_user_loses_nothing(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None)

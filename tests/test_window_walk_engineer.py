@@ -24,7 +24,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-def test_an_engineer_lays_out_a_twill(
+def test_engineer_designs_a_twill(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)

@@ -29,7 +29,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 # Tests of single parts of the window hold each of these claims for the gate.
 @pytest.mark.nightly
-def test_a_researcher_compares_cages(
+def test_researcher_compares_cages(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)

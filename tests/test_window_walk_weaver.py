@@ -22,7 +22,7 @@ from spacemap_vtk.scenes import library  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-def test_a_weaver_corrects_a_draft(
+def test_weaver_corrects_a_draft(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)

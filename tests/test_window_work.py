@@ -29,7 +29,7 @@ def press(window: Any, name: str) -> None:
     QTest.keyClick(window, key.key(), key.keyboardModifiers())
 
 
-def test_a_new_scene_is_drawn_and_saved(
+def test_new_scene_is_drawn_and_saved(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -71,7 +71,7 @@ def test_save_as_keeps_every_comment_and_value(
         assert one.view.settings == other.view.settings
 
 
-def test_recent_files_are_opened_again(open_scene: Any, tmp_path: Path) -> None:
+def test_recent_files_can_be_opened(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text(f'title = "{name}"\n[weave]\nends = 3\npicks = 3\n')
@@ -86,7 +86,7 @@ def test_recent_files_are_opened_again(open_scene: Any, tmp_path: Path) -> None:
     assert [Path(name).stem for name in window.files.recent] == ["a"]
 
 
-def test_a_drop_on_the_view_opens_and_asks_first(
+def test_file_dropped_on_the_view_opens_after_asking(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
@@ -114,7 +114,7 @@ def test_a_drop_on_the_view_opens_and_asks_first(
     assert window.document.source.name == "32-shaft_twill.wif"
 
 
-def test_every_kind_of_change_is_undone_and_done_again(open_scene: Any) -> None:
+def test_every_kind_of_change_can_be_undone_and_redone(open_scene: Any) -> None:
     window = open_scene("gust")
     document, texts = window.document, [window.document.text]
     window.stages.select("response")
@@ -145,7 +145,7 @@ def test_every_kind_of_change_is_undone_and_done_again(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
+def test_next_window_restores_the_layout(open_window: Any) -> None:
     window = open_window()
     window.resize(1010, 707)
     window.splitter.setSizes([340, 400, 270])
@@ -165,7 +165,7 @@ def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
         again.discard()
 
 
-def test_every_key_in_the_help_is_one_actions_alone(open_scene: Any) -> None:
+def test_every_shortcut_belongs_to_one_action(open_scene: Any) -> None:
     window = open_scene()
     keys = [line.split()[0] for line in "\n".join(window.menus.help_texts).splitlines()]
     assert len(keys) == len(set(keys))
@@ -173,7 +173,7 @@ def test_every_key_in_the_help_is_one_actions_alone(open_scene: Any) -> None:
         assert window.menus.actions[name].shortcut().toString() in keys
 
 
-def test_the_window_can_be_narrow(open_scene: Any) -> None:
+def test_window_can_be_narrow(open_scene: Any) -> None:
     window = open_scene()
     window.resize(950, 640)
     for tab in (window.gallery, window.modes, window.plots, window.draft):
