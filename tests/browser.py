@@ -46,7 +46,7 @@ _FLAGS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-#: Of names, what keys are called, and their number.
+#: Key names with their code and number.
 _KEYS = {" ": ("Space", 32), "Home": ("Home", 36), "End": ("End", 35)}
 
 
@@ -56,9 +56,9 @@ class Page:
     def __init__(self, process: subprocess.Popen[bytes], words: int, answers: int) -> None:
         self._process, self._words, self._answers = process, words, answers
         self._heard, self._number, self._session = b"", 0, ""
-        #: What the page has written to the console as an error or a warning, and not caught.
+        #: Errors, warnings and uncaught exceptions of the page.
         self.complaints: list[str] = []
-        #: What it has asked for, from wherever.
+        #: All addresses that the page has requested.
         self.addresses: list[str] = []
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
         found = self.send("Target.attachToTarget", targetId=target, flatten=True)
@@ -81,12 +81,12 @@ class Page:
                 return answer
 
     def open(self, address: str) -> None:
-        """Go to an address, and wait until it is loaded."""
+        """Open an address, and wait until it is loaded."""
         assert "errorText" not in self.send("Page.navigate", url=address), address
         self.wait_until("document.readyState === 'complete'")
 
     def evaluate(self, script: str) -> Any:
-        """Return the value of an expression; of a promise what it comes to."""
+        """Return the value of an expression; a promise is awaited."""
         found = self.send(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )
@@ -96,12 +96,12 @@ class Page:
     def wait_until(self, script: str, seconds: float = 60.0) -> None:
         """Wait until an expression is true."""
         end = time.monotonic() + seconds
-        while not self.evaluate(f"!!({script})"):  # what is true may be large
+        while not self.evaluate(f"!!({script})"):  # the value may be large
             assert time.monotonic() < end, (f"it never happened: {script}", self.complaints)
             time.sleep(0.02)
 
     def click(self, selector: str, count: int = 1) -> None:
-        """Click into the middle of an element, as a hand does: what covers it is hit."""
+        """Click the centre of an element; an element that covers it gets the click."""
         box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
         x, y = self.evaluate(f"(box => [box.x + box.width / 2, box.y + box.height / 2])({box})")
         for number in range(1, count + 1):
@@ -109,7 +109,7 @@ class Page:
                 self._mouse(kind, x, y, button="left", clickCount=number)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], **more: Any) -> None:
-        """Drag the mouse from a place to another [pixels]; `modifiers=8` is Shift."""
+        """Drag the mouse between two positions in pixels; `modifiers=8` is Shift."""
         self._mouse("mousePressed", *start, button="left", clickCount=1, **more)
         for share in (0.25, 0.5, 0.75, 1.0):
             x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
@@ -117,11 +117,11 @@ class Page:
         self._mouse("mouseReleased", *end, button="left", clickCount=1, **more)
 
     def wheel(self, x: float, y: float, turn: float) -> None:
-        """Turn the mouse's wheel at a place."""
+        """Turn the mouse wheel at a position."""
         self._mouse("mouseWheel", x, y, deltaX=0, deltaY=turn)
 
     def press(self, key: str) -> None:
-        """Press a key and let it go."""
+        """Press and release a key."""
         code, number = _KEYS.get(key, (f"Key{key.upper()}", ord(key.upper()[0])))
         told = {"key": key, "code": code or key, "windowsVirtualKeyCode": number}
         text = {"text": key} if len(key) == 1 else {}
@@ -129,14 +129,14 @@ class Page:
         self.send("Input.dispatchKeyEvent", type="keyUp", **told)
 
     def show_as(self, width: int, height: int, dark: bool = False, scale: float = 1.0) -> None:
-        """Choose the page's size, its pixels per unit, and the system's theme."""
+        """Set the size of the page, the pixels per unit and the theme."""
         size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **size)
         theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.send("Emulation.setEmulatedMedia", features=[theme])
 
     def screenshot(self) -> NDArray[np.uint8]:
-        """Return what is seen: red, green and blue, (height, width, 3)."""
+        """Return a screenshot as RGB, shape (height, width, 3)."""
         found = self.send("Page.captureScreenshot", format="png")["data"]
         with Image.open(io.BytesIO(base64.b64decode(found))) as image:
             return np.asarray(image.convert("RGB"))
@@ -168,14 +168,14 @@ class Page:
 
 @contextmanager
 def browser(width: int = 1600, height: int = 1000) -> Iterator[Page]:
-    """Start a browser of its own for a while; skips the test where there is none."""
+    """Start a browser; skip the test if there is none."""
     found = shutil.which("chromium") or shutil.which("chromium-browser")
     if found is None:
         pytest.skip("needs chromium")
     ends = [_high(end) for end in (*os.pipe(), *os.pipe())]
     hears, words, answers, speaks = ends
 
-    def connect() -> None:  # what the browser reads, and what it writes to
+    def connect() -> None:  # pipes to and from the browser
         os.dup2(hears, 3)
         os.dup2(speaks, 4)
 
@@ -197,7 +197,7 @@ def browser(width: int = 1600, height: int = 1000) -> Iterator[Page]:
             yield page
             page.send("Page.close")
         finally:
-            os.close(words)  # it ends when nobody speaks to it any more
+            os.close(words)  # the browser ends when its pipe is closed
             os.close(answers)
             try:
                 process.wait(10)
@@ -207,7 +207,7 @@ def browser(width: int = 1600, height: int = 1000) -> Iterator[Page]:
 
 
 def _high(end: int) -> int:
-    """Return an end of a pipe under a number that is free in the browser."""
+    """Duplicate the end of a pipe to a number that is free in the browser."""
     moved = fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10)
     os.close(end)
     return moved

@@ -1,4 +1,4 @@
-"""A scene in a browser: the command, a browser that opens what it prints, and who is refused."""
+"""The command serve: the page in a browser, and requests that are refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ aiohttp = pytest.importorskip("aiohttp")
 msgpack = pytest.importorskip("msgpack")
 pytest.importorskip("trame")
 
-#: Resolves once the last picture is there, and none has come for a while.
+#: Resolves when no new picture has arrived for a while.
 _QUIET = """new Promise(done => {
   let last = "", since = performance.now();
   const look = () => {
@@ -43,13 +43,13 @@ _QUIET = """new Promise(done => {
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory) -> Path:
-    """The file in which the user's browser writes what it was started with."""
+    """Return the file in which a fake browser stores its arguments."""
     return tmp_path_factory.mktemp("browser") / "opened"
 
 
 @pytest.fixture(scope="module")
 def served(opened) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    prepare_offscreen()  # in this process, so that the tests are skipped where it cannot draw
+    prepare_offscreen()  # in this process, so that the tests are skipped if it cannot draw
     words = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
     script = opened.with_name("browser")
     script.write_text(f'#!/bin/sh\necho "$1" >"{opened}.new" && mv "{opened}.new" "{opened}"\n')
@@ -100,7 +100,7 @@ def test_requests_without_the_token_are_refused(served, opened):
                     await client.ws_connect(root + path)
             with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
                 await client.ws_connect(address + "ws", headers=origin)
-            # The browser's own address leads there once.
+            # The one-time address works once.
             for status in (302, 403):
                 async with client.get(once, allow_redirects=False) as answer:
                     assert answer.status == status
@@ -109,7 +109,7 @@ def test_requests_without_the_token_are_refused(served, opened):
             async with client.get(address) as answer:
                 assert answer.status == 200
                 assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
-            # Of a socket the token is asked once more, in its first message.
+            # A socket must send the token again in its first message.
             for secret, allowed in ((wrong, False), (token, True)):
                 async with client.ws_connect(address + "ws") as socket:
                     hello = ("system:c0:0", "wslink.hello", [{"secret": secret}])
@@ -121,7 +121,7 @@ def test_requests_without_the_token_are_refused(served, opened):
 
 
 async def _call(socket, number, method, args):
-    """Send a message as trame's own script does, and return the answer."""
+    """Send a message like trame's script, and return the answer."""
     chunking = pytest.importorskip("wslink.chunking")
     message = msgpack.packb({"wslink": "1.0", "id": number, "method": method, "args": args})
     for chunk in chunking.generate_chunks(message, 0):
@@ -149,7 +149,7 @@ def test_used_port_and_public_address_are_refused(served, capsys):
 
 
 class _State(types.SimpleNamespace):
-    """What trame keeps of a page, without a page."""
+    """A stand-in for trame's state without a page."""
 
     def __enter__(self):
         return self
@@ -167,7 +167,7 @@ def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
         run, ran = session.pipeline.run, []
 
         def slow(job):
-            """Run what was asked for last; what came before runs until it is stopped."""
+            """Run the last request; earlier ones run until they are cancelled."""
             ran.append(job.values["weave"].get("ends"))
             while ran[-1] != 5:
                 time.sleep(0.002)
@@ -184,7 +184,7 @@ def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
                 session.set("weave.ends", ends)
             while session.screen.frame is None:
                 await asyncio.sleep(0.002)
-            assert ran == [7, 5]  # neither 3 nor 4 was begun
+            assert ran == [7, 5]  # neither 3 nor 4 was started
             assert session.screen.frame.values["weave"]["ends"] == 5
             shown = session.screen.frame
             session.set("weave.ends", "6")
@@ -195,7 +195,7 @@ def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
                 await asyncio.sleep(0.002)
             assert state.failure.startswith("The run was cancelled")
             assert session.screen.frame is shown
-            # No row names a file, and what is no row is not taken.
+            # Files have no rows, and keys without a row are ignored.
             session.set("weave.draft", "/etc/passwd")
             assert session.scene.source.draft is None
         finally:
@@ -211,7 +211,7 @@ def test_browser_page_moves_and_follows_changes(served):
         page.open(address)
         page.wait_until("document.querySelector('.picture img')?.naturalWidth > 500")
         first = page.screenshot()[60:500, :500]
-        assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500  # a cloth, and no plain ground
+        assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500  # a cloth, not a plain background
         _play(page)
         before = _seen(page)
         _type(page, "weave.ends", "3")
@@ -225,7 +225,7 @@ def test_browser_page_moves_and_follows_changes(served):
         page.drag((200, 300), (300, 250))
         while not _differ(page.screenshot()[60:500, :500], narrower):
             time.sleep(0.02)
-        # What it has asked for is all of this address, and nothing went wrong.
+        # The page requests only this address, and logs no errors.
         assert {a for a in page.addresses if not a.startswith((address, "data:"))} == set()
         assert page.complaints == []
         process.send_signal(signal.SIGINT)
@@ -253,7 +253,7 @@ def _type(page: Page, row: str, text: str) -> None:
 
 
 def _seen(page: Page):
-    """Return the picture once it changes no more."""
+    """Return the picture when it no longer changes."""
     page.evaluate(_QUIET)
     return page.screenshot()[60:500, :500]
 

@@ -1,4 +1,4 @@
-"""The window as a person uses it: stages, fields, sliders, time, errors. Needs a display."""
+"""The window: stages, fields, sliders, time and errors. Needs a display."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_typed_value_with_a_unit_is_converted(open_scene: Any) -> None:
 def test_word_auto_can_be_typed(open_scene: Any) -> None:
     window = open_scene()
     document = window.document
-    document.set("modal", "material", "denim")  # of an isotropic one moduli do not count
+    document.set("modal", "material", "denim")  # moduli have no effect on an isotropic material
     for section, name, written in (
         ("weave", "warp_diameter", "0.2 mm"),
         ("weave", "warp_color", "#102030"),
@@ -89,10 +89,10 @@ def test_slider_drag_runs_only_downstream_stages(open_scene: Any) -> None:
     assert window.document.scene.modal.youngs_modulus < value / 1.3
     assert (after["weave"], after["cage"]) == (before["weave"], before["cage"])
     assert after["modal"] > before["modal"]
-    # The fine surface waits for the end of the drag.
+    # The fine surface is computed only after the drag.
     assert after["surface"] == before["surface"] + 1
     assert np.abs(window.view.image().astype(int) - image).max() > 60
-    # One drag is one step back.
+    # One drag is one undo step.
     assert window.document.history.count() == 1
     window.document.history.undo()
     assert window.document.scene.modal.youngs_modulus == value
@@ -138,7 +138,7 @@ def test_invalid_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
         assert "allowed" in window.errors.text
         assert window.document.text == before, text
         assert window.document.history.count() == changes, text
-        # The program goes on: a right value follows.
+        # A valid value is accepted afterwards.
         right = {"ends": "6", "poissons_ratio": "0.25", "youngs_modulus": "1 kPa"}
         type_into(field.editor.line, right.get(name, "0.2 mm"))
         wait_until(lambda: settled(window))
@@ -168,13 +168,13 @@ def test_feasible_interval_of_the_crimp_height_is_updated(open_scene: Any) -> No
     assert "feasible: " in before
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
     field = window.properties.rows["warp_crimp_height"]
-    # Four times a second at most, and in no more than a share of the time: seldom under load.
+    # Updated at most four times per second, less often under load.
     wait_until(lambda: field.editor.toolTip() != before)
     assert "feasible: " in field.editor.toolTip()
-    # What is automatic is seen, in grey.
+    # The automatic value is shown in grey.
     found = window.document.scene.source.found["warp_crimp_height"]
     assert f"{found * 1e3:.4g} mm" == field.editor.line.placeholderText()
-    # "automatic" off begins where automatic was.
+    # Switching "auto" off starts with the automatic value.
     QTest.mouseClick(
         field.automatic, Qt.MouseButton.LeftButton, pos=field.automatic.rect().center()
     )
@@ -198,9 +198,9 @@ def test_window_responds_during_a_run_that_can_be_cancelled(open_window: Any) ->
     QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.engine.busy)
     wait_until(lambda: "picture is older" in window.errors.text)
-    window.errors.hide()  # which gives the view its height again
+    window.errors.hide()  # restores the height of the view
     wait_until(lambda: window.view.image().shape == image.shape)
-    # The last good picture stays; some of its pixels are those of a coarser surface.
+    # The last good picture stays; some pixels come from a coarser surface.
     assert np.abs(window.view.image().astype(int) - image).mean() < 4
     window.document.history.undo()
     window.document.history.undo()

@@ -1,4 +1,4 @@
-"""The view's camera: sides, axes that are clicked at, a turntable; and what lies behind."""
+"""The camera of the view: presets, clicks on axes, turntable and background."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def image(window: Any) -> np.ndarray:
 def test_every_camera_preset_gives_another_picture(open_scene: Any) -> None:
     window = open_scene()
     pictures = []
-    assert {*CAMERAS} - {"side"} == {*window.tools.cameras}  # it is the right one
+    assert {*CAMERAS} - {"side"} == {*window.tools.cameras}  # "side" is another name of "right"
     for name in window.tools.cameras:
         window.tools.cameras[name].trigger()
         pictures.append(image(window))
@@ -41,7 +41,7 @@ def test_face_camera_has_no_perspective(open_scene: Any) -> None:
     assert camera.GetParallelProjection()
     assert parallel.isChecked()
     seen = image(window)[:-150]  # above the axes
-    assert (seen.std(axis=2) > 15).mean() > 0.4  # of the picture's width the cloth takes its share
+    assert (seen.std(axis=2) > 15).mean() > 0.4  # the cloth fills part of the width
     window.tools.cameras["front"].trigger()
     assert not camera.GetParallelProjection()
     assert not parallel.isChecked()
@@ -75,10 +75,10 @@ def test_click_on_an_axis_looks_along_it(open_scene: Any) -> None:
         at = QPoint(round(x), round(widget.height() - y))
         QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at)
         wanted = -np.eye(3)[axis] * (1, -1)[way]
-        # One that is already looked along shows the far side.
+        # A click on the axis that points at the viewer shows the far side.
         wanted = -wanted if np.allclose(before, wanted) else wanted
         np.testing.assert_allclose(camera.GetDirectionOfProjection(), wanted, atol=1e-9)
-    # It is the window's own: what a scene's pictures show has not changed.
+    # The axes belong to the window; the scene's pictures do not change.
     shown = image(window)
     window.tools.part_actions["triad"].trigger()
     assert np.abs(image(window) - shown).max() > 60
@@ -89,7 +89,7 @@ def test_click_on_an_axis_looks_along_it(open_scene: Any) -> None:
 def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
     window = open_scene()
     widget, camera = window.view.canvas, window.view.canvas.camera
-    # From the side, and from above, where nothing is up: each drag would roll a trackball.
+    # From the side and from above, each drag would roll a trackball.
     for name in ("right", "top"):
         for on in (False, True):
             window.tools.cameras[name].trigger()
@@ -101,7 +101,7 @@ def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
                 QTest.mouseMove(widget, at)
             QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
             QTest.qWait(20)
-            seen = camera.GetModelViewTransformMatrix()  # its first row is what is right
+            seen = camera.GetModelViewTransformMatrix()  # its first row points to the right
             assert (abs(seen.GetElement(0, 1)) < 1e-9) == on
             assert not on or seen.GetElement(1, 1) > 0.0
             assert abs(seen.GetElement(0, 0)) < 0.99
@@ -112,7 +112,7 @@ def test_resizing_keeps_the_scene_in_view_until_the_camera_is_moved(open_scene: 
     window = open_scene()
 
     def clear(share: float) -> bool:
-        """Whether a column of the picture shows the background alone, which is smooth."""
+        """Return whether a column of the picture shows only the smooth background."""
         picture = image(window)
         column = picture[:, min(picture.shape[1] - 1, round(share * picture.shape[1]))]
         return bool(np.abs(np.diff(column, axis=0)).max() < 8)

@@ -1,4 +1,4 @@
-"""Long work is ended within a second or so, and the next result is whole."""
+"""Long runs can be cancelled within about a second, and later results are complete."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def slack() -> float:
-    """Return the seconds that cancelling may take: others may be at work on this machine."""
+    """Return the seconds that cancelling may take on a busy machine."""
     return 10.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
@@ -43,8 +43,8 @@ def test_cancelled_work_stops_at_its_next_check() -> None:
         with pytest.raises(Cancelled):
             check()
         with CancelToken().active():
-            check()  # the token of the work around it does not count here
-    check()  # nor here, where the work has ended
+            check()  # the outer token has no effect here
+    check()  # nor after the work has ended
 
     def work(job: int) -> None:
         blocks.append(job)
@@ -54,7 +54,7 @@ def test_cancelled_work_stops_at_its_next_check() -> None:
     token = CancelToken()
     with token.active(), pytest.raises(Cancelled):
         for_each(range(100), lambda: work, threads=2)
-    # Each of the two threads ends the block that it is at.
+    # Each of the two threads finishes its present block.
     assert len(blocks) < 10
 
 
@@ -82,16 +82,16 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
         lambda: window.stages.states[stage] == "stale" and not window.cancel_button.isVisible()
     )
     assert window.view.frame is frame
-    # What lies below waits, too, and the picture is said to be of before.
+    # The stages below wait too, and the message says that the picture is old.
     sections = [s.section for s in window.document.scene.stages]
     at = sections.index(stage)
     assert {window.stages.states[s] for s in sections[:at]} <= {"fresh"}
     assert {window.stages.states[s] for s in sections[at:]} == {"stale"}
-    # It is told when the thread has come to rest, after that it was cancelled.
+    # The message follows when the thread has stopped.
     wait_until(lambda: window.errors.text)
     assert window.errors.text == "The run was cancelled: the picture is older than the values."
     assert window.errors.run_button.isVisible()
-    # What was begun is not taken for a result: the scene before comes back whole.
+    # Partial results are not used: the former scene returns completely.
     before = np.array(frame.surface.GetBounds())
     window.document.history.undo()
     wait_until(lambda: settled(window))
@@ -118,14 +118,14 @@ def test_cancelled_run_can_be_started_again(open_window: Any) -> None:
     assert window.view.frame.values == window.document.values
     assert set(window.stages.states.values()) == {"fresh", "off", "settings"}
     assert window.errors.text == ""
-    # An error has nothing to run.
+    # An error message has no Run button.
     window.report("value", ValueError("wrong"))
     assert not window.errors.run_button.isVisible()
 
 
 def test_message_about_a_cancelled_run_is_correct(open_window: Any, tmp_path: Path) -> None:
     window = open_window()
-    # Long enough a run that it is not over when it is cancelled.
+    # A run that is long enough to be cancelled.
     window.document.set_many("weave", {"ends": 12, "picks": 12})
     wait_until(lambda: settled(window))
     window.document.set("surface", "subdivisions", 64)
@@ -135,12 +135,12 @@ def test_message_about_a_cancelled_run_is_correct(open_window: Any, tmp_path: Pa
     scene.write_text("[weave]\nends = 300\npicks = 300\n[surface]\nsubdivisions = 2\n")
     window.document.open(scene)
     assert window.errors.text == ""
-    # Nothing of the scene that was left is seen under the new one's name, now or when it is ended.
+    # Nothing of the former scene is visible, neither now nor after cancelling.
     for ended in (False, True):
         if ended:
             cancel_when_running(window, "weave")
         rows = window.view.image().astype(int)
-        assert np.ptp(rows, axis=1).max() <= 2, ended  # the background alone
+        assert np.ptp(rows, axis=1).max() <= 2, ended  # only the background
     assert "no picture of this scene" in window.errors.text
 
 
@@ -183,7 +183,7 @@ def test_child_process_returns_its_output(tmp_path: Path) -> None:
 
 
 def a_job(divisions: int, generation: int = 1) -> FrameRequest:
-    """CurveRequest for a swatch in a cage that takes no time to solve."""
+    """Request a frame of a small cloth in a cage that is solved quickly."""
     values = {
         "weave": {"ends": 3, "picks": 3},
         "cage": {"divisions": [divisions, 2, 1]},
@@ -202,7 +202,7 @@ def a_job(divisions: int, generation: int = 1) -> FrameRequest:
 
 @contextmanager
 def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
-    """Run an engine; the list has what becomes of its jobs: the values of a frame, "cancelled"."""
+    """Run an engine; the list holds the values of each frame, or "cancelled"."""
     engine, told = Engine(), []
     direct = Qt.ConnectionType.DirectConnection
     engine.ready.connect(lambda: told.append(engine.take_frame().values), direct)
@@ -222,7 +222,7 @@ def test_cancel_before_a_run_starts_stops_only_that_run(qapp: Any) -> None:
         do, pending = engine.run_request, [engine.cancel]
 
         def cancelled_first(job: FrameRequest) -> None:
-            # The job is taken, and nothing of it runs yet.
+            # The request is taken, but its run has not started.
             if pending:
                 pending.pop()()
             do(job)
@@ -234,7 +234,7 @@ def test_cancel_before_a_run_starts_stops_only_that_run(qapp: Any) -> None:
         engine.request(second)
         wait_until(lambda: len(told) == 2)
         assert told[1] == second.values
-        # Nothing runs and nothing waits: it is for no job at all.
+        # Nothing runs and nothing waits, so the cancellation has no effect.
         wait_until(lambda: not engine.busy)
         engine.cancel()
         engine.request(first)
@@ -263,7 +263,7 @@ def test_closing_before_a_run_starts_ends_the_engine(qapp: Any) -> None:
 def test_cancelling_a_long_run_does_not_cancel_the_next(
     qapp: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A newer wish ends a run of some time; the run may end by itself in that very moment."""
+    """A newer request cancels a long run, which may end at the same moment."""
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
         do = engine.run_request
@@ -278,7 +278,7 @@ def test_cancelling_a_long_run_does_not_cancel_the_next(
 
         class Late(CancelToken):
             def cancel(self) -> None:
-                # The first run ends now; the second job is taken as soon as it can be.
+                # The first run ends now, and the second request is taken at once.
                 asked.set()
                 end = time.monotonic() + 2.0
                 while len(taken) < 2 and time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""What is copied as a command line or as a script gives what the window shows."""
+"""The copied command line, script and table of figures agree with the window."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from PySide6.QtGui import QGuiApplication  # noqa: E402
 from spacemap_vtk.scenes import library, report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
-# Each process that is started would solve them again.
+# Otherwise each process would solve the modes again.
 pytestmark = pytest.mark.usefixtures("kept_modes")
 
 
@@ -34,7 +34,7 @@ def change_a_lot(window: Any) -> None:
     document.set("weave", "ends", 5)
     document.set("weave", "pattern", ["110", "011", "101"])
     document.set("response", "gravity", [0.0, "-1 g", 0.0])
-    # A key of the file that goes back to its default.
+    # A key of the file is reset to its default.
     document.set("response", "initial", None)
     loads = [{"pressure": "0.5 Pa", "on": "+z", "time": "table", "times": [0, 1], "values": [1, 1]}]
     document.set("response", "loads", loads)
@@ -123,7 +123,7 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
     image = drawn.pixmap().toImage()
     width, height = image.width(), image.height()
     seen = {image.pixelColor(x, y).name() for x in range(width) for y in range(20, height, 8)}
-    paper, share = np.full(3, 255), 0.38  # of a yarn's colour, for lines to be seen on it
+    paper, share = np.full(3, 255), 0.38  # part of a yarn's colour, so that lines are visible on it
     for yarns in window.document.scene.woven.cloth.threads:
         tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
         assert "#{:02x}{:02x}{:02x}".format(*tint) in seen
@@ -134,7 +134,7 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
     assert abs(float(told["least clearance [mm]"][0])) < 1e-9
     window.document.set("weave", "ends", 7)
     wait_until(lambda: rows()["yarns"][0] == "7")
-    # What cannot be woven leaves the last good cloth in sight, and its figures.
+    # If the cloth cannot be woven, the last good cloth and its figures stay.
     window.document.set("weave", "warp_sett", "90 /cm")
     wait_until(lambda: not window.errors.isHidden())
     for tab in (window.modes, window.figures):

@@ -1,4 +1,4 @@
-"""What an edit costs: one scene, whoever makes it; the engine goes on with its own."""
+"""Edits of the document: number of scenes built, stages switched on and off."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def test_each_edit_builds_one_scene(
     assert count(lambda: type_into(modulus.line, "2 MPa")) == 1
     assert count(document.history.undo) == 1
     assert count(document.history.redo) == 1
-    # Of a drag each value that is taken is an edit.
+    # Each accepted value of a drag is an edit.
     changes: list[int] = []
     document.changed.connect(lambda: changes.append(1))
     assert count(lambda: drag(modulus.slider, 5)) == len(changes) > 0
-    # Sections come and go: what the engine has connected is connected otherwise.
+    # Switching sections changes the connections of the engine's scene.
     still = tmp_path / "still.toml"
     still.write_text("[weave]\nends = 4\npicks = 4\n")
     with_engine = 2
@@ -69,7 +69,7 @@ def test_each_edit_builds_one_scene(
 
 
 def box(window: Any, section: str, column: int = 3) -> None:
-    """Click the box of a stage, or what stands in another column."""
+    """Click the box of a stage, or another column."""
     stages = window.stages
     at = stages.visualRect(stages.indexFromItem(stages.items[section], column)).center()
     if column == 3:
@@ -87,11 +87,11 @@ def test_stages_can_be_switched_in_the_list(open_scene: Any) -> None:
     wait_until(lambda: settled(window) and stages.states["rotation"] == "fresh")
     assert document.text == before + "\n[rotation]\n"
     assert window.properties.switch_on_button.isHidden()
-    # What runs without it stays as it was run.
+    # Stages that do not depend on it do not run again.
     assert stages.items["modal"].text(2) == "1"
     box(window, "rotation")
     assert document.text == before
-    # A source cannot be off; without modes nothing moves, and with them comes all that had.
+    # A source cannot be switched off; without modes nothing moves, and modes restore the motion.
     assert stages.items["weave"].data(3, Qt.ItemDataRole.CheckStateRole) is None
     box(window, "modal")
     assert [s for s, state in stages.states.items() if state == "fresh"] == ["weave", "surface"]
@@ -131,7 +131,7 @@ def test_replacing_stage_takes_over_common_values(open_scene: Any, tmp_path: Pat
     box(window, "response")
     assert document.values["response"] == {
         "gravity": [0.0, 0.0, -3.0],
-        "residual_vectors": False,  # of its own
+        "residual_vectors": False,  # only of the transient response
         "alpha": 4.0,
         "loads": [{"pressure": "1 Pa", "on": "+z"}],
     }
@@ -146,7 +146,7 @@ def test_eye_button_menu_and_scene_always_agree(open_scene: Any) -> None:
     )
     for click, show in (
         (lambda: box(window, "cage", column=4), "fabric"),
-        (cage.trigger, "side by side"),  # as it was
+        (cage.trigger, "side by side"),  # as before
         (lambda: box(window, "surface", column=4), "cage"),
         (lambda: document.set("view", "show", "both"), "both"),
         (document.history.undo, "cage"),

@@ -1,4 +1,4 @@
-"""The draft tab as a weaver uses it: threading, tie-up, treadling, drawdown, colours, files."""
+"""The draft tab: threading, tie-up, treadling, drawdown and colours."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> No
 
 
 def woven(window: Any) -> np.ndarray:
-    """The drawdown of the fabric that is drawn."""
+    """Return the drawdown of the drawn fabric."""
     wait_until(lambda: settled(window))
     return scene_of(window).woven.cloth.drawdown
 
@@ -48,12 +48,12 @@ def test_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> 
     before, counts, image = woven(window), runs(window), window.view.image().astype(int)
     click(qtbot, window, "threading", 2, 4)
     after = woven(window)
-    # End 2 now does what end 4 does, and nothing else has changed.
+    # End 2 now equals end 4, and nothing else has changed.
     np.testing.assert_array_equal(after[:, 1], before[:, 3])
     np.testing.assert_array_equal(np.delete(after, 1, 1), np.delete(before, 1, 1))
     np.testing.assert_array_equal(window.draft.grid.shown.drawdown, after)
     assert np.abs(window.view.image().astype(int) - image).max() > 60
-    # Each stage has run once more, and one undo is all of it.
+    # Each stage has run once more, and one undo restores everything.
     assert runs(window) == {name: count + 1 for name, count in counts.items()}
     assert window.document.history.count() == 1
     window.menus.actions["Undo"].trigger()
@@ -68,7 +68,7 @@ def test_drag_threads_several_ends_in_one_undo_step(draft_of: Any, qtbot: Any, t
     window = draft_of(twill)
     view = window.draft.grid.viewport()
     qtbot.mousePress(view, LEFT, pos=spot(window, "threading", 8, 1))
-    # A quick hand: two moves over six ends.
+    # A fast drag: two mouse moves over six ends.
     for end, shaft in ((5, 4), (2, 1)):
         qtbot.mouseMove(view, spot(window, "threading", end, shaft))
         qtbot.wait(20)
@@ -95,9 +95,9 @@ def test_tie_up_treadling_and_second_marks_can_be_edited(
     click(qtbot, window, "treadling", 2, 1, CONTROL)
     assert window.draft.grid.shown.loom.treadling[0] == (2, 3)
     click(qtbot, window, "threading", 1, 1)
-    assert window.draft.grid.shown.loom.threading[0] == ()  # out of its heddle: it floats
+    assert window.draft.grid.shown.loom.threading[0] == ()  # not threaded, so it floats
     assert not woven(window)[:, 0].any()
-    # The cloth of a loom is not painted by hand; the program says why.
+    # The drawdown of a loom cannot be painted; a message says why.
     before = window.document.text
     click(qtbot, window, "drawdown", 4, 4)
     assert "threading" in window.draft.hint.text()
@@ -106,7 +106,7 @@ def test_tie_up_treadling_and_second_marks_can_be_edited(
 
 def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
-    # Pressed in an order that is not theirs; there and back they keep their numbers.
+    # The treadles are not pressed in order; they keep their numbers after both conversions.
     window.draft._set_loom(window.draft.grid.shown.loom.treadled(1, (3,)), "treadling")
     before, tied = woven(window), window.draft.grid.shown.loom
     window.draft.loom_kind.setFocus()
@@ -141,10 +141,10 @@ def test_yarns_shafts_and_treadles_can_be_counted(draft_of: Any, qtbot: Any, twi
     type_into(counts["ends"].lineEdit(), "12")
     assert window.document.scene.source.ends == 12
     np.testing.assert_array_equal(woven(window), np.tile(before, (1, 2))[:, :12])
-    assert window.draft.grid.shown.loom.shafts == 4  # the draft's own loom, repeated
+    assert window.draft.grid.shown.loom.shafts == 4  # the loom of the draft, repeated
     type_into(counts["shafts"].lineEdit(), "6")
     assert window.draft.grid.shown.loom.shafts == 6
-    # Those in use stay, whatever is typed, and letters are nothing.
+    # Shafts in use stay, whatever is typed, and letters are ignored.
     type_into(counts["shafts"].lineEdit(), "2")
     assert window.draft.grid.shown.loom.shafts == 4
     type_into(counts["picks"].lineEdit(), "many")
@@ -167,9 +167,9 @@ def test_drawdown_of_a_pattern_can_be_painted(draft_of: Any, qtbot: Any) -> None
     np.testing.assert_array_equal(after, before)
     assert window.document.history.count() == 1
     assert Scene(window.document.values).source.pattern[0][:2] == "11"
-    # Its loom is found anew: end 2 has a shaft of its own now.
+    # A new loom is derived: end 2 has its own shaft now.
     assert window.draft.grid.shown.loom.shafts == 3
-    # A pattern becomes a draft as soon as its loom is changed.
+    # A pattern becomes a draft when its loom is changed.
     click(qtbot, window, "tieup", 1, 2)
     assert window.document.scene.source.draft is not None
     np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
@@ -200,7 +200,7 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
     assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
     assert window.document.history.count() == 1
-    # The same colour, wherever it is, by a double click; and back.
+    # A double click replaces a colour everywhere; undo restores it.
     QTimer.singleShot(200, lambda: choose("#aa3300"))
     index = [color.name() for color in draft.palette_row.colors].index("#112233")
     qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
@@ -209,7 +209,7 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     window.document.history.undo()
     window.document.history.undo()
     assert window.document.value_in_file("weave", "warp_color") is None
-    # A right click takes a colour up.
+    # A right click picks a colour.
     qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=spot(window, "weft", 0, 2))
     assert draft.grid.color.name() == "#e8c78f"
 
@@ -224,7 +224,7 @@ def test_swatches_keep_their_places(draft_of: Any, qtbot: Any, twill: Path) -> N
         return [*zip(map(QColor.name, row.colors), places, strict=True)]
 
     before = stand()
-    # The last one is chosen, and a colour that no yarn has any more stays, too.
+    # The last colour is selected, and a colour without yarns stays.
     qtbot.mouseClick(row, LEFT, pos=row.rect_of(len(before) - 1).center())
     qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
     qtbot.mouseMove(view, spot(window, "warp", 8, 0))
@@ -263,12 +263,12 @@ def test_draft_can_be_edited_with_the_keyboard(draft_of: Any, qtbot: Any, twill:
     assert "end 3, threaded on 4" in window.draft.hint.text()
     window.menus.actions["Undo"].trigger()
     assert grid.shown.loom.threading[2] == (3,)
-    # From grid to grid.
+    # From one grid to the next.
     for _ in range(4):
         qtbot.keyClick(grid, keys.Key_Down)
     assert "end 3" in window.draft.hint.text()
     assert "pick 8" in window.draft.hint.text()
-    # What is not in sight comes there.
+    # A hidden cell scrolls into view.
     for _ in range(14):
         qtbot.keyClick(grid, "+")
     for _ in range(9):
@@ -294,7 +294,7 @@ def test_draft_with_32_shafts_fits_into_the_tab(draft_of: Any, qtbot: Any) -> No
         color = picture.pixelColor(*layout.center(GridCell("drawdown", end, pick)))
         family = grid.shown.warp[end - 1] if over[pick - 1, end - 1] else grid.shown.weft[pick - 1]
         assert np.abs(np.array(color.getRgb()[:3]) - family).max() < 60
-    # The hand says what is under it, and marks it.
+    # Hovering describes and highlights the cell.
     qtbot.mouseMove(grid.viewport(), QPoint(*layout.center(GridCell("drawdown", 17, 40))))
     qtbot.wait(50)
     assert "end 17" in window.draft.hint.text()
@@ -320,7 +320,7 @@ def test_draft_with_32_shafts_fits_into_the_tab(draft_of: Any, qtbot: Any) -> No
 
 
 def test_drawdown_has_the_orientation_of_the_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
-    # Neither turned nor mirrored is it the same: 8 ends, 6 picks, an end threaded against its line.
+    # A draft without symmetry: 8 ends, 6 picks, and one end threaded out of line.
     (twill.parent / "still.toml").write_text('[weave]\ndraft = "twill.wif"\npicks = 6\n')
     window = draft_of(twill.parent / "still.toml")
     click(qtbot, window, "threading", 2, 4)

@@ -1,4 +1,4 @@
-"""The draft tab's drafts, kept, saved and opened."""
+"""Drafts of the draft tab: stored, saved and opened."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twil
     kept = window.document.scene.source.draft
     window.menus.actions["Copy as command line"].trigger()
     assert "save the scene" in window.errors.text
-    # Another file of that name is never written over.
+    # An existing file of that name is never overwritten.
     other = twill.parent / "mine.wif"
     other.write_text("not mine")
     window.document.save(twill.parent / "mine.toml")
@@ -40,7 +40,7 @@ def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twil
     scene = Scene.read(twill.parent / "mine.toml")
     assert scene.source.draft.name == "mine-2.wif"
     assert read_wif(scene.source.draft).loom.threading[1] == (4,)
-    # The scene's own draft is.
+    # The scene's own draft is overwritten.
     click(qtbot, window, "threading", 3, 4)
     window.document.save()
     assert read_wif(twill.parent / "mine-2.wif").loom.threading[1:3] == ((4,), (4,))
@@ -67,7 +67,7 @@ def test_draft_version_is_complete_after_a_failed_write(
     drawdown = np.random.default_rng(1).random((60, 60)) < 0.5
     wif = parse_wif(format_wif(Draft(drawdown)))
     assert len(format_wif(wif)) > 2**12
-    (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # half of it will do
+    (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # too little space
     keeper = DraftVersions()
     with pytest.raises(InputError, match=f"Make room in {disk}"):
         keeper.add(wif)
@@ -87,14 +87,14 @@ def test_drafts_can_be_opened_and_saved_as_wif(
     divisions = window.document.scene.cage.divisions
     qtbot.mouseClick(window.draft.open_button, LEFT)
     assert woven(window).shape == (8, 8)
-    assert window.document.scene.cage.divisions == divisions  # the rest of the scene stays
+    assert window.document.scene.cage.divisions == divisions  # the rest of the scene is unchanged
     click(qtbot, window, "treadling", 4, 1)
     qtbot.mouseClick(window.draft.save_button, LEFT)
     written = read_wif(out.with_suffix(".wif"))
     assert written.loom == window.draft.grid.shown.loom
     assert window.document.scene.source.draft == out.with_suffix(".wif")
     wait_until(lambda: settled(window))
-    # A file that is no draft is told, and the cloth stays.
+    # A file that is not a draft is reported, and the cloth stays.
     bad = twill.parent / "bad.wif"
     bad.write_text("nonsense")
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(bad), ""))
@@ -120,11 +120,11 @@ def test_edited_draft_is_shown_by_its_original_name(
     click(qtbot, window, "threading", 2, 4)
     assert line.text() == "twill.wif (edited)"
     assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
-    # To leave the field as it is changes nothing.
+    # Leaving the field unchanged has no effect.
     type_into(line, line.text())
     assert window.errors.text == ""
     assert window.document.drafts.contains(window.document.scene.source.draft)
-    # Nor does a message have its file, as when somebody tidies up.
+    # A message shows that name too, for example if the file was deleted.
     window.document.scene.source.draft.unlink()
     window.document.set("weave", "warp_spacing", "1 mm")
     wait_until(lambda: window.errors.text)
@@ -144,7 +144,7 @@ def test_saved_draft_leaves_no_unsaved_change(
     window, text = draft_of(twill), twill.read_text()
     click(qtbot, window, "threading", 2, 4)
     assert window.isWindowModified()
-    # The scene's file names another draft than this one.
+    # The scene file refers to another draft.
     save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
     assert window.isWindowModified()
     click(qtbot, window, "threading", 3, 4)
@@ -155,7 +155,7 @@ def test_saved_draft_leaves_no_unsaved_change(
     assert window.isWindowModified()
     window.document.history.undo()
     assert not window.isWindowModified()
-    # What the draft does not hold is not saved with it.
+    # Other values of the scene are not saved with the draft.
     window.document.set("response", "alpha", 3.0)
     click(qtbot, window, "threading", 4, 1)
     save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
@@ -173,7 +173,7 @@ def test_opened_draft_is_saved_as_a_draft(
     file = twill.parent / "mine.wif"
     save_draft(window, qtbot, monkeypatch, file)
     assert not window.isWindowModified()
-    # Nothing is lost by leaving: the file is what is seen.
+    # Leaving loses nothing: the file equals the scene.
     seen = window.document.scene.woven.cloth
     again = Scene.read(file).woven.cloth
     np.testing.assert_array_equal(again.drawdown, seen.drawdown)
@@ -209,11 +209,11 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     }
     monkeypatch.setattr(QMessageBox, "question", lambda *_: pytest.fail("asked"))
     assert window.files.confirm_close()
-    # Undo leads back to what was in the file.
+    # Undo restores the former content of the file.
     for _ in range(2):
         window.menus.actions["Undo"].trigger()
     assert window.document.scene.source.draft.read_bytes() == original
-    # What no draft holds is told, and not taken for saved.
+    # Values that a draft cannot store are reported as unsaved.
     window.document.set("cage", "divisions", [3, 3, 1])
     window.menus.actions["Save"].trigger()
     assert "a draft file cannot store cage.divisions" in window.errors.text
@@ -225,7 +225,7 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
         return next(answers, ("", ""))
 
     twill.unlink()
-    # Another kind of file is chosen, its name left as it is proposed.
+    # Another file type is chosen, with the proposed name.
     answers = iter([(str(file), "Scenes (*.toml)")])
 
     monkeypatch.setattr(QFileDialog, "getSaveFileName", answer)
@@ -233,14 +233,14 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     assert window.document.file == twill
     assert Scene.read(twill).cage.divisions == (3, 3, 1)
     asked.clear()
-    # A draft in place of a draft is another document.
+    # Opening another draft replaces the document.
     window.document.open(file)
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(other), ""))
     other = file.with_name("other.wif")
     other.write_bytes(original)
     window.draft.open_button.click()
     assert window.document.file == other
-    # A format that is only read.
+    # A format that can only be read.
     file.rename(other := file.with_suffix(".wifw"))
     window.document.open(other)
     window.menus.actions["Save"].trigger()

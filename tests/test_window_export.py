@@ -1,4 +1,4 @@
-"""Pictures, films and data written from the window: whole or not at all, and cancelled at once."""
+"""Export of pictures, films and data: complete or not at all, and cancelled at once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox, QPushButto
 
 from spacemap_vtk.app.work.export_dialog import ExportDialog  # noqa: E402
 
-# Each process that is started would solve them again.
+# Otherwise each process would solve the modes again.
 pytestmark = pytest.mark.usefixtures("kept_modes")
 
 
@@ -34,7 +34,7 @@ def written(window: Any) -> list[str]:
 
 
 def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
-    """Type into the export dialog as soon as it is there, and press Save."""
+    """Fill in the export dialog as soon as it opens, and press Save."""
     dialog = QApplication.activeModalWidget()
     if not isinstance(dialog, ExportDialog):
         QTimer.singleShot(50, lambda: fill_dialog(file, width, height, seen))
@@ -62,17 +62,17 @@ def test_exported_picture_has_the_camera_of_the_window(open_scene: Any, tmp_path
         assert window.errors.text == ""
         pictures.append(np.asarray(Image.open(file)).astype(int))
         assert pictures[-1].shape == (240, 320, 3)
-    # Told for a while, whatever is drawn meanwhile.
+    # The message stays for a while, whatever is drawn.
     window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
     assert window.statusBar().currentMessage() == f"Saved: {file}"
-    # From the side a cloth is narrow.
+    # From the side, the cloth is narrow.
     coloured = [(np.ptp(picture, axis=2) > 40).any(axis=0).sum() for picture in pictures]
     assert coloured[1] < 0.6 * coloured[0]
 
 
 def colourful(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
-    """Return where a picture's yarns are, and which shares of width and height they fill."""
+    """Return a mask of the yarns in a picture, and the fractions of width and height they fill."""
     there = np.ptp(picture.astype(int), axis=2) > 40
     shares = [
         np.ptp(np.flatnonzero(there.any(axis=axis))) / there.shape[1 - axis] for axis in (0, 1)
@@ -146,7 +146,7 @@ def test_dark_window_exports_its_background_and_wireframe(open_scene: Any, tmp_p
     tops = [np.median(picture[0], axis=0) for picture in (drawn, *pictures)]
     assert np.abs(tops[0] - tops[1]).max() <= 3
     assert (tops[2] > 200).all()
-    # Edges alone leave most of the cloth free, as they do in the view.
+    # Edges cover only a part of the cloth, as in the view.
     shares = [colourful(picture)[0].mean() for picture in (pictures[0], drawn, filled)]
     assert shares[0] < 0.6 * shares[2]
     assert shares[1] < 0.6 * shares[2]
@@ -188,7 +188,7 @@ def test_export_dialog_applies_presets_and_remembers_the_size(
         assert cover[0, 0] == 0
         assert 0.1 < (cover == 255).mean() < 0.9
         assert filled.mode == "RGB"
-        # What is covered is the same picture, but for what JPEG makes of it.
+        # The covered pixels are equal up to JPEG compression.
         both = np.asarray(clear)[..., :3].astype(int), np.asarray(filled).astype(int)
         assert np.abs(both[0] - both[1])[cover == 255].mean() < 15.0
 
@@ -230,7 +230,7 @@ def test_cancelled_film_leaves_no_file(
     window.exports.start("film", file, size=(320, 240))
     bar = window.exports.bar
     wait_until(lambda: bar.maximum() > 100 and bar.value() >= 2, 60)
-    # One goes on working meanwhile, but with another film.
+    # Work can go on meanwhile, except for another film.
     assert bar.isVisible()
     window.menus.actions["Export film…"].trigger()
     assert "long.gif is being written. Wait" in window.errors.text
@@ -273,7 +273,7 @@ def test_film_without_an_encoder_is_neither_proposed_nor_started(
     def look() -> None:
         dialog = QApplication.activeModalWidget()
         proposed.append((dialog.file.name, dialog._picture.filters))
-        # What it needs is looked at before it begins.
+        # Requirements are checked before the export starts.
         dialog.file_line.setText(str(tmp_path / "film.mp4"))
         said.append(dialog.summary.text())
         assert dialog.save_button.isEnabled() == encoder
@@ -374,7 +374,7 @@ def test_failed_exports_are_reported(open_scene: Any, tmp_path: Path) -> None:
     assert "does not exist" in window.errors.text
     window.exports.start("picture", tmp_path / "picture.bmp")
     assert ".bmp" in window.errors.text
-    # What the scene refuses in the other process arrives here.
+    # Errors of the child process are reported.
     window.document.set("animation", "start", "1 s")
     wait_until(lambda: settled(window))
     window.exports.start("film", tmp_path / "none.gif", size=(160, 120))
@@ -482,10 +482,10 @@ def test_typed_size_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
             line.selectAll()
             QTest.keyClicks(line, typed)
             seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
-        # What is out of range when the box is left comes to the nearest in range, as is seen.
+        # On leaving the box, a number out of range is limited to the range.
         line.selectAll()
         QTest.keyClicks(line, "99999")
-        # Sent by hand: a window that is not active gives no focus, and takes none away.
+        # Sent explicitly, because an inactive window gets no focus events.
         QApplication.sendEvent(dialog.width_box, QFocusEvent(QEvent.Type.FocusOut))
         seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
         dialog.reject()

@@ -1,4 +1,4 @@
-"""Faults that once were in the window."""
+"""Regression tests of faults of the window."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def test_load_with_a_table_file_can_be_edited(open_scene: Any, tmp_path: Path) -
     editor = window.properties.rows["loads"].editor
     type_into(editor.cards[0].rows["pressure"].editor.line, "2 Pa")
     assert window.document.scene.response.loads[0].pressure == 2.0
-    # The file is named as it was, with its comment.
+    # The file keeps its name and its comment.
     assert window.document.text == (SMALL + PUFF).replace('"1 Pa"', '"2 Pa"')
-    # Another load: the list is written anew, and leads to the same file.
+    # With another load, the list is rewritten and refers to the same file.
     editor.add_load(next(a for a in editor.add_button.menu().actions() if a.data() == "gravity"))
     window.document.save()
     puff, gravity = Scene.read(scene).response.loads
@@ -53,7 +53,7 @@ def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     window.document.set("response", "damping_ratio", 0.05)
     wait_until(lambda: "alpha = 0 does that" in window.errors.text)
     assert alpha.note.text() == ""
-    assert alpha.editor.isEnabled()  # what it advises can be done
+    assert alpha.editor.isEnabled()  # the advice can be followed
     type_into(alpha.editor.line, "0")
     wait_until(lambda: settled(window) and window.errors.text == "")
     assert alpha.note.text().startswith("no effect: damping_ratio is ")
@@ -66,7 +66,7 @@ def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     assert told == ["overdamped", "critical", "0.050"]
     window.document.history.undo()
     wait_until(lambda: settled(window))
-    # Two ways that contradict each other are told, and nothing breaks.
+    # Contradictory parameters are reported, and the table stays.
     window.document.set("response", "alpha", 3.0)
     wait_until(lambda: "damping_ratio" in window.errors.text)
     assert table.item(0, 2).text() == "0.050"
@@ -164,16 +164,16 @@ def test_last_value_of_a_fast_drag_is_applied(qtbot: Any) -> None:
     for value in (6.0, 7.0, 8.0):
         document.set("response", "alpha", value, burst=1)
     assert changes == [5.0]
-    # A refused value is refused at once, and takes nothing along.
+    # An invalid value is refused at once and replaces nothing.
     with pytest.raises(InputError, match="out of range") as refused:
         document.set("response", "alpha", -1.0, burst=1)
     assert refused.value.section == "response"
-    assert document.scene.response.alpha == 8.0  # whoever looks sees the newest
+    assert document.scene.response.alpha == 8.0  # reading applies the newest value
     assert changes == [5.0, 8.0]
     document.set("response", "alpha", 9.0, burst=1)
-    qtbot.waitUntil(lambda: changes == [5.0, 8.0, 9.0], timeout=2000)  # at rest, in any case
+    qtbot.waitUntil(lambda: changes == [5.0, 8.0, 9.0], timeout=2000)  # applied after the delay
     document.set("response", "alpha", 10.0, burst=1)
-    document.set("modal", "youngs_modulus", 1500.0)  # another change comes after it
+    document.set("modal", "youngs_modulus", 1500.0)  # another change is applied after it
     assert changes == [5.0, 8.0, 9.0, 10.0, 10.0]
     end = document.text
     assert document.history.count() == 2
@@ -184,7 +184,7 @@ def test_last_value_of_a_fast_drag_is_applied(qtbot: Any) -> None:
     document.history.redo()
     document.history.redo()
     assert document.text == end
-    document.changed.disconnect()  # which keeps the document
+    document.changed.disconnect()  # the connection keeps the document alive
 
 
 def test_mouse_wheel_scrolls_without_changing_fields(open_scene: Any) -> None:
@@ -195,7 +195,7 @@ def test_mouse_wheel_scrolls_without_changing_fields(open_scene: Any) -> None:
         window.stages.select(section)
         page = window.properties
         fields = [*page.findChildren(QSlider), *page.findChildren(QComboBox)]
-        seen = [field for field in fields if field.isVisible()]  # a slider that is idle is not
+        seen = [field for field in fields if field.isVisible()]  # an unused slider is hidden
         assert len(seen) > 2
         for field in seen:
             page.verticalScrollBar().setValue(0)

@@ -1,4 +1,4 @@
-"""Fields made for a kind of value: vectors, sides, patterns, colours, loads."""
+"""Fields for each kind of value: vectors, sides, patterns, colours, loads."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_sides_are_fixed_by_clicking(open_scene: Any) -> None:
     assert sum(flags.GetTuple1(i) for i in range(72)) == 24
     click(fixed.sides["+y"])
     assert window.document.scene.modal.fixed == ("-y",)
-    # What has no button is typed, and a click leaves it alone.
+    # Other places can be typed, and a click does not change them.
     type_into(fixed.line, "sphere(0, 0, 0, 1 mm):z")
     click(fixed.sides["-x"])
     assert window.document.scene.modal.fixed == ("-x", "sphere(0,0,0,0.001):z".replace(",", ", "))
@@ -84,7 +84,7 @@ def test_pattern_can_be_painted_with_the_mouse(open_scene: Any) -> None:
     assert window.document.scene.source.pattern == "twill 2/2"
     repeat = pattern.grid.repeat.copy()
     assert repeat.shape == (4, 4)
-    # One stroke over a row: one step back.
+    # One stroke over a row is one undo step.
     count = window.document.history.count()
     start = pattern.grid.square_rect(0, 0).center().toPoint()
     step = QPoint(round(pattern.grid.cell), 0)
@@ -141,12 +141,12 @@ def test_automatic_values_in_use_are_shown(
     assert asked == ["#e8c78f"]
     window.properties.rows["weft_color"].automatic.click()
     assert window.document.value_in_file("weave", "weft_color") == "#e8c78f"
-    # A line has the room of a slider that could not be dragged.
+    # Without a value, the line takes the place of the slider.
     gap = editor(window, "weave", "layer_gap")
     assert not gap.slider.isVisibleTo(gap)
     window.document.set("weave", "layer_gap", "0.1 mm")
     assert gap.slider.isVisibleTo(gap)
-    # Warp and weft of one value are one number, to as many digits as tell it.
+    # Equal values of warp and weft are shown as one number.
     window.document.set_many("modal", {"elements": "sheet", "tensile_rigidity": None})
     window.stages.select("modal")
     row = window.properties.rows["tensile_rigidity"]
@@ -158,7 +158,9 @@ def test_automatic_values_in_use_are_shown(
 def test_new_fabric_shows_automatic_values_at_once(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     ends = editor(window, "weave", "ends")
-    window.properties._next_limits = perf_counter() + 60.0  # as behind limits that took long
+    window.properties._next_limits = (
+        perf_counter() + 60.0
+    )  # as after limits that took long to compute
     window.gallery.new_button.click()
     wait_until(lambda: settled(window))
     assert ends.line.text() == ""
@@ -171,7 +173,7 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
     for action in loads.add_button.menu().actions():
         action.trigger()
         if action.data() == "array":
-            # There is no such array, and the window says so.
+            # There is no such array, which is reported.
             wait_until(lambda: window.errors.text)
             assert "force" in window.errors.text
             loads.cards[-1].remove_button.click()
@@ -233,7 +235,7 @@ def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> Non
     window.document.set("cage", "margin", 1)
     assert shown() == ["method", "divisions", "order", "padding", "margin", "fill"]
     assert rows["margin"].editor.isEnabled()
-    # What the scene says stays in sight, in grey, and can be taken back.
+    # A written value stays visible in grey and can be reset.
     window.document.set("cage", "method", "lattice")
     assert shown() == ["method", "divisions", "order", "padding", "margin"]
     assert rows["margin"].note.text() == 'no effect: method is "lattice"'
@@ -336,7 +338,7 @@ def test_vector_field_is_valid_only_when_all_components_are(open_scene: Any) -> 
     type_again(gravity.components[1].line, right[1])
     assert not row.property("bad")
     assert window.errors.text == ""
-    # The number of a load, a row within a row.
+    # The value of a load is a row inside a row.
     line = editor(window, "response", "loads").cards[0].rows["pressure"].editor.line
     right = line.text()
     type_into(line, "strong")

@@ -1,4 +1,4 @@
-"""Opening, saving, undoing, and what else is done with a scene as a whole."""
+"""Scenes as files: open, save, undo, copy and drop."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def opened(open_scene: Any, name: str) -> Any:
-    """Open a scene in place of another one, which is another picture."""
+    """Open a scene instead of another one, which has another picture."""
     window = open_scene("gust" if name == "plain_weave" else "plain_weave")
     before = window.view.image().astype(int)
     assert open_scene(name) is window
@@ -44,12 +44,12 @@ def opened(open_scene: Any, name: str) -> Any:
     return window
 
 
-#: Of kinds that take long, and have no section that the others do not.
+#: Slow kinds of scenes whose sections also occur in the others.
 SLOW = "drape", "cantilever_test"
 
 
 def kinds() -> list[Any]:
-    """Return the last of the scenes with the same sections: all are drawn in test_scenes.py."""
+    """Return one scene for each set of sections; test_scenes.py draws all scenes."""
     found: dict[tuple[object, ...], str] = {}
     for name in library.names():
         values = library.values_of(library.find(name))
@@ -91,8 +91,8 @@ def test_object_shows_its_texture(open_scene: Any, tmp_path: Path) -> None:
     assert red > blue + 80
     red, _, blue = image[height // 2, width // 2 + height // 8]
     assert blue > red + 80
-    # A picture of one's own takes its place, and undoing gives it back; in the same texture, for
-    # VTK's collector would ask Python for OpenGL to free one, and stand for ever.
+    # Another texture replaces it, and undo restores it. The texture object stays the same:
+    # freeing one in VTK's collector would need the OpenGL context and block forever.
     texture = window.view.scene_view.surface.GetTexture()
     Image.fromarray(np.full((8, 8, 3), (20, 200, 20), np.uint8)).save(tmp_path / "green.png")
     window.document.set("object", "texture", str(tmp_path / "green.png"))
@@ -221,7 +221,7 @@ def test_files_of_loads_are_found_after_saving_in_another_folder(tmp_path: Path,
 
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
-    """Two folders; in the first a scene that names files in all the ways there are."""
+    """Return two folders; the first has a scene that refers to files in all possible ways."""
     first, second = tmp_path / "a", tmp_path / "b" / "c"
     first.mkdir()
     second.mkdir(parents=True)
@@ -234,7 +234,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def leads_to(document: Document) -> tuple[Path | None, Path]:
-    """Return the draft and the table of the first load, by the files that they are."""
+    """Return the resolved files of the draft and of the first load's table."""
     scene = document.scene
     draft = None if scene.source.draft is None else scene.source.draft.resolve(strict=True)
     return draft, scene.response.loads[0].file.resolve(strict=True)
@@ -250,7 +250,7 @@ def test_undo_after_save_as_keeps_every_path(folders: tuple[Path, Path]) -> None
     document.set("weave", "draft", str(first / "whole.wif"))
     document.save(second / "scene.toml")
     assert leads_to(document) == whole
-    # A whole path stays one: it was meant so.
+    # An absolute path stays absolute.
     assert document.value_in_file("weave", "draft") == str(first / "whole.wif")
     document.history.undo()
     assert leads_to(document) == wanted
@@ -290,7 +290,7 @@ def test_undo_restores_an_overwritten_draft(folders: tuple[Path, Path]) -> None:
     first, second = folders
     document = Document()
     document.open(first / "scene.toml")
-    document.save(first / "twill.toml")  # whose edited draft is saved beside it, as twill.wif
+    document.save(first / "twill.toml")  # its edited draft is saved as twill.wif
     original = (first / "twill.wif").read_bytes()
     wif = document.scene.draft
     loom = replace(wif.loom, rising=not wif.loom.rising)
@@ -365,7 +365,7 @@ def test_dropped_file_opens_and_an_invalid_one_is_reported(open_scene: Any, tmp_
     drop(bad)
     assert "ends" in window.errors.text
     assert window.document.scene.source.ends == 7
-    window.document.set("view", "ghost", True)  # one goes on without it
+    window.document.set("view", "ghost", True)  # work goes on without the file
     assert window.errors.text == ""
     window.document.history.undo()
     drop(bad)
@@ -404,13 +404,13 @@ def test_screenshot_equals_the_view_and_can_be_drawn_again(
     window = open_scene()
     file = tmp_path / "seen.png"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
-    for name in ("cage", "triad", "scale_bar"):  # pixels that a screen has of other sizes
+    for name in ("cage", "triad", "scale_bar"):  # their sizes depend on the screen
         window.tools.part_actions[name].trigger()
     wait_until(lambda: settled(window))
     window.menus.actions["Save screenshot…"].trigger()
     seen = window.view.image().astype(int)
     assert np.abs(np.asarray(Image.open(file)).astype(int) - seen).max() < 8
-    # It says how it came to be, and is made again without a window.
+    # Its provenance is enough to draw it again without a window.
     with pytest.raises(SystemExit) as end:
         main(["again", str(file), "-o", str(tmp_path / "again.png"), "-q"])
     assert end.value.code == 0

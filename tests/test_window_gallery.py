@@ -1,4 +1,4 @@
-"""Started with nothing: the paper's scene, and the scenes to choose from."""
+"""The gallery of scenes, the splash screen and the preview."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def place(window: Any, name: str) -> Any:
 
 @pytest.mark.parametrize("name", library.names())
 def test_every_thumbnail_is_up_to_date(name: str) -> None:
-    """After a change of a scene: python -m spacemap_vtk.draw.thumbnails"""
+    """If this fails after a change of a scene, run python -m spacemap_vtk.draw.thumbnails."""
     assert thumbnails.stored_digest(name) == thumbnails.digest_of(name)
 
 
@@ -52,7 +52,7 @@ def test_starting_without_a_scene_shows_plain_weave_and_the_gallery(open_window:
     assert window.view.image().std() > 20
     assert window.tabs.currentWidget() is window.gallery
     assert window.gallery.list.count() == len(library.names())
-    # The pictures are there, in colours: a missing one would be a grey card.
+    # The thumbnails are coloured; a missing one would be a grey card.
     for k in range(window.gallery.list.count()):
         image = window.gallery.list.item(k).icon().pixmap(96, 64).toImage()
         colors = {image.pixel(x, y) for x in range(0, 96, 4) for y in range(0, 64, 4)}
@@ -165,7 +165,7 @@ def test_scroll_bar_of_the_gallery_is_drawn_completely(open_scene: Any, dark: bo
     screen = window.screen().grabWindow(0, place.x(), place.y(), bar.width(), bar.height())
     image = screen.toImage()
     middle = [image.pixelColor(image.width() // 2, y) for y in range(image.height())]
-    # Its groove was black: as dark as nothing else of the window.
+    # The groove was once black, darker than the rest of the window.
     limit = 24 if dark else 120
     assert min(color.lightness() for color in middle[30:-30]) >= limit
     if dark:
@@ -180,11 +180,11 @@ def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     QTest.qWait(100)
     picture = pictures.viewport().grab().toImage()
     icon, cell = pictures.iconSize(), pictures.visualItemRect(pictures.item(0))
-    # Only a strip was drawn, of the height that an item has without its picture.
+    # Once only a strip was drawn, as high as an item without a picture.
     assert cell.height() > icon.height()
     x, y = cell.center().x(), cell.top()
     column = [picture.pixelColor(x, y + step) for step in range(icon.height())]
-    # The animal stands in the middle: brown, down to its feet.
+    # The animal in the middle is brown down to its feet.
     brown = [step for step, c in enumerate(column) if c.red() - c.blue() > 40]
     assert len(brown) > icon.height() // 4
 
@@ -208,7 +208,7 @@ def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     window.document.open("tartan")
     wait_until(view.preview.isVisible)
     assert view.preview.size() == view.size()
-    # It is the scene's own picture, as wide as there is room.
+    # It is the thumbnail of the scene, as wide as the view allows.
     seen = view.preview.grab().toImage()
     scene = QImage(str(thumbnails.file_of("tartan")))
     middle, its_middle = seen.rect().center(), scene.rect().center()

@@ -1,4 +1,4 @@
-"""The window costs the other commands nothing, and says what it needs."""
+"""Imports of the window, and messages about what it needs."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_missing_system_library_is_named(
 
 
 def free_display() -> str:
-    """Return an X display that no server has."""
+    """Return the name of an X display without a server."""
     taken = {path.name for path in Path("/tmp/.X11-unix").glob("X*")}
     return next(f":{number}" for number in range(77, 977) if f"X{number}" not in taken)
 
@@ -123,7 +123,7 @@ def test_missing_display_is_reported(given: dict[str, str]) -> None:
     )
     # Qt alone would abort the process.
     assert done.returncode == 1
-    # Wayland's own library prints a line of its own.
+    # Wayland's library prints another line.
     message = done.stderr.splitlines()[-1]
     assert message.startswith("spacemap: ")
     assert done.stderr.count("\n") == 1 or "WAYLAND_DISPLAY" in given
@@ -160,7 +160,7 @@ def test_unreadable_scene_ends_the_program_with_one_message(tmp_path: Path) -> N
     scene.write_text("[weave]\nends = -3\n")
     command = [sys.executable, "-m", "spacemap_vtk", "gui", str(scene)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    # Qt aborted the process, whose engine's thread still ran.
+    # Qt once aborted the process because the engine's thread was running.
     assert done.returncode == 2
     assert "weave.ends = -3" in done.stderr
     assert done.stderr.count("\n") == 1

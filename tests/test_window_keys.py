@@ -24,13 +24,13 @@ from PySide6.QtWidgets import QApplication  # noqa: E402
 from spacemap_vtk.draw.camera import VIEW_ANGLE  # noqa: E402
 
 Press = Callable[..., None]
-#: X's names, where they are not Qt's.
+#: Names of keys in X that differ from Qt's.
 X_NAMES = {"+": "plus", "-": "minus"}
 
 
 @pytest.fixture
 def hand() -> Press:
-    """What presses a key of the focused widget."""
+    """Return a function that presses a key in the focused widget."""
     if shutil.which("xdotool") is not None and QGuiApplication.platformName() == "xcb":
         return lambda key: subprocess.run(["xdotool", "key", X_NAMES.get(key, key)], check=True)
 
@@ -43,7 +43,7 @@ def hand() -> Press:
 
 @pytest.fixture
 def view_of(open_scene: Any) -> Iterator[Callable[[], Any]]:
-    """Open a window whose view has the keyboard, with the mouse over the cloth."""
+    """Open a window whose view has the focus, with the mouse over the cloth."""
     before = QCursor.pos()
 
     def open_() -> Any:
@@ -59,7 +59,7 @@ def view_of(open_scene: Any) -> Iterator[Callable[[], Any]]:
 
 
 def point(window: Any, off: QPoint) -> None:
-    """Bring the mouse to a place beside the view's middle."""
+    """Move the mouse to a position relative to the centre of the view."""
     canvas = window.view.canvas
     at = canvas.mapToGlobal(canvas.rect().center() + off)
     QCursor.setPos(at)
@@ -109,9 +109,9 @@ def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Pre
     hand("r")
     wait_until(lambda: distance(window) > 2 * near)
     np.testing.assert_allclose(direction(window), turned, atol=1e-9)
-    # The lens of the pictures that are saved.
+    # The view angle of saved pictures.
     assert camera.GetViewAngle() == VIEW_ANGLE
-    # All in sight, and not small: it fills the height or the width.
+    # Everything is visible and fills the height or the width.
     seen = np.abs(np.diff(image(window), axis=1)).max(axis=2) > 30
     rows, columns = np.nonzero(seen.any(axis=1))[0], np.nonzero(seen.any(axis=0))[0]
     shares = [(lot[-1] - lot[0]) / n for lot, n in zip((rows, columns), seen.shape, strict=True)]
@@ -119,14 +119,14 @@ def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Pre
     hand("1")
     wait_until(lambda: np.allclose(direction(window), at_first))
     assert np.abs(image(window) - whole).max() < 8
-    hand("v")  # PyVista's
+    hand("v")  # PyVista's key
     wait_until(lambda: np.allclose(direction(window), -1 / np.sqrt(3)))
 
 
 def test_w_switches_the_wireframe(view_of: Any, hand: Press) -> None:
     window = view_of()
     before = image(window)
-    # So near that the facets' edges do not touch.
+    # Near enough that the edges of the facets do not touch.
     camera = window.view.canvas.camera
     camera.Dolly(8.0)
     window.view.render()
@@ -135,7 +135,7 @@ def test_w_switches_the_wireframe(view_of: Any, hand: Press) -> None:
     wait_until(lambda: window.tools.keys.wireframe.isChecked())
     holes = np.abs(image(window) - near).max(axis=2) > 30
     assert holes.mean() > 0.3
-    # A later frame stays one of edges.
+    # Later frames show edges too.
     window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
     assert window.view.scene_view.surface.GetProperty().GetRepresentationAsString() == "Wireframe"
@@ -156,7 +156,7 @@ def test_plus_and_minus_change_the_line_width_of_the_scene(view_of: Any, hand: P
     for _ in range(4):
         hand("+")
     wait_until(lambda: document.value_in_file("view", "line_scale") == 2.44)
-    # Later frames too are of the scene.
+    # Later frames keep the width.
     window.times.go_to(0.01)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.01)
     assert line.GetLineWidth() == pytest.approx(2.44 * widths[0])
@@ -174,7 +174,7 @@ def test_plus_and_minus_change_the_line_width_of_the_scene(view_of: Any, hand: P
     wait_until(lambda: settled(window))
     assert document.text == scene
     assert np.abs(image(window) - before).max() < 8
-    # As thin as it can be told, and no thinner.
+    # The smallest width, and no smaller.
     document.set("view", "line_scale", 0.1)
     hand("-")
     wait_until(lambda: "line_scale" in window.errors.text)
@@ -203,7 +203,7 @@ def test_p_picks_and_shift_f_flies_to_the_point_under_the_mouse(view_of: Any, ha
     wait_until(lambda: distance(window) == pytest.approx(far / 1.3))
     np.testing.assert_allclose(window.view.viewpoint.focus, picked.position, atol=1e-12)
     np.testing.assert_allclose(direction(window), way, atol=1e-9)
-    # Beside the cloth there is nothing to pick or to fly to.
+    # Outside the cloth there is nothing to pick or to fly to.
     window.tools.cameras["front"].trigger()
     place = window.view.viewpoint
     point(window, QPoint(0, 5 - window.view.canvas.height() // 2))
@@ -227,7 +227,7 @@ def test_other_keys_do_not_change_the_view(view_of: Any) -> None:
             key = Qt.Key(code)
             QTest.keyClick(window.view.canvas, key)
             text = QKeySequence(key).toString()
-            # As VTK's styles take them: with their letter.
+            # As VTK's interactor styles receive them: with their letter.
             for kind in (QEvent.Type.KeyPress, QEvent.Type.KeyRelease):
                 QApplication.sendEvent(
                     window.view.canvas,

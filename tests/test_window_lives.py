@@ -1,4 +1,4 @@
-"""Whole lives of the window in processes of their own: many, and one on a dense screen."""
+"""Windows in separate processes: many in sequence, and one on a high-resolution screen."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ require_display()
 
 
 def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
-    """Run a script of this folder, and return what it tells."""
+    """Run a script of this folder, and return the JSON that it prints."""
     here = Path(__file__).parent
-    # A screen of its own where there is Xvfb: twice the pixels need twice the room.
+    # A separate screen if Xvfb exists, because twice the pixels need twice the space.
     screen = ["xvfb-run", "-a", "-s", "-screen 0 2560x1440x24"] if shutil.which("xvfb-run") else []
     done = subprocess.run(
         [*screen, sys.executable, "-W", "error", str(here / script), *arguments],
@@ -41,13 +41,13 @@ def test_many_windows_leave_no_memory_or_objects_behind(rounds: int) -> None:
     told = run("window_rounds.py", str(rounds))
     assert len(told["memory"]) == rounds
     assert (told["windows"], told["widgets"]) == (0, 0)
-    warm = rounds // 2  # until then caches fill
+    warm = rounds // 2  # caches fill until then
     assert told["threads"][-1] == told["threads"][warm]
     assert told["files"] < 60
-    # Python's objects: matplotlib's caches of fonts fill, nothing else does.
+    # Python objects: only matplotlib's font caches grow.
     late = told["objects"][warm:]
     assert max(late) - min(late) < 2 * warm, told["grown"]
-    # A window takes some 20 MB, of which nothing may stay.
+    # A window takes about 20 MB, which must be freed.
     assert told["memory"][-1] - told["memory"][warm] < 10, told["memory"]
 
 
@@ -57,14 +57,14 @@ def test_high_resolution_screen_shows_the_same_in_finer_pixels(tmp_path: Path) -
         for scale in (1, 2)
     )
     assert (once["ratio"], twice["ratio"]) == (1, 2)
-    # At first the window is no larger than the screen, which has room for 1280 by 720 of Qt's.
+    # The first window is not larger than the screen of 1280 by 720 Qt pixels.
     assert once["fits"]
     assert twice["fits"]
-    # VTK draws every pixel there is.
+    # VTK draws every device pixel.
     assert once["drawn"] == once["view"]
     assert twice["drawn"] == [2 * side for side in twice["view"]]
     assert np.abs(np.subtract(twice["view"], once["view"])).max() <= 6
-    # A click hits the cell it is aimed at, and a pick the yarn.
+    # A click hits the intended cell, and a pick the intended yarn.
     assert once["threading"] == twice["threading"]
     assert once["threading"][2] == [2]
     assert sum(found is not None for found in once["picked"]) > 3
@@ -73,13 +73,13 @@ def test_high_resolution_screen_shows_the_same_in_finer_pixels(tmp_path: Path) -
     small = Image.open(tmp_path / "1.png").convert("RGB")
     large = Image.open(tmp_path / "2.png").convert("RGB")
     assert np.abs(np.subtract(large.size, np.multiply(small.size, 2))).max() <= 4
-    # The same picture, but for the sharpness of its letters.
+    # The same picture except for the sharpness of letters.
     again = np.asarray(large.resize(small.size, Image.Resampling.BOX), dtype=float)
     difference = np.abs(again - np.asarray(small, dtype=float))
     assert difference.mean() < 12
-    # Dots, lines and letters are as wide.
+    # Dots, lines and letters have the same size.
     for name, count in once["pixels"].items():
         assert twice["pixels"][name] / count == pytest.approx(4.0, rel=0.25), name
-    # It is finer: what is gone after halving and doubling was there.
+    # It is finer: halving and doubling the pixels loses detail.
     coarse = np.asarray(large.resize(small.size, Image.Resampling.BOX).resize(large.size), float)
     assert np.abs(coarse - np.asarray(large, dtype=float)).mean() > 1

@@ -1,4 +1,4 @@
-"""Cloth of many yarns in the window: a sheet, and at rest the yarns that are seen near."""
+"""Cloth with many yarns: drawn as a sheet, with separate yarns near the camera."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPat
     window = opened(60)
     view = window.view
     wait_until(lambda: at_rest(window))
-    # All are far more than that: no yarn stands in for the sheet.
+    # All yarns would be many more cells: the sheet is not replaced by yarns.
     assert view.frame.cloth is not None
     assert view.frame.yarns is None
     assert any("come nearer" in text for text in view.frame.warnings)
@@ -85,7 +85,7 @@ def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPat
     assert not any("come nearer" in text for text in view.frame.warnings)
     assert scene_of(window).modal.executions == runs
     assert scene_of(window).warp.executions == 0
-    # Yarns take the sheet's place in its colours, and are what is picked.
+    # Yarns replace the sheet in the same colours and can be picked.
     fine = view.image()
     found = next(pick for d in range(0, 30, 3) if (pick := view.pick(x + d, y)) is not None)
     assert 25 < (found.number or 0) < 36
@@ -98,7 +98,7 @@ def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPat
     view.steer(True)
     coarse = view.image()
     assert np.abs(fine.mean(axis=(0, 1)) - coarse.mean(axis=(0, 1))).max() < 12
-    # Held, turned and let go: another part, made anew.
+    # After the camera was turned, another part is built.
     part = window.engine.pipeline._near_yarns.part
     view.canvas.camera.Azimuth(2.0)
     view.steer(False)
@@ -207,8 +207,8 @@ def test_sheet_returns_to_rest_when_its_motion_is_removed(
     wait_until(lambda: settled(window) and view.frame.time == 0.3)
     moved = view.frame.surface.GetBounds()
     depth = moved[5] - moved[4]
-    assert depth > 2 * (flat[1] - flat[0])  # it has fallen far
-    # Look so closely at its lower end that nothing of it is in sight where it lies flat.
+    assert depth > 2 * (flat[1] - flat[0])  # it has fallen a long way
+    # Zoom in on the lower end so that the flat sheet would be out of view.
     view.canvas.camera.SetFocalPoint(0.0, 0.0, moved[4])
     view.canvas.camera.SetPosition(0.5 * depth, 0.0, moved[4])
 

@@ -1,4 +1,4 @@
-"""Messages stay until they are put right; what was wanted before stops nothing later."""
+"""Messages stay until their cause is gone; failures of old requests stop nothing later."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def frames_drawn(window: Any, count: int) -> None:
-    """Wait for some more frames."""
+    """Wait for a number of further frames."""
     drawn: list[Any] = []
     link = window.director.drawn.connect(drawn.append)
     wait_until(lambda: len(drawn) >= count)
@@ -38,7 +38,7 @@ def test_messages_stay_while_playing(
 ) -> None:
     window = open_scene()
     play(window)
-    # A refused value, until the field is right.
+    # A refused value, until the field is valid.
     window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "wide")
@@ -47,7 +47,7 @@ def test_messages_stay_while_playing(
     type_into(line, "0.24 mm")
     frames_drawn(window, 5)
     assert window.errors.text == ""
-    # A time that is none, until one is typed.
+    # An invalid time, until a valid one is typed.
     type_into(window.times.line, "soon")
     frames_drawn(window, 5)
     assert "soon" in window.errors.text
@@ -56,7 +56,7 @@ def test_messages_stay_while_playing(
     assert "soon" in window.errors.text
     type_into(window.times.line, "10 ms")
     assert window.errors.text == ""
-    # A file that cannot be saved, until it is; what is changed meanwhile is another matter.
+    # A failed save, until it succeeds; changes do not clear its message.
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(names.pop(0)), ""))
     names = [tmp_path / "no" / "scene.toml", tmp_path / "scene.toml"]
     window.menus.actions["Save as…"].trigger()
@@ -72,7 +72,7 @@ def test_messages_stay_while_playing(
     window.exports.start("cage", tmp_path / "cage.vtu")
     wait_until(lambda: (tmp_path / "cage.vtu").exists() and not window.exports.busy)
     assert window.errors.text == ""
-    # What the user has closed stays closed.
+    # A message that the user has closed stays closed.
     window.exports.start("cage", tmp_path / "no" / "cage.vtu")
     window.errors.findChild(QToolButton).click()
     frames_drawn(window, 5)
@@ -84,9 +84,9 @@ def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: 
     window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
     wait_until(lambda: "damping_ratio" in window.errors.text)
-    # A run that fails ends a swing: the last one that the change has asked for has failed by now.
+    # A failed run ends a mode animation; the last requested run has failed by now.
     wait_until(lambda: not window.engine.busy and not window.director.rest_timer.isActive())
-    # A swing needs no damping: its frames say nothing of it.
+    # A mode needs no damping, so its frames do not clear the error.
     window.tabs.setCurrentWidget(window.modes)
     window.modes.table.cellClicked.emit(1, 0)
     frames_drawn(window, 5)
@@ -108,7 +108,7 @@ def test_failing_mode_animation_ends(open_scene: Any) -> None:
     wait_until(lambda: told and window.modes.mode is None and not window.engine.busy)
     assert window.errors.text != ""
     QTest.qWait(300)
-    # The user can look for the cure elsewhere.
+    # The user can change other stages to correct it.
     window.stages.select("surface")
     QTest.qWait(300)
     assert window.properties.section == "surface"
@@ -121,13 +121,13 @@ def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
     window.director.failed.connect(told.append)
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_without_window(lambda: not window.engine.busy)
-    # It has failed, and the window has not yet heard of it.
+    # The run has failed, but the window has not processed the signal.
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window))
     assert len(told) == 1
     assert window.errors.text == ""
     assert not window.properties.rows["warp_diameter"].property("bad")
-    # Nor is it told of a scene that is no longer there.
+    # A failure of a closed scene is not reported.
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_without_window(lambda: not window.engine.busy)
     window.document.new()
@@ -136,7 +136,7 @@ def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
 
 
 def wait_without_window(done: Callable[[], bool]) -> None:
-    """Wait as `wait_until` does, but let nothing arrive in the window."""
+    """Wait like `wait_until`, but without processing events."""
     end = time.monotonic() + 60.0
     while not done():
         assert time.monotonic() < end
@@ -157,13 +157,13 @@ def test_undo_includes_the_waiting_change_of_a_drag(
     monkeypatch.setattr(document, "congested", lambda: True)
     for value in (6.0, 7.0):
         document.set("response", "alpha", value, burst=1)
-    # Within the twentieth of a second that it may wait.
+    # Within the 1/20 s that the change may wait.
     undo.trigger()
     assert document.text == begin
     assert undo.text() == "Undo modal.youngs_modulus"
     window.menus.actions["Redo"].trigger()
     assert document.value_in_file("response", "alpha") == 7.0
-    # What waits is a change like any other: nothing is left to be done again after it.
+    # The waiting change is an edit, so there is nothing to redo after it.
     undo.trigger()
     document.set("response", "alpha", 8.0, burst=2)
     document.history.redo()
@@ -182,7 +182,7 @@ def test_drag_ends_when_its_slider_is_deleted(open_scene: Any) -> None:
     slider = window.properties.rows["youngs_modulus"].editor.slider
     slider.setSliderDown(True)
     assert window.director.is_dragging
-    # By a key, while the mouse is still down: the smooth frame must not be put off for ever.
+    # By a key while the mouse is pressed: the fine frame must not be delayed forever.
     window.stages.select("weave")
     assert not window.director.is_dragging
     window.document.set("weave", "warp_diameter", "0.24 mm")
@@ -196,7 +196,7 @@ def test_surface_too_large_to_draw_is_refused_and_the_last_one_stays(
     told: list[str] = []
     window.director.failed.connect(lambda *words: told.append(" ".join(map(str, words))))
     shown = window.view.frame.surface.GetNumberOfCells()
-    # Enough for the surface itself, and not for OpenGL's copy.
+    # Enough memory for the surface, but not for OpenGL's copy.
     monkeypatch.setattr("spacemap_vtk.app.work.pipeline.DRAWN_POINT", 300)
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 150 * 4 * shown)
@@ -221,13 +221,13 @@ def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: P
     figures = report.motion(Scene.read(file))
     assert figures is not None
     assert figures["large"]
-    # At t = 0 nothing is deformed: it is the whole motion that is told of.
+    # At t = 0 nothing is deformed: the message is about the whole motion.
     assert window.times.time == 0.0
     angle = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     assert angle in window.status_text.full_text
     for words in (angle, "times as long", "[transient]"):
         assert words in window.status_text.toolTip()
-    # What there is no room for ends in dots, and the link is there as long as its words are.
+    # A long text ends in dots, and the link exists as long as its words are visible.
     window.status_text.resize(
         3 * window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text) // 4,
         20,
@@ -238,7 +238,7 @@ def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: P
         window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text) + 20, 20
     )
     assert '<a href="rotation">switch on Rotation strain</a>' in window.status_text.text()
-    # A click on its words does what they say.
+    # A click on the link applies the cure.
     for x in range(0, window.status_text.width(), 8):
         QTest.mouseClick(
             window.status_text,
@@ -251,10 +251,10 @@ def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: P
     assert "times as long" in window.status_text.full_text
     window.menus.actions["Undo"].trigger()
     wait_until(lambda: settled(window) and "lengths change" in window.status_text.full_text)
-    # The first words say it, all is behind the button.
+    # The status line shows the first words, the button shows everything.
     assert len(window.status_text.full_text.split()) < 25
     assert window.details_button.isVisible()
-    # A motion that stays small is not.
+    # A small motion gives no warning.
     window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
     wait_until(lambda: settled(window) and "turns" not in window.status_text.full_text)
     assert window.status_text.toolTip() == ""
@@ -268,7 +268,7 @@ def test_warnings_are_short_and_hidden_for_unchanged_examples(
     window.tabs.setCurrentWidget(window.modes)
     assert "⚠" not in window.status_text.full_text
     assert (window.details_button.isVisible(), window.details_button.text()) == (True, "Notes")
-    # Its own change is its author's to answer for.
+    # After a change by the user, warnings are shown.
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window) and "⚠" in window.status_text.full_text)
     told = window.status_text.full_text.partition("⚠")[2]
@@ -276,8 +276,8 @@ def test_warnings_are_short_and_hidden_for_unchanged_examples(
     assert len(told.split()) <= 16
     assert not set('[]="') & set(told)
     whole = window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text)
-    assert whole <= 900  # of a window of 1,280 pixels
-    # All of it is a click away.
+    assert whole <= 900  # in a window of 1,280 pixels
+    # A click shows the whole text.
     shown: list[str] = []
     monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))
     QTest.mouseClick(window.details_button, Qt.MouseButton.LeftButton)

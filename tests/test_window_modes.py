@@ -1,4 +1,4 @@
-"""The modes tab: its figures, and a mode that swings."""
+"""The modes tab: its figures, and the animated mode."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_click_in_the_response_plot_animates_the_nearest_mode(
     plot = window.modes.response
     wait_until(lambda: plot.isVisible())
     spectrum = plot.spectrum
-    # Its highest peak is at the first mode, which the gust drives.
+    # The highest peak is at the first mode, which the gust excites.
     assert abs(spectrum.frequencies[np.argmax(spectrum.response)] / plot.frequencies[0] - 1) < 0.01
     at = QPoint(round(plot.x_of(plot.frequencies[3])), plot.height() // 2)
     QTest.mouseClick(plot, Qt.MouseButton.LeftButton, pos=at)
@@ -99,24 +99,24 @@ def test_table_of_modes_follows_the_scene(open_scene: Any, tmp_path: Path) -> No
     still.write_text("[weave]\nends = 3\npicks = 3\n")
     wait_until(window.modes.response.isVisible)
     window.document.open(still)
-    # At once: the other scene's are not shown below this one's name.
+    # At once, so that modes of the former scene are not shown.
     assert window.modes.table.rowCount() == 0
     assert not window.modes.response.isVisible()
     wait_until(lambda: settled(window))
     assert window.stages.states["modal"] == "off"
-    # A value of a stage that is off brings it, and the motion, in.
+    # Setting a value of a stage that is off switches on the stage and the motion.
     window.document.set("modal", "modes", 5)
     wait_until(lambda: settled(window))
     assert window.modes.table.rowCount() == 5
 
 
 def test_unresolved_modes_are_marked(open_scene: Any) -> None:
-    """Of the paper's 5 x 5 cells the 7th mode of a sheet is a quarter too high."""
+    """With 5 x 5 cells, the 7th mode of a sheet is 25 % too high."""
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     warning, table = window.modes.unresolved, window.modes.table
     wait_until(lambda: table.item(0, 3).text())
-    assert not warning.isVisible()  # of tetrahedra
+    assert not warning.isVisible()  # not for tetrahedra
     sheet = {"elements": "sheet", "tensile_rigidity": 1e3, "bending_rigidity": 1e-9, "modes": 20}
     window.document.set_many("modal", sheet)
     wait_until(warning.isVisible)
@@ -151,7 +151,7 @@ def test_masses_of_former_modes_are_grey(open_scene: Any) -> None:
     assert drawn[0] is False
 
 
-# Wide, as at first, and as narrow as it gets.
+# Wide, as at the start, and as narrow as possible.
 @pytest.mark.parametrize("width", [510, 360, 1])
 def test_table_of_modes_fills_its_width(open_scene: Any, width: int) -> None:
     window = open_scene()
@@ -161,7 +161,7 @@ def test_table_of_modes_fills_its_width(open_scene: Any, width: int) -> None:
     first = table.item(0, 1).text()
     window.document.set("weave", "warp_diameter", "0.2 mm")
     wait_until(lambda: settled(window) and table.item(0, 1).text() != first)
-    # Nothing scrolls sideways, and every word is there at least by half.
+    # No horizontal scrolling, and at least half of every text is visible.
     assert table.horizontalScrollBar().maximum() == 0
     for column in range(4):
         needed = table.sizeHintForColumn(column)
@@ -216,19 +216,21 @@ def test_mode_with_rotation_strain_rotates_by_ninety_degrees(
             rest = points_of(frame.cage)
             moved = rest + array_of(frame.cage.GetPointData(), "displacement", "a swing")
             side = np.flatnonzero(rest[:, 0] == rest[0, 0])
-            side = side[np.argsort(rest[side, 1], kind="stable")]  # in pairs, through the sheet
+            side = side[
+                np.argsort(rest[side, 1], kind="stable")
+            ]  # in pairs through the thickness of the sheet
             steps = np.diff(moved[side].reshape(-1, 2, 3).mean(axis=1), axis=0)
-            # From the held end to the free one, which hangs along -y.
+            # From the fixed end to the free end, which hangs along -y.
             turned.append(float(np.degrees(np.arccos(steps[0, 1] / np.linalg.norm(steps[0])))))
             longest.append(float(np.linalg.norm(steps, axis=1).sum() / np.ptp(rest[:, 1])))
 
     window.director.drawn.connect(measure)
     click_row(window, 0)
     wait_until(lambda: len(turned) > 40)
-    # A frame need not show the very end of a swing.
+    # A frame need not show the exact end of a swing.
     assert 80 < max(turned) < 90.1
     np.testing.assert_allclose(longest, 1.0, rtol=0, atol=0.005)
-    # Where turning is not rebuilt it would stretch.
+    # Without rotation strain, the sheet would stretch.
     window.modes.stop()
     window.document.open("plain_weave")
     wait_until(lambda: settled(window))

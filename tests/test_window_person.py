@@ -1,4 +1,4 @@
-"""A person at the keyboard: shortcuts, haste, closing at the wrong moment."""
+"""Keyboard use: shortcuts, fast input, and closing at any moment."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
 
 def active(open_scene: Any, qtbot: Any) -> Any:
-    """Open a window that has the keyboard."""
+    """Open a window that has the keyboard focus."""
     window = open_scene()
     with qtbot.waitActive(window):
         window.activateWindow()
@@ -87,7 +87,7 @@ def test_enter_focuses_the_view_and_tab_continues_from_the_field(
 
     line.setFocus()
     after = tab()
-    type_into(line, "wide")  # is to be put right
+    type_into(line, "wide")  # an error to be corrected
     qtbot.wait(20)
     assert QApplication.focusWidget() is line
     type_into(line, "0.2 mm")
@@ -97,7 +97,7 @@ def test_enter_focuses_the_view_and_tab_continues_from_the_field(
     qtbot.keyClick(view, Qt.Key.Key_Space)
     assert not window.times.playing
     assert tab() is after
-    # A view that is clicked into goes on to what stands beside it.
+    # After a click into the view, Tab continues with the next widget.
     view.setFocus()
     assert tab() is not after
     type_into(window.properties.search, "diameter")
@@ -117,7 +117,7 @@ def test_undo_works_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> Non
     assert line.text() == "0.25 mm"
     press(qtbot, line, "Z", CONTROL | Qt.KeyboardModifier.ShiftModifier)
     assert window.document.scene.source.warp_diameter == pytest.approx(0.2e-3)
-    # What is typed and not yet entered is the line's own.
+    # Text that is not yet entered is undone in the line.
     qtbot.keyClicks(line, "5")
     press(qtbot, line, "Z", CONTROL)
     assert line.text() == "0.2 mm"
@@ -172,7 +172,7 @@ def test_error_of_another_stage_does_not_end_a_drag(open_scene: Any, qtbot: Any)
     qtbot.mouseRelease(slider, LEFT, pos=handle.center())
     window.document.history.undo()
     wait_until(lambda: settled(window))
-    # With the hands free, the field that is wrong is shown.
+    # After the drag, the invalid field is shown.
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_until(lambda: window.errors.text)
     assert window.properties.section == "weave"
@@ -180,7 +180,7 @@ def test_error_of_another_stage_does_not_end_a_drag(open_scene: Any, qtbot: Any)
 
 @pytest.mark.parametrize("deeds", [40, pytest.param(150, marks=pytest.mark.nightly)])
 def test_fast_random_input_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
-    """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
+    """Perform many random actions; an exception or a message of VTK fails the test."""
     window, dice = open_window(), random.Random(6)
 
     def slide() -> None:
@@ -240,7 +240,7 @@ def test_fast_random_input_breaks_nothing(open_window: Any, qtbot: Any, deeds: i
     for _ in range(deeds):
         dice.choice([slide, write, draw, plot, swing, look, step, back, back])()
         qtbot.wait(dice.choice([0, 5, 30]))
-        # What is asked for stays small enough for a test.
+        # Keep the requested work small.
         weave = window.document.scene.source
         if max(weave.ends or 0, weave.picks or 0) > 30:
             window.document.open("plain_weave")

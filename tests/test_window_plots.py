@@ -1,4 +1,4 @@
-"""The plots: curves that are right, a cursor that costs nothing, files that can be read again."""
+"""The plots tab: correct curves, a cheap cursor, and readable files."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def plotted(window: Any) -> bool:
 
 @pytest.fixture
 def plots_of(open_scene: Any) -> Any:
-    """Open a scene with its plots in sight."""
+    """Open a scene with the plots tab visible."""
 
     def open_(scene: str = "plain_weave") -> Any:
         window = open_scene(scene)
         plots = window.plots
-        # Those of the test before have the same key.
+        # The curves of the former test have the same key.
         plots.curves = None
         plots.quantity.setCurrentIndex(0)
         plots.component.setCurrentIndex(0)
@@ -50,7 +50,7 @@ def plots_of(open_scene: Any) -> Any:
 
 
 def pick(qtbot: Any, window: Any, number: int = 1) -> None:
-    """Pick so many more points, and wait for the curves of all."""
+    """Pick a number of points, and wait for the curves of all points."""
     for _ in range(number):
         _pick_one(qtbot, window)
     count = len(window.plots.points)
@@ -85,7 +85,7 @@ def test_curve_matches_the_motion_of_the_picked_point(plots_of: Any, qtbot: Any)
         ]
         size = np.linalg.norm(point.displacement)
         np.testing.assert_allclose(at, point.displacement, atol=1e-3 * size)
-    # Velocity is the displacement's derivative, as differences have it.
+    # Velocity is the derivative of the displacement, by finite differences.
     slope = np.gradient(curves.motion[0, 0], curves.times, axis=0)
     error = np.abs(slope - curves.motion[1, 0])[2:-2].max()
     assert error < 0.05 * np.abs(curves.motion[1, 0]).max()
@@ -97,7 +97,7 @@ def test_plotted_points_are_marked_in_the_view(plots_of: Any, qtbot: Any) -> Non
     pick(qtbot, window, 2)
     first, second = window.view.picks
     assert window.plots.points == [first, second]
-    # A click alone begins anew.
+    # A click without Shift starts a new list.
     widget = window.view.canvas
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     for x in range(-40, 60, 20):
@@ -128,13 +128,13 @@ def test_plotted_energies_and_response_equal_those_of_the_pipeline(plots_of: Any
     found = curves.balance
     plotted_parts = [part[at] for part in (found.kinetic, found.strain, found.dissipated)]
     np.testing.assert_allclose(plotted_parts, parts, rtol=1e-9)
-    # Only the weight works here: it loses as much potential energy, and the total stays.
+    # Only the weight does work, at the cost of potential energy; the total is constant.
     assert found.potential[at] == pytest.approx(-work, rel=1e-9)
     assert work > 0.0
     np.testing.assert_allclose(found.total, 0.0, atol=1e-9 * work)
     labels = [text.get_text() for text in window.plots.canvas.axes[1].get_legend().get_texts()]
     assert labels == ["kinetic", "strain", "potential", "dissipated", "total"]
-    # The response peaks at the first mode of those that are loaded.
+    # The response peaks at the first loaded mode.
     peak = curves.frequencies[np.argmax(curves.response[0, :, 2])]
     assert abs(peak / curves.modes[0] - 1) < 0.01
 
@@ -149,7 +149,7 @@ def test_playing_moves_the_cursor_without_drawing_the_plot(
     columns = set()
     window.director.drawn.connect(lambda _: columns.add(tuple(canvas.cursor_columns())))
     qtbot.mouseClick(window.times.play, LEFT)
-    # What opening the tab has still to draw is drawn by now: the canvas takes its place, and asks.
+    # Draw the canvas now, which was requested when the tab opened.
     wait_until(lambda: len(columns) > 4)
     monkeypatch.setattr(canvas, "draw", lambda: drawn.append(1))
     columns.clear()
@@ -158,7 +158,7 @@ def test_playing_moves_the_cursor_without_drawing_the_plot(
     wait_until(lambda: settled(window))
     assert not drawn
     assert window.plots.curves is curves
-    # The line stands at the time, in both plots over time, and is painted there.
+    # The cursor is painted at the time in both plots over time.
     share = window.times.time / 0.2
     box = canvas.axes[0].get_position()
     column = (box.x0 + share * box.width) * canvas.width()
@@ -187,7 +187,7 @@ def test_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
     box = canvas.axes[2].get_position()
     y = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
     qtbot.mouseClick(canvas, LEFT, pos=QPoint(canvas.width() // 2, y))
-    assert window.times.time == before  # there is no time along frequencies
+    assert window.times.time == before  # frequencies have no time
 
 
 def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot: Any) -> None:
@@ -198,7 +198,7 @@ def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot:
     second = window.plots.curves
     ratio = second.modes[0] / first.modes[0]
     assert ratio == pytest.approx(np.sqrt(4e3 / Scene.read("plain_weave").modal.youngs_modulus))
-    # What does not move it computes nothing anew; nor does what nobody sees.
+    # Changes that do not affect the motion, or a hidden tab, compute nothing.
     window.document.set("view", "cage_color", "#ff0000")
     wait_until(lambda: settled(window))
     qtbot.wait(400)
@@ -290,13 +290,13 @@ def test_titles_and_legends_do_not_overlap(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
     canvas = window.plots.canvas
-    for points in (1, 3):  # the tip, and picked ones
+    for points in (1, 3):  # the tip, and picked points
         if points > 1:
             pick(qtbot, window, points)
         for size in ((1440, 800), (1440, 915), (1590, 980), (1200, 700), (1100, 700)):
             window.resize(*size)
             wait_until(lambda: settled(window))
-            canvas.grab()  # draws, if that is still to be done
+            canvas.grab()  # draws if a drawing is pending
             renderer = canvas.get_renderer()
             boxes = []
             for axes in canvas.axes:
@@ -322,13 +322,13 @@ def test_cancelled_run_gives_no_curves(plots_of: Any) -> None:
     )
     window.cancel_button.click()
     wait_until(lambda: not window.engine.busy)
-    # The engine's scene has the old modes still: what is asked of it would be no answer.
+    # The engine's scene has the old modes, so its curves would be wrong.
     plots.show_points([])
     wait_until(lambda: not plots.rest_timer.isActive())
     QTest.qWait(500)
     assert plots.curves is before
     assert plots.hint.text() != "Computing…"
-    # The scene before: its curves are still right. Another one: they follow.
+    # After undo, the curves are valid again; for another scene, new ones follow.
     window.document.history.undo()
     wait_until(lambda: settled(window) and plotted(window))
     window.document.set("cage", "divisions", [3, 3, 1])
@@ -352,8 +352,8 @@ def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: 
     gained = -found.potential.min()
     assert found.kinetic.max() > 0.1 * gained > 0
     np.testing.assert_allclose(found.total, 0.0, atol=1e-9 * gained)
-    # At first it falls freely, where it is not held: as all of its modes, whose consistent mass
-    # makes the free end of three cells set off 3.8 % faster.
+    # At first it falls freely where it is not fixed, as the sum of all modes, whose consistent mass
+    # makes the free end of three cells start 3.8 % faster.
     time, fallen = curves.times[:8], curves.motion[0, 0, :8, 2]
     np.testing.assert_allclose(fallen, -9.80665 * time**2 / 2, rtol=0.05)
     window.times.go_to(0.01, False)
@@ -363,9 +363,9 @@ def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: 
     moved = window.view.frame.cage.GetPointData().GetArray("displacement").GetTuple(vertex)
     now = [np.interp(0.01, curves.times, c) for c in curves.motion[0, 0].T]
     np.testing.assert_allclose(moved, now, atol=1e-3 * np.linalg.norm(moved))
-    # What moves it otherwise has other curves.
+    # Another motion has other curves.
     window.document.set("transient", "gravity", [0.0, 0.0, 4.0])
-    assert "before the change" in window.plots.hint.text()  # at once
+    assert "before the last change" in window.plots.hint.text()  # at once
     wait_until(lambda: settled(window) and plotted(window))
     assert "before the change" not in window.plots.hint.text()
     assert window.plots.curves.motion[0, 0, 7, 2] > 0
@@ -387,7 +387,7 @@ def test_slow_curves_show_progress_and_can_be_cancelled(
     monkeypatch.setattr(plots_tab, "compute_curves", slow)
     plots.curves = None
     window.tabs.setCurrentWidget(plots)
-    # A report of earlier work may still be on its way to the bar.
+    # A progress report of earlier work may still arrive.
     wait_until(
         lambda: (
             plots.progress_bar.isVisible()

@@ -1,4 +1,4 @@
-"""The biaxial pad: its map, and the cloth that follows the mouse and the keys."""
+"""The pull tab: its map, and the cloth that follows mouse and keys."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ELASTIC = {"inextensible": False, "tension": "50 N", "contact": "10 N"}
 
 
 def show_pad(window: Any, **yarns: Any) -> Any:
-    """Show the pad of a scene with a section [yarns]."""
+    """Show the pull tab of a scene with a section [yarns]."""
     if yarns:
         window.document.set_many("yarns", yarns)
     else:
@@ -32,7 +32,7 @@ def show_pad(window: Any, **yarns: Any) -> Any:
 
 
 def drag(window: Any, *stretches: tuple[float, float], wait: int = 10) -> None:
-    """Press where the cloth is, move over some stretches, let go at the last."""
+    """Drag from the present stretch over some stretches, and release at the last."""
     pad = window.pull.map
     at = pad.position_of(*pad.stretch).toPoint()
     QTest.mousePress(pad, Qt.MouseButton.LeftButton, pos=at)
@@ -55,7 +55,7 @@ def size_of(data: Any) -> np.ndarray:
 def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) -> None:
     window = open_scene()
     pad = show_pad(window)
-    # The jam of this square cloth past +5.287 %, and the exchange curve of Peirce's geometry.
+    # This square cloth jams beyond +5.287 %; Peirce's geometry gives the exchange curve.
     found = pad.map
     assert np.interp(1.06, found.warp, found.jam[1]) == pytest.approx(0.910090, abs=1e-5)
     assert np.interp(1.02896, *found.exchange) == pytest.approx(1 - 0.03640, abs=5e-4)
@@ -63,7 +63,7 @@ def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) ->
     drag(window, (1.01, 0.99), (1.02, 0.975), (1.03, 0.96))
     wait_until(lambda: pulled(window))
     assert pad.stretch == pytest.approx((1.03, 0.96), abs=2e-3)  # a pixel
-    # At rest it is as smooth as the scene asks for, and the cloth has the size that was pulled.
+    # At rest, the surface is as fine as the scene says, and the cloth has the stretched size.
     cage = window.view.frame.cage
     moved = vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     wide, high, _ = np.ptp(vtk_to_numpy(cage.GetPoints().GetData()) + moved, axis=0)
@@ -96,7 +96,7 @@ def test_keys_move_the_point_and_a_jam_is_reported(open_scene: Any) -> None:
     assert "The weft jams" in window.pull.state_text.text()
     QTest.keyClick(pad, Qt.Key.Key_Home)
     assert pad.stretch == (1.0, 1.0)
-    assert window.times.time == shown  # the key is not the menu's
+    assert window.times.time == shown  # the key does not trigger the menu
     wait_until(lambda: pulled(window))
     QTest.keyClick(pad, Qt.Key.Key_Escape)
     wait_until(lambda: settled(window) and window.view.frame.mode is None)
@@ -125,7 +125,7 @@ def test_map_follows_a_changed_cloth_and_keeps_the_stretch(open_scene: Any) -> N
     assert pad.map.force.max() > before.force.max()
     assert window.pull.state_text.text() != told
     assert window.director.swing.warp == pad.stretch[0]
-    # Without what they resist there is no map, and the motion again.
+    # Without the section there is no map, and the motion is shown.
     window.document.set("yarns", "inextensible", True)
     wait_until(lambda: not pad.map.force.any())
     window.document.history.undo()
@@ -140,7 +140,7 @@ def test_link_adds_the_section_yarns(open_scene: Any) -> None:
     assert window.pull.map.map is None
     QTest.mouseClick(window.pull.map, Qt.MouseButton.LeftButton, pos=QPoint(90, 90))
     assert window.view.frame.mode is None
-    window.pull.hint.linkActivated.emit("yarns")  # as a click on its words does
+    window.pull.hint.linkActivated.emit("yarns")  # as a click on the link does
     wait_until(lambda: settled(window) and window.pull.map.map is not None)
     assert window.stages.states["yarns"] == "fresh"
     window.document.history.undo()

@@ -1,4 +1,4 @@
-"""What stands round the fabric: loads, clip plane, background, picked points, camera."""
+"""Around the fabric: loads, clip plane, background, picked points, colour scale."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_dead_loads_are_drawn_in_the_equilibrium() -> None:
         assert set(arrows.kinds) == {"traction"}
         np.testing.assert_allclose(arrows.vectors[:, [0, 2]], 0.0, atol=1e-15)
         assert (arrows.vectors[:, 1] < 0).all()
-        # They begin at the side as it hangs.
+        # The arrows start at the deformed side.
         data = scene.deformed_cage.GetPointData()
         hung = points_of(scene.deformed_cage) + vtk_to_numpy(data.GetArray("equilibrium"))
         np.testing.assert_allclose(arrows.starts[:, 1], hung[:, 1].min(), rtol=1e-3)
@@ -128,13 +128,13 @@ def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
     width = half.shape[1]
 
     def colored(image: np.ndarray) -> np.ndarray:
-        # Yarns are blue or sand; the plane's own tint is faint.
+        # Yarns are blue or sand-coloured; the tint of the plane is faint.
         return (np.ptp(image, axis=2) > 70).sum(axis=0)
 
     right = slice(int(width * 0.56), int(width * 0.75))
     assert colored(whole)[right].sum() > 2000
     assert colored(half)[right].sum() < 0.15 * colored(whole)[right].sum()
-    # The mouse takes hold of the plane and moves it.
+    # The mouse moves the plane.
     window.tools.cameras["three-quarter"].trigger()
     QTest.qWait(100)
     origin = np.array(window.view.scene_view.cut[1])
@@ -152,14 +152,14 @@ def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
             break
     moved = np.array(window.view.scene_view.cut[1])
     assert np.linalg.norm(moved - origin) > 1e-5
-    # The scene says where it is: one change, which can be undone.
+    # The scene stores the plane as one change, which can be undone.
     wait_until(lambda: window.document.scene.view.clip_origin is not None)
     np.testing.assert_allclose(window.document.scene.view.clip_origin, moved, rtol=1e-4, atol=1e-9)
     window.document.history.undo()
     np.testing.assert_allclose(window.view.scene_view.cut[1], origin, atol=1e-9)
     window.document.history.redo()
     np.testing.assert_allclose(window.view.scene_view.cut[1], moved, rtol=1e-4, atol=1e-9)
-    # Whole, and cut where it was.
+    # Without the cut, and then cut at the same place.
     window.tools.clip.trigger()
     assert window.view.scene_view.cut is None
     window.tools.clip.trigger()
@@ -231,7 +231,7 @@ def test_picked_points_are_listed_and_move_with_the_cloth(open_scene: Any) -> No
     wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
     moved = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
     assert np.abs(moved - still).max() > 1e-4
-    # A click alone begins anew, and another scene forgets them.
+    # A click without Shift starts a new list, and another scene clears it.
     QTest.mouseClick(widget, left, Qt.KeyboardModifier.NoModifier, middle)
     assert len(window.view.picks) <= 1 or len(told[-1]) == 1
     window.document.open("twill_2_2")
@@ -253,7 +253,7 @@ def test_point_of_an_object_can_be_picked(open_scene: Any) -> None:
 
 def test_colour_scale_never_shrinks_while_playing(open_scene: Any) -> None:
     window = open_scene()
-    # Coloured only where all is still: a frame of 20 ms would widen the scale from the start.
+    # Without the frame at 20 ms, which would widen the scale from the start.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
     window.document.set("view", "color", "displacement")

@@ -1,4 +1,4 @@
-"""A sheet in the window: its data sheet, hung and not, what it hangs like, and no longer wanted."""
+"""A cage of sheet elements: its figures, its equilibrium, and its colours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from spacemap_vtk.filters.load import DEAD_ACTIONS  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
-#: Four cells of 20 mm by 20 mm, held at the left: its free end sags.
+#: Four cells of 20 mm by 20 mm, fixed at the left; the free end sags.
 STRIP = """
 [weave]
 ends = 40
@@ -76,7 +76,7 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     headings = window.properties.groups
     assert list(headings) == ["Sheet", "Hung"]
     assert all(heading.isVisibleTo(window) for heading in headings.values())
-    # Of two layers it is no sheet: what is a sheet's alone goes, but for what is written.
+    # With two layers it is not a sheet: parameters of sheets are hidden unless they are written.
     window.document.set("cage", "divisions", [8, 2, 2])
     wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
     told = notes(window)
@@ -84,10 +84,10 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     assert told["bending_rigidity"] == "no effect: the cage is no sheet"
     assert "tetrahedra" in window.modes.sheet.text()
     window.document.set("modal", "elements", "tetrahedra")
-    wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field says it
+    wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field shows it
     window.document.history.undo()
     wait_until(lambda: settled(window))
-    assert headings["Sheet"].isVisibleTo(window)  # what is written stays
+    assert headings["Sheet"].isVisibleTo(window)  # written values stay
     for name in ("tensile_rigidity", "bending_rigidity", "areal_mass"):
         window.document.set("modal", name, None)
     wait_until(lambda: settled(window))
@@ -99,10 +99,10 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     supports, times = window.tools.part_actions["supports"], window.times
     assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     play = times.play.toolTip()
-    # Another scene's figures are none of this one's.
+    # Figures of the former scene are not shown.
     window.document.open("handweaving")
     wait_until(lambda: settled(window))
-    # Nothing is held there, and nothing moves.
+    # That scene has no supports and no motion.
     assert not any((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     assert "no supports" in supports.toolTip()
     assert "does not move" in times.play.toolTip()
@@ -138,7 +138,7 @@ def test_hang_button_switches_the_equilibrium(open_scene: Any, strip: Path) -> N
     hung = equilibrium(window)
     assert hung is not None
     assert hung[:, 2].min() < -0.03
-    # The ghost is the undeformed cloth: flat, and as long as it is.
+    # The ghost is the undeformed cloth: flat, with its full length.
     window.tools.part_actions["ghost"].trigger()
     wait_until(lambda: settled(window))
     ghost = window.view.scene_view.ghost.GetMapper().GetInput()
@@ -151,7 +151,7 @@ def test_hang_button_switches_the_equilibrium(open_scene: Any, strip: Path) -> N
         assert not hang.isChecked()
         assert np.ptp(points_of(window.view.frame.surface)[:, 2]) < 1.1e-3
         assert window.modes.table.item(0, 1).text() != frequency
-        # What it hangs under stays.
+        # Its loads stay.
         assert window.document.scene.modal.gravity == (0.0, 0.0, -9.80665)
         if undone:
             window.document.history.undo()
@@ -172,7 +172,7 @@ def test_hang_uses_the_gravity_of_the_motion(open_scene: Any, strip: Path) -> No
     window.tools.hang.trigger()
     wait_until(lambda: settled(window) and equilibrium(window) is not None)
     assert window.document.values["modal"]["gravity"] == [0, -1.6, 0]
-    window.document.open("calculix_fabric")  # whose motion is read from a file
+    window.document.open("calculix_fabric")  # its motion is read from a file
     wait_until(lambda: settled(window))
     assert not window.tools.hang.isEnabled()
 
@@ -224,7 +224,7 @@ def test_equilibrium_reports_progress_and_can_be_cancelled(open_window: Any, str
     wait_until(lambda: window.stages.states["modal"] == "stale")
     assert window.view.frame is frame
     assert window.errors.text == "The run was cancelled: the picture is older than the values."
-    # Nothing of it is taken for a result.
+    # Partial results are not used.
     window.document.history.undo()
     wait_until(lambda: settled(window))
     assert window.errors.text == ""
@@ -247,7 +247,7 @@ def test_colouring_is_reset_when_its_quantity_disappears(open_scene: Any, strip:
     assert "Hung state" in window.statusBar().currentMessage()
     assert window.document.value_in_file("view", "color") is None
     assert not window.tools.hang.isChecked()
-    # Back at once: that it hangs, and its colours.
+    # Undo restores the equilibrium and its colours together.
     window.document.history.undo()
     wait_until(lambda: settled(window) and window.view.frame.color == "equilibrium")
     assert window.document.text == colored

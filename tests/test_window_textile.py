@@ -1,4 +1,4 @@
-"""The window shows a source of yarns that is not woven, and offers nothing of a weave."""
+"""A source of yarns that is not woven: the window offers nothing of a weave."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from test_textile import MOVING, Loops, Rods, sources  # noqa: E402, F401
 
 
 def offered(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
-    """What the dialog that exports data offers."""
+    """Return the file types that the export dialog offers."""
     asked: list[str] = []
 
     def ask(parent: Any, title: str, proposal: str, filters: str) -> tuple[str, str]:
@@ -66,7 +66,7 @@ def test_other_textile_shows_its_own_figures(
     wait_until(lambda: "not woven" in window.draft.placeholder.text())
     assert not window.draft.save_button.isEnabled()
     assert "draft" not in offered(window, monkeypatch)
-    # Another value of the source is another textile.
+    # Another value of the source gives another textile.
     window.document.set(source.section, "count", 6)
     window.tabs.setCurrentWidget(window.figures)
     wait_until(lambda: settled(window) and table.item(0, 1).text().startswith("6 "))

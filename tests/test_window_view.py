@@ -1,4 +1,4 @@
-"""The 3D view: what is shown, in which colours, from where, and what is picked."""
+"""The 3D view: visible parts, colours, shadows, picking and tool bar."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ def test_patched_fxaa_shader_draws_the_same_pixels(
 def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("response", "gravity", (0.0, -9.81, 0.0))
-    # Wide: its height is what is scarce.
+    # Wide, so that the height limits the view.
     window.resize(1500, 600)
     wait_until(lambda: settled(window))
     renderer = window.view.canvas.renderer
 
     def farthest() -> float:
-        """How far from the middle of the picture an arrow ends; 1 is its edge."""
+        """Return the largest distance of an arrow's end from the centre; 1 is the edge."""
         ends = []
         for point in window.view.frame.arrows.reach:
             renderer.SetWorldPoint(*point, 1.0)
@@ -89,7 +89,7 @@ def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
     assert 0.7 < farthest() < 1.0
     window.tools.cameras["right"].trigger()
     assert farthest() < 1.0
-    # Whoever has moved the camera keeps it.
+    # A camera that the user has moved is kept.
     window.tools.part_actions["loads"].trigger()
     window.view.canvas.camera.Azimuth(10.0)
     before = window.view.canvas.camera.GetPosition()
@@ -123,7 +123,7 @@ def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
     canvas._gl_finish, canvas.interactor = watched, Watched()
     thread = threading.Thread(target=tick)
     usual = sys.getswitchinterval()
-    # Nobody is made to let go of Python's lock: who works has been let.
+    # Count ticks of a Python thread while OpenGL draws.
     sys.setswitchinterval(60.0)
     try:
         thread.start()
@@ -134,9 +134,9 @@ def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
         ended.set()
         thread.join()
         canvas.interactor = interactor
-    assert len(ticks) == len(drawing) == 20  # once what is there, once the shadows on it
+    assert len(ticks) == len(drawing) == 20  # once for the scene, once for its shadows
     assert sum(ticks) > 10
-    # But not within VTK, whose collector would then wait for Python's lock with one of its own.
+    # But not inside VTK, whose collector holds a lock and would wait for the GIL.
     assert sum(drawing) <= 10
 
 
@@ -146,23 +146,23 @@ def test_every_colouring_gives_another_picture(open_scene: Any) -> None:
     assert not set(of_yarns) & set(window.document.scene.colorings)
     window.document.set_many("yarns", {"inextensible": False, "tension": "20 N"})
     pictures = []
-    names = window.document.scene.colorings  # all but of what hangs
+    names = window.document.scene.colorings  # all except the equilibrium
     absent = {"equilibrium", "linear_displacement", "stiffness_factor", "density_factor"}
     assert names == [name for name in COLORINGS if name not in absent]
     offered = [window.tools.coloring.itemData(k) for k in range(window.tools.coloring.count())]
-    assert [name for name in offered if name] == names  # the rest parts the groups
+    assert [name for name in offered if name] == names  # the others separate groups
     for name in names:
         window.tools.coloring.setCurrentText(COLORINGS[name].words)
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         pictures.append(image(window))
-        # What stands for a number has a scale, with its unit.
+        # Each numeric colouring has a scale with its unit.
         bar = window.view.scene_view.surface.color_bar
         assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn", "jammed"))
         assert not bar.GetVisibility() or "[" in bar.GetTitle()
     for k, one in enumerate(pictures):
         for other in pictures[:k]:
             assert np.abs(one - other).max() > 60
-    # Each was a change that can be undone.
+    # Each change can be undone.
     assert window.document.history.count() == 1 + len(names) - 1
     assert window.document.values["view"]["color"] == names[-1]
 
@@ -191,18 +191,18 @@ def test_cut_yarn_is_solid(open_scene: Any, color: str) -> None:
     window.document.set("view", "color", color)
     window.tools.clip.trigger()
     wait_until(lambda: settled(window) and view.scene_view.cut)
-    # The plane itself is in the way.
+    # Hide the plane, which covers the cut.
     view.handle.show(False)
     window.tools.cameras["right"].trigger()
     for azimuth in (0, 25, -50):
         view.canvas.camera.Azimuth(azimuth)
         solid = image(window)
-        # Nothing of the inside is in sight: without the far sides it is the same picture ...
+        # The inside is not visible: without back faces, the picture is the same ...
         look.BackfaceCullingOff()
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
-        # ... but not without the face of the cut
+        # ... but not without the cut face
         view.scene_view.cut_face.VisibilityOff()
-        # (of a number the inside has the same colour but where it turns away from us).
+        # (in a numeric colouring, the inside has the same colour except where it turns away).
         least = 2e-2 if color == "own" else 1e-2
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > least
         view.scene_view.cut_face.VisibilityOn()
@@ -243,12 +243,12 @@ def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
     # As weavers count, and as "spacemap info" and the draft do.
     said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
     assert window.status_text.full_text.startswith(said + " ")
-    # It is told at the point, with what is shown, while time goes on, until Escape.
+    # A label shows the pick and the shown value while playing, until Escape.
     labels = window.view.scene_view.annotations
     place, words = labels.labels[0]
     np.testing.assert_allclose(place, pick.position, atol=1e-9)
     assert words.splitlines()[0] == pick.name
-    end, over = sorted(pick.name.replace("pick", "q").split(" × "))  # by what crosses it at rest
+    end, over = sorted(pick.name.replace("pick", "q").split(" × "))  # by the crossing at rest
     spacing = 0.5e-3
     np.testing.assert_allclose(pick.rest[0] / spacing + 4, int(end[4:]), atol=0.5)
     np.testing.assert_allclose(pick.rest[1] / spacing + 4, int(over[2:]), atol=0.5)
@@ -272,7 +272,7 @@ def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
 
 
 def seen(window: Any) -> np.ndarray:
-    """Return what the screen shows of the view, which nobody draws anew for that."""
+    """Return a screenshot of the view without drawing it again."""
     view = window.view.canvas
     place = view.mapToGlobal(QPoint(0, 0))
     grabbed = window.screen().grabWindow(0, place.x(), place.y(), view.width(), view.height())
@@ -306,7 +306,7 @@ def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scen
     view.steer(False)
     wait_until(lambda: view.canvas.shade.is_on)
     rest = view.canvas.image().astype(int)
-    # What is deep is darker, what light falls on as it was, and nothing is lighter.
+    # Deep places are darker, lit places unchanged, and nothing is lighter.
     assert (moving - rest).max() > 40
     assert (rest - moving).max() <= 1
     assert (np.abs(moving - rest).max(axis=2) <= 1).mean() > 0.7
@@ -318,8 +318,8 @@ def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scen
 def test_labels_cast_no_shadows(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
-    view.zoom(4.0)  # cloth all round
-    window.tools.part_actions["scale_bar"].trigger()  # it would take the other's place
+    view.zoom(4.0)  # the cloth fills the view
+    window.tools.part_actions["scale_bar"].trigger()  # it would cover the other label
     pictures = []
     for _ in range(2):
         wait_until(lambda: settled(window) and not view.steering)
@@ -330,7 +330,7 @@ def test_labels_cast_no_shadows(open_scene: Any) -> None:
     beside = slice(-high, -low or None), slice(right + 3, right + 20)
     with_, without = (picture[beside] for picture in pictures)
     assert with_.std() > 20
-    # A shadow of the plate takes 70 off; what lies below it and is not seen gives back some.
+    # A shadow of the label would darken by 70; hidden parts below may lighten a little.
     assert np.median(without - with_) == 0.0
     assert abs((without - with_).mean()) < 15.0
 
@@ -372,7 +372,7 @@ def test_tools_of_a_narrow_window_stay_together(open_scene: Any) -> None:
     QTest.qWait(200)
     box = window.tools.coloring
     label = next(k for k in window.tools.findChildren(QLabel) if k.text() == "Colour by")
-    # The name goes first, and the choice then says it as its tip.
+    # The label disappears first; the box then shows it as its tooltip.
     assert box.isVisible() or not label.isVisible()
     assert box.toolTip() == label.text()
     wait_until(lambda: window.times.slider.width() >= 100, 5)
@@ -391,13 +391,13 @@ def test_narrow_tool_bar_keeps_all_tools_reachable(open_scene: Any) -> None:
     QTest.qWait(100)
     arrow = window.tools.findChild(QToolButton, "qt_toolbar_ext_button")
     assert arrow.isVisible()
-    # It was empty, and did nothing.
+    # The menu was once empty.
     behind = {action.text(): action for action in arrow.menu().actions()}
     assert {"Camera", "Clip", "Background"} <= behind.keys()
     before = image(window)
     next(a for a in behind["Background"].menu().actions() if a.text() == "Black").trigger()
     assert np.abs(image(window) - before).max() > 200
-    # In the dark, too, it is seen.
+    # It is visible in the dark theme too.
     window.menus.dark.trigger()
     arrow_drawn = arrow.grab().toImage()
     window.menus.dark.trigger()
@@ -407,7 +407,7 @@ def test_narrow_tool_bar_keeps_all_tools_reachable(open_scene: Any) -> None:
         for y in range(arrow_drawn.height())
     ]
     assert max(pixels) > 150
-    # The colours' box is in the menu "View".
+    # The colourings are also in the menu "View".
     stress = window.tools.colorings["stress"]
     assert not stress.isChecked()
     stress.trigger()
@@ -451,7 +451,7 @@ def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     view.canvas.camera.Azimuth(2.0)
     view.render()
     wait_until(lambda: settled(window) and not view.steering)
-    assert stage.executions == runs  # nobody would see more
+    assert stage.executions == runs  # more would not be visible
     view.zoom(60.0)
     wait_until(
         lambda: (
@@ -465,7 +465,7 @@ def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     assert sides.max() >= 16
     assert sides.min() <= 4
     assert near.surface.GetNumberOfCells() < 3 * facets
-    # What is made with a margin serves a small turn, too.
+    # The margin is enough for a small turn.
     view.canvas.camera.Azimuth(0.01)
     view.render()
     wait_until(lambda: settled(window) and view.frame.camera_view == view.camera_view)
@@ -516,7 +516,7 @@ def test_view_and_exported_picture_have_the_same_fibres(
 
 
 def roughness(image: np.ndarray) -> float:
-    """Return how much pixels of blue yarns differ from those above and below them."""
+    """Return how much pixels of blue yarns differ from their vertical neighbours."""
     red, _, blue = image.astype(float).transpose(2, 0, 1)
     bent = np.abs(np.diff(blue, 2, axis=0))
     inside = binary_erosion(blue - red > 40.0, iterations=4)[1:-1]

@@ -1,4 +1,4 @@
-"""The tutorial docs/tutorials/film.md, played in the window: style, camera, colours, a film."""
+"""The tutorial docs/tutorials/film.md in the window: style, camera, colours, a film."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from PySide6.QtWidgets import QFileDialog  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-# Tests of single parts of the window hold each of these claims for the gate.
+# The gate checks each of these claims by tests of single parts.
 @pytest.mark.nightly
 def test_artist_makes_a_film_and_an_object(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -72,7 +72,7 @@ def test_artist_makes_a_film_and_an_object(
     wait_until(lambda: settled(window) and window.view.image()[2, 2].mean() < 90)
     keep_picture(window, "artist.jpg")
 
-    # 6. It swings.
+    # 6. It moves.
     qtbot.mouseClick(window.times.play, LEFT)
     wait_until(lambda: window.times.time > 0.06)
     qtbot.mouseClick(window.times.play, LEFT)

@@ -1,4 +1,4 @@
-"""Half an hour of a user who makes mistakes: wrong values, wrong files, haste."""
+"""Half an hour of a user who makes mistakes: wrong values, wrong files, fast input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-# Tests of single parts of the window hold each of these claims for the gate.
+# The gate checks each of these claims by tests of single parts.
 @pytest.mark.nightly
 def test_clumsy_user_loses_nothing(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -32,7 +32,7 @@ def test_clumsy_user_loses_nothing(
     window.resize(1440, 900)
     undo = window.menus.actions["Undo"].trigger
 
-    # 1. A yarn thinner than nothing: the field is red, the cloth stays, and undo puts it right.
+    # 1. A negative diameter: the field is red, the cloth stays, and undo restores it.
     cloth = window.view.frame
     row = type_into_field(window, "weave", "warp_diameter", "-5 mm")
     wait_until(lambda: "greater than 0 m" in window.errors.text)
@@ -43,7 +43,7 @@ def test_clumsy_user_loses_nothing(
     assert not row.property("bad")
     assert window.errors.text == ""
 
-    # 2. A word, and 3. far too many, in place of a number.
+    # 2. A word, and 3. a number that is far too large.
     ends = window.properties.rows["ends"].editor.line
     type_into(ends, "three")
     wait_until(lambda: "not a number; allowed: a whole number" in window.errors.text)
@@ -52,7 +52,7 @@ def test_clumsy_user_loses_nothing(
     type_into(ends, "7")
     wait_until(lambda: window.errors.text == "")
 
-    # 4. A word in place of a quantity.
+    # 4. A word instead of a quantity.
     type_into_field(window, "modal", "youngs_modulus", "soft")
     wait_until(lambda: "not a number; allowed: a number greater than 0 Pa" in window.errors.text)
     undo()
@@ -91,7 +91,7 @@ def test_clumsy_user_loses_nothing(
     type_into_field(window, "weave", "ends", "20")
     wait_until(lambda: settled(window))
 
-    # 9. Closed with changes: it asks, and nothing is lost.
+    # 9. Closing with changes: a question, and nothing is lost.
     questions: list[str] = []
 
     def cancel(*words: Any) -> Any:
@@ -104,24 +104,24 @@ def test_clumsy_user_loses_nothing(
     assert window.isVisible()
     assert window.document.scene.source.ends == 20
 
-    # 10. More undo than there is anything to undo.
+    # 10. More undo steps than there are changes.
     for _ in range(20):
         undo()
     wait_until(lambda: settled(window))
     assert window.errors.text == ""
 
-    # 11. A small window: a picture, and as many fields as there is room for.
+    # 11. A small window: a picture, and as many fields as fit.
     window.resize(690, 420)
     wait_until(lambda: settled(window))
     assert window.view.isVisible()
 
-    # 12. The fields make room for the picture, and come back.
+    # 12. The fields are hidden for the picture, and shown again.
     window.resize(1440, 900)
     wait_until(lambda: settled(window))
     for shown in (False, True):
         window.menus.actions["Properties"].trigger()
         assert window.properties.isVisible() == shown
 
-    # 13. Nothing is unsaved: nobody asks.
+    # 13. Without unsaved changes, there is no question.
     window.close()
     assert len(questions) == 1

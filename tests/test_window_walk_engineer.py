@@ -1,4 +1,4 @@
-"""The tutorial docs/tutorials/engineer.md, played in the window."""
+"""The tutorial docs/tutorials/engineer.md in the window."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_engineer_designs_a_twill(
     weave = window.document.scene.source
     assert (weave.cloth.size, weave.pattern) == ((7, 7), "plain")
 
-    # 2. A twill, and 3. its counts and setts; what is automatic stands in grey.
+    # 2. A twill, and 3. its counts and setts; automatic values are grey.
     type_into_field(window, "weave", "pattern", "twill 2/2")
     for name, text in (
         ("ends", "16"),
@@ -78,13 +78,13 @@ def test_engineer_designs_a_twill(
     wait_until(lambda: settled(window))
     assert window.errors.text == ""
 
-    # 6. How much air is left.
+    # 6. Clearance.
     window.tools.coloring.setCurrentText("Clearance [m]")
     wait_until(lambda: settled(window))
     assert window.document.scene.view.color == "clearance"
     window.tools.coloring.setCurrentText("Own colours")
 
-    # 7. The cloth is pulled along its warp.
+    # 7. The cloth is stretched along the warp.
     window.tabs.setCurrentWidget(window.pull)
     assert "add it" in window.pull.hint.text()
     window.pull.hint.linkActivated.emit("yarns")
@@ -100,7 +100,7 @@ def test_engineer_designs_a_twill(
     assert "pressed to 86." in window.pull.state_text.text()
     keep_picture(window, "engineer.jpg")
 
-    # 8. The middles of all yarns are a table.
+    # 8. The axes of all yarns are written as a table.
     qtbot.mouseClick(window.pull.back_button, LEFT)
     wait_until(lambda: settled(window))
     file = tmp_path / "twill.csv"

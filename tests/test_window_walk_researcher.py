@@ -1,4 +1,4 @@
-"""The tutorial docs/tutorials/researcher.md, played in the window."""
+"""The tutorial docs/tutorials/researcher.md in the window."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from spacemap_vtk.app.work.frame_request import Swing  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-# Tests of single parts of the window hold each of these claims for the gate.
+# The gate checks each of these claims by tests of single parts.
 @pytest.mark.nightly
 def test_researcher_compares_cages(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -40,7 +40,7 @@ def test_researcher_compares_cages(
     type_into_field(window, "modal", "youngs_modulus", "2 kPa")
     wait_until(lambda: settled(window))
 
-    # 2. Its modes; the first one swings.
+    # 2. Its modes; the first one is animated.
     modes = window.modes
     window.tabs.setCurrentWidget(modes)
     wait_until(lambda: modes.table.rowCount() > 0)
@@ -99,7 +99,7 @@ def test_researcher_compares_cages(
     wait_written(window, file)
     assert file.read_text().count("<DataSet") > 1
 
-    # 8. The same by steps of the nonlinear equations.
+    # 8. The same motion by time steps of the nonlinear equations.
     window.stages.select("transient")
     qtbot.mouseClick(window.properties.switch_on_button, LEFT)
     wait_until(lambda: settled(window))

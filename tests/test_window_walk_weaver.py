@@ -1,4 +1,4 @@
-"""The tutorial docs/tutorials/weaver.md, played in the window."""
+"""The tutorial docs/tutorials/weaver.md in the window."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_weaver_corrects_a_draft(
         at = QPoint(*draft.grid.current_layout().center(GridCell(panel, across, up)))
         qtbot.mouseClick(draft.grid.viewport(), LEFT, pos=at)
 
-    # 1. A draft that a loom's program has written.
+    # 1. A draft written by weaving software.
     file = tmp_path / "32-shaft_twill.wif"
     shutil.copy(library.folder() / file.name, file)
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(file), ""))
@@ -41,13 +41,13 @@ def test_weaver_corrects_a_draft(
     wait_until(lambda: settled(window))
     assert window.windowTitle().startswith("32-shaft_twill.wif")
 
-    # 2. It is shown as a draft, too.
+    # 2. The draft tab shows it.
     window.tabs.setCurrentWidget(draft)
     wait_until(lambda: settled(window))
     assert draft.counts["ends"].value() == 62
     assert draft.counts["shafts"].value() == 32
 
-    # 3. A mistake in the threading, and back.
+    # 3. A threading error, and its undo.
     woven = scene_of(window).source.cloth.drawdown
     click("threading", 3, 9)
     wait_until(lambda: settled(window))
@@ -70,7 +70,7 @@ def test_weaver_corrects_a_draft(
     assert np.flatnonzero(changed).tolist() == [30]
     keep_picture(window, "weaver.jpg")
 
-    # 5. What each pick lifts, and 6. back to treadles.
+    # 5. A liftplan, and 6. treadles again.
     treadled = draft.loom_kind.currentIndex()
     draft.loom_kind.setCurrentText("Liftplan")
     draft.loom_kind.activated.emit(draft.loom_kind.currentIndex())
@@ -79,13 +79,13 @@ def test_weaver_corrects_a_draft(
     wait_until(lambda: settled(window))
     assert draft.loom_kind.currentIndex() == treadled
 
-    # It is saved beside the one that it came from.
+    # It is saved next to the original draft.
     mine = tmp_path / "mine.wif"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(mine), ""))
     qtbot.mouseClick(draft.save_button, LEFT)
     assert read_wif(mine).loom == draft.grid.shown.loom
 
-    # 7. Near by yarns are seen as yarns, and what is seen is a picture.
+    # 7. Near yarns are drawn as yarns, and a screenshot is saved.
     turn_wheel(window.view.canvas, 120)
     wait_until(lambda: settled(window))
     picture = tmp_path / "mine.png"

@@ -1,4 +1,4 @@
-"""Working with scenes: new, recent, every change undone, the window as it was left."""
+"""Work with scenes: new, recent, undo of every change, restored layout."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def press(window: Any, name: str) -> None:
-    """Press the key that the help names for an action."""
+    """Press the shortcut that the help lists for an action."""
     window.activateWindow()
     wait_until(window.isActiveWindow)
     window.setFocus()
@@ -180,7 +180,7 @@ def test_window_can_be_narrow(open_scene: Any) -> None:
         window.tabs.setCurrentWidget(tab)
         wait_until(lambda: settled(window))
         assert window.width() <= 950
-        # Nothing is pushed out of sight.
+        # Nothing is pushed out of view.
         for widget in (window.view, window.times, window.times.speed, tab):
             corner = widget.mapTo(window, widget.rect().bottomRight())
             assert corner.x() < window.width()

@@ -1,4 +1,4 @@
-"""What the tests of the window share: a person's hands, and a reason to skip."""
+"""Helpers of the window's tests: waiting, typing, dragging, dialogs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import pytest
 from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.errors import MissingLibraryError, SpacemapWarning
 
-# The window says itself what its stages doubt: the command, which starts it, keeps Python from it.
+# The window shows the warnings of its stages, so Python need not print them.
 warnings.simplefilter("ignore", SpacemapWarning)
 
 
 def require_display() -> None:
-    """Skip the module where no window can be opened."""
+    """Skip the module if no window can be opened."""
     try:
         require_window()
     except MissingLibraryError as error:
@@ -27,7 +27,7 @@ def require_display() -> None:
 
 
 def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
-    """Let the window live until something holds.
+    """Process events until a condition holds.
 
     The usual limit is for a machine whose cores ten others share: there a scene of modes takes
     longer to open than half a minute.
@@ -37,14 +37,14 @@ def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < end, "it never happened"
-        # Not QTest.qWait, which keeps Python's lock: the engine would starve.
+        # Not QTest.qWait, which holds the GIL, so the engine could not run.
         loop = QEventLoop()
         QTimer.singleShot(10, loop.quit)
         loop.exec()
 
 
 def settled(window: Any) -> bool:
-    """Whether a smooth frame of the present wishes is drawn, and nothing runs."""
+    """Return whether a fine frame of the present scene is drawn and nothing runs."""
     from spacemap_vtk.app.work.frame_request import Swing
 
     director = window.director
@@ -54,27 +54,27 @@ def settled(window: Any) -> bool:
         and frame.generation == director.generation
         and (not frame.coarse or isinstance(director.swing, Swing))
         and not window.engine.busy
-        # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
-        # "busy": the thread hands the frame over first.
+        # A frame may be computed but not drawn: the thread can end before its signal arrives.
+        # Checked after "busy", because the thread hands over the frame first.
         and window.engine.waiting_frame is None
         and not director.rest_timer.isActive()
     )
 
 
 def as_new(window: Any) -> Any:
-    """Take back what tests do to a window that another scene does not; return it."""
-    window.setFocus()  # what is being typed
-    # A message of the test before would hide the status line, which is then not laid out.
+    """Reset what another scene does not reset in a window; return the window."""
+    window.setFocus()  # end typing
+    # A message of an earlier test would hide the status line, which is then not laid out.
     window.statusBar().clearMessage()
     window.resize(1200, 800)
     window.splitter.setSizes([310, 770, 360])
     page = window.properties
     if page.section == "weave":
-        # Most scenes begin with it. To make it anew takes more than all else of opening a scene;
-        # and whoever opens another one keeps it, too.
+        # Most scenes start with this page, which the window keeps. Creating it takes longer than
+        # the rest of opening a scene.
         page.search.clear()
         page.verticalScrollBar().setValue(0)
-    else:  # the first scene chooses the stage whose properties are seen
+    else:  # the first scene selects the stage
         window.stages.setCurrentItem(None)
         page.section = ""
     window.times.loop.setChecked(True)
@@ -94,12 +94,12 @@ def as_new(window: Any) -> Any:
 
 
 def scene_of(window: Any) -> Any:
-    """Return the scene that the window's engine runs."""
+    """Return the scene of the window's engine."""
     return window.engine.pipeline.scene
 
 
 def drag(slider: Any, steps: int) -> None:
-    """Press a slider's handle, move it, let go."""
+    """Drag the handle of a slider."""
     from PySide6.QtCore import QPoint, Qt
     from PySide6.QtTest import QTest
     from PySide6.QtWidgets import QStyle, QStyleOptionSlider
@@ -119,7 +119,7 @@ def drag(slider: Any, steps: int) -> None:
 
 
 def replace_text(line: Any, text: str) -> None:
-    """Replace a line's text."""
+    """Replace the text of a line."""
     from PySide6.QtTest import QTest
 
     line.setFocus()
@@ -128,7 +128,7 @@ def replace_text(line: Any, text: str) -> None:
 
 
 def type_into(line: Any, text: str) -> None:
-    """Replace a line's text, and press Enter."""
+    """Replace the text of a line, and press Enter."""
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
@@ -137,7 +137,7 @@ def type_into(line: Any, text: str) -> None:
 
 
 def turn_wheel(view: Any, angle: int) -> None:
-    """Turn the wheel over the middle of a view: up where the angle is positive, 120 a notch."""
+    """Turn the wheel over the centre of a view; a notch has 120 units, positive is up."""
     from PySide6.QtCore import QPoint, QPointF, Qt
     from PySide6.QtGui import QWheelEvent
     from PySide6.QtWidgets import QApplication
@@ -149,7 +149,7 @@ def turn_wheel(view: Any, angle: int) -> None:
 
 
 def type_into_field(window: Any, section: str, name: str, text: str) -> Any:
-    """Replace the text of a stage's field, press Enter, and return the field's row."""
+    """Type into the field of a stage, press Enter, and return the row."""
     window.stages.select(section)
     row = window.properties.rows[name]
     type_into(row.editor.line, text)
@@ -177,7 +177,7 @@ def click_picture(window: Any, name: str, double: bool = False) -> None:
 
 
 def fill_in(action: Any, fill: Callable[[Any], None]) -> None:
-    """Trigger an action that opens a dialog, and fill the dialog in; `fill` closes it."""
+    """Trigger an action that opens a dialog; `fill` fills it in and closes it."""
     from PySide6.QtCore import QTimer
     from PySide6.QtWidgets import QApplication
 
@@ -190,7 +190,7 @@ def fill_in(action: Any, fill: Callable[[Any], None]) -> None:
             return
         try:
             fill(dialog)
-        except BaseException as error:  # else the dialog stays open for ever
+        except BaseException as error:  # otherwise the dialog would stay open
             errors.append(error)
             dialog.reject()
 
@@ -201,25 +201,25 @@ def fill_in(action: Any, fill: Callable[[Any], None]) -> None:
 
 
 def wait_written(window: Any, file: Path) -> None:
-    """Wait until an export says that it has written a file."""
+    """Wait until the status bar reports a written file."""
 
     def told() -> bool:
         message = window.statusBar().currentMessage()
         return message.startswith("Saved:") and file.name in message
 
-    # Another process writes it: on a machine whose cores others share its start alone takes long.
+    # Another process writes it, whose start takes long on a busy machine.
     wait_until(lambda: told() or window.errors.text, 600.0)
     assert window.errors.text == ""
 
 
 def keep_picture(window: Any, name: str) -> None:
-    """Save what the screen shows of a window, in the folder that SPACEMAP_WALKS names.
+    """Save a screenshot of a window in the folder SPACEMAP_WALKS.
 
     The pictures in docs/tutorials are made like this; docs/contributing/set_up.md has the command.
     """
     if (folder := os.environ.get("SPACEMAP_WALKS")) is None:
         return
-    begun = time.monotonic()  # tabs and fields follow the last change after a while
+    begun = time.monotonic()  # tabs and fields are updated after a delay
     wait_until(lambda: settled(window) and time.monotonic() > begun + 2.0)
     at = window.frameGeometry()
     grabbed = window.screen().grabWindow(0, at.x(), at.y(), at.width(), at.height())

@@ -22,7 +22,7 @@ from spacemap_vtk.app.main_window import MainWindow
 
 
 def pixels_of(window: MainWindow) -> dict[str, int]:
-    """Return how many pixels dots, lines and letters take."""
+    """Count the pixels of dots, lines and letters."""
     view, shown = window.view, window.view.scene_view
     window.document.set("view", "color", "displacement")
     wait_until(lambda: settled(window))
@@ -44,7 +44,7 @@ def pixels_of(window: MainWindow) -> dict[str, int]:
             for other, prop in props.items():
                 prop.SetVisibility(on and other == name)
             images.append(view.image().astype(int))
-        # The scale's own colours are a share of the picture, whatever its letters are.
+        # The coloured part of the scale has a fixed size; count only its letters.
         change = np.abs(images[0] - images[1])
         grey = np.ptp(images[0], axis=2) < 24 if name == "letters" else True
         counts[name] = int(((change.max(axis=2) > 40) & grey).sum())

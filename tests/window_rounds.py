@@ -57,7 +57,7 @@ def kinds() -> Counter[str]:
 
 
 def main(rounds: int) -> None:
-    # Before the test that waits for this loses patience: where does each thread stand?
+    # Print the stack of each thread before the waiting test times out.
     faulthandler.dump_traceback_later(840, exit=True)
     os.environ["SPACEMAP_CACHE"] = tempfile.mkdtemp()
     QSettings.setDefaultFormat(QSettings.Format.IniFormat)
