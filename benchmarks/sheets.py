@@ -49,7 +49,7 @@ def modes(model: Model) -> str:
 def drape(cells: int) -> FloatArray:
     """Return the displacement of a level square that comes to hang over its disc."""
     rest = square(cells, "disc")
-    return rest.hung(np.outer(rest.nodal_mass, [0, 0, -GRAVITY]).ravel())[0]
+    return rest.solve_equilibrium(np.outer(rest.nodal_mass, [0, 0, -GRAVITY]).ravel())[0]
 
 
 def yardstick() -> str:

@@ -93,7 +93,7 @@ def a_drape(scene: Scene) -> None:
     model = model_of(scene.modal.output)
     surface = model.pencil.surface
     flat, hung = (
-        surface.nodal(points)[: len(surface.pairs)]
+        surface.to_nodes(points)[: len(surface.pairs)]
         for points in (model.points, model.points + model.displacement)
     )
     # At rest: forces and weight are in balance on all that is free.
@@ -186,7 +186,7 @@ def a_cloth_let_go(scene: Scene) -> None:
     time, alpha = 0.15, mover.alpha
     stone = GRAVITY * (time - (1 - math.exp(-alpha * time)) / alpha) / alpha
     assert down(edge) == pytest.approx(stone, rel=0.06)
-    kinetic, strain, dissipated, work = mover.motion.rows[:, 2:6].T
+    kinetic, strain, dissipated, work = mover.motion.states[:, 2:6].T
     assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
 
 
@@ -202,19 +202,19 @@ def blown(along: int, way: int, far: float) -> Callable[[Scene], None]:
         times = np.linspace(0.0, 0.06, 201)
         push = np.array([load.function.value(time) for time in times]) * load.pressure
         free = trapezoid((times[-1] - times) * push, times) / modal.areal_mass
-        start, set_off = (motion.at(time)[0][end, 2].mean() for time in times[[0, -1]])
+        start, set_off = (motion.at_time(time)[0][end, 2].mean() for time in times[[0, -1]])
         assert set_off - start == pytest.approx(-free if load.on == "+z" else free, rel=0.05)
         # It goes far, and what turns is not stretched; the work of all loads is found again.
         line = np.flatnonzero(np.isclose(flat, flat.max(axis=0))[:, [1 - along, 2]].all(axis=1))
         line = line[np.argsort(flat[line, along])]
         gone = []
         for time in np.linspace(0.0, scene.view.time, 12):
-            place = flat + motion.at(time)[0]
+            place = flat + motion.at_time(time)[0]
             gone.append(abs(place[end, 2]).max())
             length = np.linalg.norm(np.diff(place[line], axis=0), axis=1).sum()
             assert length == pytest.approx(np.ptp(flat[:, along]), rel=0.02)
         assert max(gone) > far
-        kinetic, strain, dissipated, work = motion.rows[:, 2:6].T
+        kinetic, strain, dissipated, work = motion.states[:, 2:6].T
         assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
 
     return check
@@ -235,7 +235,7 @@ def a_banner_that_swings_far(scene: Scene) -> None:
         hinge, end = rest < rest.min() + 1e-6, rest > rest.max() - 1e-6
         angles = []
         for time in times:
-            moved = motion.points + motion.at(time)[0]
+            moved = motion.points + motion.at_time(time)[0]
             across, _, down = moved[end].mean(axis=0) - moved[hinge].mean(axis=0)
             angles.append(math.degrees(math.atan2(across, -down)))
         turned = np.array(angles)

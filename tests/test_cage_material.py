@@ -48,7 +48,7 @@ def assert_alike(plate, other):
 def test_without_measures_a_sheet_is_the_homogeneous_plate():
     made = ModalSolver(youngs_modulus="2 MPa", poissons_ratio=0.2, density=500.0)
     for normal in range(3):
-        plate, mass = made.plate(H, normal)
+        plate, mass = made.sheet_stiffness(H, normal)
         assert_alike(plate, homogeneous_plate(isotropic(2e6, 0.2), H, normal))
         assert mass == pytest.approx(500 * H)
 
@@ -63,7 +63,7 @@ def test_a_data_sheet_in_the_units_of_the_trade():
         areal_mass="6 oz/yd²",
     )
     assert made.tensile_rigidity == (2000.0, 1000.0)
-    plate, mass = made.plate(H)
+    plate, mass = made.sheet_stiffness(H)
     strip = 1 / np.diag(np.linalg.inv(plate.membrane))
     assert strip.tolist() == pytest.approx([1000.0, 2000.0, 0.980665 * 180 / np.pi])
     bent = 1 / np.diag(np.linalg.inv(plate.bending))
@@ -74,7 +74,7 @@ def test_a_data_sheet_in_the_units_of_the_trade():
 def test_one_value_is_for_warp_and_weft():
     made = ModalSolver(tensile_rigidity="1500 N/m", bending_rigidity=1e-5)
     assert made.bending_rigidity == 1e-5
-    plate, _ = made.plate(H)
+    plate, _ = made.sheet_stiffness(H)
     one = np.array([[1, 0.3, 0], [0.3, 1, 0], [0, 0, 0.35]]) / 0.91
     np.testing.assert_allclose(plate.membrane, 1500 * one, rtol=1e-12)
     np.testing.assert_allclose(plate.bending, 1e-5 * one, rtol=1e-12)
@@ -87,14 +87,14 @@ def test_one_value_is_for_warp_and_weft():
 def test_bending_length_is_that_of_peirce():
     """CSIRO's FAST: rigidity in µN·m = 9.81e-6 times g/m² times the cube of c in mm."""
     made = ModalSolver(bending_length=["20 mm", "15 mm"], areal_mass="200 g/m2", poissons_ratio=0.0)
-    plate, _ = made.plate(H)
+    plate, _ = made.sheet_stiffness(H)
     fast = [9.81e-6 * 200 * c**3 * 1e-6 for c in (15, 20)]
     assert np.diag(plate.bending)[:2].tolist() == pytest.approx(fast, rel=4e-4)
     # the weight is the weave's own where nobody gives another
-    heavier, mass = made.plate(H, woven=0.3)
+    heavier, mass = made.sheet_stiffness(H, woven=0.3)
     assert mass == 0.2
     made.areal_mass = None
-    heavier, mass = made.plate(H, woven=0.3)
+    heavier, mass = made.sheet_stiffness(H, woven=0.3)
     assert mass == 0.3
     np.testing.assert_allclose(heavier.bending, 1.5 * plate.bending, rtol=1e-12)
     with pytest.raises(InputError, match=r"bending_length.*bending_rigidity is given, too"):
@@ -103,11 +103,11 @@ def test_bending_length_is_that_of_peirce():
 
 def test_which_mass_counts():
     woven = 0.21
-    assert ModalSolver().plate(H, woven=woven)[1] == woven
-    assert ModalSolver().plate(H)[1] == pytest.approx(300 * H)
-    assert ModalSolver(density=400).plate(H, woven=woven)[1] == pytest.approx(400 * H)
-    assert ModalSolver(material="denim").plate(H, woven=woven)[1] == pytest.approx(0.324)
-    assert ModalSolver(material="denim", areal_mass=0.3).plate(H, woven=woven)[1] == 0.3
+    assert ModalSolver().sheet_stiffness(H, woven=woven)[1] == woven
+    assert ModalSolver().sheet_stiffness(H)[1] == pytest.approx(300 * H)
+    assert ModalSolver(density=400).sheet_stiffness(H, woven=woven)[1] == pytest.approx(400 * H)
+    assert ModalSolver(material="denim").sheet_stiffness(H, woven=woven)[1] == pytest.approx(0.324)
+    assert ModalSolver(material="denim", areal_mass=0.3).sheet_stiffness(H, woven=woven)[1] == 0.3
     with pytest.raises(InputError, match=r"areal_mass.*density is given, too"):
         ModalSolver(density=400, areal_mass=0.1).check()
 
@@ -116,17 +116,17 @@ def test_which_mass_counts():
 def test_a_measured_fabric_keeps_its_stretch_and_its_bending(name):
     """However thick the cage is, and without a warning of it."""
     for thickness in (1e-5, 1e-2):
-        plate, mass = ModalSolver(material=name).plate(thickness)
+        plate, mass = ModalSolver(material=name).sheet_stiffness(thickness)
         assert_alike(plate, FABRICS[name].sheet)
         assert mass == pytest.approx(FABRICS[name].areal_mass)
     made = ModalSolver(material=name, bending_rigidity="20 uN.m, 10 uN.m")
-    plate, _ = made.plate(H)
+    plate, _ = made.sheet_stiffness(H)
     np.testing.assert_allclose(plate.membrane, FABRICS[name].sheet.membrane, rtol=1e-12)
     root = 0.5 * np.sqrt(2) * 1e-5
     np.testing.assert_allclose(plate.bending, np.diag([1e-5, 2e-5, root]), rtol=1e-12)
     # its shear was measured, an isotropic sheet's was not
     made = ModalSolver(material=name, tensile_rigidity="1 kN/m")
-    plate, _ = made.plate(H)
+    plate, _ = made.sheet_stiffness(H)
     assert plate.membrane[2, 2] == pytest.approx(FABRICS[name].sheet.membrane[2, 2])
 
 

@@ -70,11 +70,11 @@ def test_a_force_on_a_vertex(name: str, order: int, tmp_path: Path) -> None:
     force = np.zeros(3 * len(points))
     force[3 * loaded + 2] = FORCE
     drive = ModalLoad(shapes.T @ force[free], function)
-    motion = ModalMotion(eigenvalues, damping.halves(eigenvalues), [drive])
+    motion = ModalMotion(eigenvalues, damping.decay_rates(eigenvalues), [drive])
     everywhere = np.zeros((3 * len(points), MODES))
     everywhere[free] = shapes
     ours = np.stack(
-        [everywhere[3 * loaded : 3 * loaded + 3] @ motion.at(time).position for time in times]
+        [everywhere[3 * loaded : 3 * loaded + 3] @ motion.at_time(time).position for time in times]
     )
     # CalculiX prints seven digits, and its iterative modes have about as many.
     np.testing.assert_allclose(ours, theirs, atol=2e-6 * abs(theirs).max())

@@ -52,7 +52,7 @@ def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
     model = Model(points, cells, isotropic(MODULUS, RATIO), DENSITY, fixed)
     model.pencil.__dict__["whole_mass"] = their_mass(points, cells, 1.0)
     cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
-    load = cage.vector(
+    load = cage.load_vector(
         "force",
         (0, 0, FORCE),
         time_functions.table([0, RISE], [0, 1]),

@@ -56,7 +56,7 @@ def test_an_inclined_slider_is_one_along_an_axis_turned(kind):
         fittings=Fittings(normals=normals),
     )
     assert inclined.pencil.size == straight.pencil.size
-    assert inclined.rigid.shape == straight.rigid.shape
+    assert inclined.rigid_modes.shape == straight.rigid_modes.shape
     one, two = frequencies(straight, 8), frequencies(inclined, 8)
     np.testing.assert_allclose(two, one, rtol=1e-6 if kind == "sheet" else 1e-8)
     # and so are statics, in which the sliders bear what presses on them
@@ -74,7 +74,7 @@ def test_a_body_that_is_rigid_as_a_whole_has_six_motions(kind):
     bodies = rigid_bodies(points, ["box(-inf, inf, -inf, inf, -inf, inf)"])
     nothing = np.zeros(points.shape, bool)
     made = Model(points, cells, material, RHO, nothing, fittings=Fittings(bodies=bodies))
-    assert made.pencil.size == made.rigid.shape[1] == 6
+    assert made.pencil.size == made.rigid_modes.shape[1] == 6
     assert not made.modes(20).eigenvalues.any()
     np.testing.assert_allclose(made.movable_mass, RHO * 0.1 * 0.06 * 2e-3, rtol=1e-12)
     # Its moments of inertia are those of the box; a unit of angular acceleration takes I.
@@ -182,9 +182,9 @@ def test_a_response_meets_the_statics_of_what_is_fitted(kind):
     found = made.modes(5)
     values, shapes = found.eigenvalues * made.modulus / RHO, found.shapes / RHO**0.5
     modes = CageModes(made, values, shapes.reshape(5, -1), found.rounding)
-    load = modes.vector("gravity", (1.0, 2.0, -9.81), step())
+    load = modes.load_vector("gravity", (1.0, 2.0, -9.81), step())
     basis = modes.basis([load])
-    force = modes.force(load)
+    force = modes.vertex_forces(load)
     assert force.reshape(-1, 3).sum(axis=0)[2] == pytest.approx(
         -9.81 * (RHO * 0.1 * 0.06 * 2e-3 + 2e-3), rel=1e-9
     )
@@ -203,7 +203,7 @@ def test_a_rigid_box_on_soft_springs(kind):
     modes = made.modes(6)
     values = modes.eigenvalues * made.modulus / made.density
     mass = RHO * 0.1 * 0.06 * 2e-3
-    assert made.rigid.shape[1] == 0
+    assert made.rigid_modes.shape[1] == 0
     assert (abs(values / (1e-7 / mass) - 1) < 1e-9).sum() >= 3
     weight = np.zeros_like(points)
     weight[:, 2] = -made.nodal_mass
@@ -240,7 +240,7 @@ def test_a_rigid_box_partly_on_springs(kind, spring, free):
     stiffness = np.einsum("vim,vij,vjn->mn", motions, springs, motions)
     inertia = flat.T @ (made.mass @ flat)
     expected = eigh(stiffness, inertia, eigvals_only=True)
-    assert made.rigid.shape[1] == free
+    assert made.rigid_modes.shape[1] == free
     found = made.modes(6).eigenvalues * made.modulus / made.density
     assert not found[:free].any()
     np.testing.assert_allclose(found[free:], expected[free:], rtol=1e-8)

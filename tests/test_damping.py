@@ -122,7 +122,7 @@ def test_ratios_in_a_file_count_from_the_scenes_folder(tmp_path: Path) -> None:
         """)
     scene = Scene.read(scene_file)
     assert scene.response.damping.ratio == (0.08, 0.05, 0.02)
-    halves = scene.response.damping.halves(np.array([4.0, 9.0, 16.0, 100.0]))
+    halves = scene.response.damping.decay_rates(np.array([4.0, 9.0, 16.0, 100.0]))
     np.testing.assert_allclose(halves, [0.16, 0.15, 0.08, 0.2], rtol=1e-14)
     parameter = ModalResponse.parameter("damping_ratio")
     there = property_of(parameter)

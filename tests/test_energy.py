@@ -32,7 +32,7 @@ def lost_by_quadrature(motion, start, end):
     for begin, finish in itertools.pairwise(marks):
         edges = np.linspace(begin, finish, 2 + int((finish - begin) / 0.2))
         for a, b in itertools.pairwise(edges):
-            rates = [motion.at(a + (b - a) * (x + 1) / 2).rate for x in nodes]
+            rates = [motion.at_time(a + (b - a) * (x + 1) / 2).rate for x in nodes]
             total += (b - a) / 2 * weights @ (np.square(rates) @ (2 * motion.half))
     return total
 
@@ -40,8 +40,8 @@ def lost_by_quadrature(motion, start, end):
 def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
     account, lost, before = EnergyAccount(motion), 0.0, 0.0
     for time in times:
-        energy = account.at(time)
-        state = motion.at(time)
+        energy = account.at_time(time)
+        state = motion.at_time(time)
         assert energy.kinetic == pytest.approx(0.5 * (state.rate**2).sum(), rel=1e-13)
         assert energy.strain == pytest.approx(0.5 * (STIFFNESS * state.position**2).sum())
         size = max(abs(energy.work), energy.kinetic + energy.strain)
@@ -51,7 +51,7 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
         balance = energy.kinetic + energy.strain + lost - energy.work
         assert abs(balance) <= 1e-10 * size
         assert energy.dissipated == pytest.approx(lost, abs=1e-10 * size)
-    again = EnergyAccount(motion).at(times[-1])
+    again = EnergyAccount(motion).at_time(times[-1])
     assert again.work == pytest.approx(energy.work, rel=1e-12)
 
 
@@ -90,7 +90,7 @@ def test_no_damping_loses_nothing_over_ten_thousand_periods():
     motion = ModalMotion(STIFFNESS, np.zeros(5), [ModalLoad(GAIN, tf.step())], rate=GAIN)
     account = EnergyAccount(motion)
     for time in (1.0, 1e2, 1e4 * 2 * math.pi / math.sqrt(40.0)):
-        energy = account.at(time)
+        energy = account.at_time(time)
         stored = energy.kinetic + energy.strain
         assert energy.dissipated == 0.0
         assert stored == pytest.approx(energy.work, rel=1e-10)
@@ -102,11 +102,11 @@ def test_work_behind_too_many_periods_is_not_added_up():
         STIFFNESS, DAMPING["mixed"], [ModalLoad(GAIN, tf.periodic([0, 0.01], [0, 1]))]
     )
     account = EnergyAccount(motion)
-    late = account.at(1e8)
+    late = account.at_time(1e8)
     assert late.kinetic > 0
     assert math.isnan(late.work)
     assert math.isnan(late.dissipated)
-    early = account.at(0.1)
+    early = account.at_time(0.1)
     assert early.kinetic + early.strain + early.dissipated == pytest.approx(early.work, rel=1e-10)
 
 
@@ -118,12 +118,12 @@ def test_equilibrium_holds_the_work_that_led_there():
         [ModalLoad(gain, tf.table([0, 0.2, 0.2], [1, 1, 0]))],
         equilibrium=True,
     )
-    energy = EnergyAccount(motion).at(0.1)
+    energy = EnergyAccount(motion).at_time(0.1)
     static = 0.5 * (gain[1:] ** 2 / STIFFNESS[1:]).sum()
     assert energy.strain == pytest.approx(static)
     assert energy.work == pytest.approx(static)
     check(motion)
-    late = EnergyAccount(motion).at(5000.0)
+    late = EnergyAccount(motion).at_time(5000.0)
     assert late.dissipated == pytest.approx(late.work, rel=1e-10)
 
 
@@ -147,12 +147,12 @@ def test_the_balance_agrees_with_an_integration_of_the_equations_of_motion(alpha
     """M u'' + C u' + K u = weight + force sin(wt), integrated by Runge and Kutta's method."""
     cage = held_block()
     beta = alpha / 1e4
-    weight = cage.vector("gravity", (0.0, 0.0, -9.8), tf.step())
-    force = cage.vector("force", (1e-3, 0.0, 2e-3), tf.harmonic(15.0), (0.0, 0.0, 0.0))
+    weight = cage.load_vector("gravity", (0.0, 0.0, -9.8), tf.step())
+    force = cage.load_vector("force", (1e-3, 0.0, 2e-3), tf.harmonic(15.0), (0.0, 0.0, 0.0))
     motion = Response(cage, [weight, force], Damping(alpha=alpha, beta=beta))
 
     stiffness, damping = cage.eigenvalues, alpha + beta * cage.eigenvalues
-    dead, driven = cage.shapes @ cage.force(weight), cage.shapes @ cage.force(force)
+    dead, driven = cage.shapes @ cage.vertex_forces(weight), cage.shapes @ cage.vertex_forces(force)
     count = len(stiffness)
 
     def rates(time, state):
@@ -182,7 +182,7 @@ def test_the_balance_agrees_with_an_integration_of_the_equations_of_motion(alpha
 
 def test_an_undamped_cage_that_is_thrown_under_its_weight_keeps_its_total():
     cage = held_block()
-    weight = cage.vector("gravity", (0.0, -3.0, -9.8), tf.step())
+    weight = cage.load_vector("gravity", (0.0, -3.0, -9.8), tf.step())
     thrown = 10.0 * cage.model.points
     motion = Response(cage, [weight], Damping(), velocity=thrown)
     found = balance_of(motion, np.linspace(0.0, 40.0, 200))
@@ -194,8 +194,8 @@ def test_an_undamped_cage_that_is_thrown_under_its_weight_keeps_its_total():
 @pytest.mark.parametrize("alpha", [0.0, 5.0])
 def test_a_motion_by_steps_keeps_its_total_while_a_load_works(alpha):
     cage = held_block()
-    weight = cage.vector("gravity", (0.0, 0.0, -9.8), tf.step())
-    gust = cage.vector("pressure", 20.0, tf.table([0, 0.05, 0.05], [1, 1, 0]), "+z")
+    weight = cage.load_vector("gravity", (0.0, 0.0, -9.8), tf.step())
+    gust = cage.load_vector("pressure", 20.0, tf.table([0, 0.05, 0.05], [1, 1, 0]), "+z")
     motion = SteppedMotion(cage, [weight, gust], Damping(alpha=alpha), tolerance=1.0, max_step=2e-3)
     found = balance_of(motion, np.linspace(0.0, 0.3, 100))
     size = abs(found.potential).max()

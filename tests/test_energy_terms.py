@@ -188,7 +188,7 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(maker: Any, sheet: boo
     if sheet:
         surface = find_mid_surface(points, cells)
         assert surface is not None
-        term, points = VertexTerm(term, surface, 0.5), surface.nodal(points)
+        term, points = VertexTerm(term, surface, 0.5), surface.to_nodes(points)
     random = np.random.default_rng(0)
     place, way = points + 0.01 * random.normal(size=points.shape), random.normal(size=points.shape)
     step = 1e-6

@@ -71,7 +71,7 @@ def sheet(
     assert surface is not None
     plane = np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
     plate = Plate(stretch * plane, bending * plane, 5 / 12 * stretch * np.eye(2), stretch)
-    start = surface.nodal(points)
+    start = surface.to_nodes(points)
     count = len(surface.pairs)
     area = size[0] * size[1] / (cells[0] * cells[1])
     weights = np.bincount(surface.quads.ravel(), minlength=count) * area / 4

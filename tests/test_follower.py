@@ -74,7 +74,7 @@ def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(ki
     points, cells = box(kind)
     model = Model(points, cells, isotropic(2e4, 0.3), 300.0, np.zeros(points.shape, dtype=bool))
     cage, pressure = cage_of(model), 2000.0
-    loads = [cage.vector("pressure", pressure, time_functions.step(), s, True) for s in SIDES]
+    loads = [cage.load_vector("pressure", pressure, time_functions.step(), s, True) for s in SIDES]
     thrown = np.random.default_rng(0).normal(size=points.shape) / 10 + points @ np.eye(3)[[1, 2, 0]]
     motion = SteppedMotion(cage, loads, velocity=thrown, tolerance=np.inf, max_step=2e-3)
     # Exact for the determinant of a quadratic map: Keast, Comp. Meth. Appl. Mech. Eng. 55 (1986).
@@ -95,12 +95,12 @@ def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(ki
         grown = np.linalg.det(np.einsum("tqni,tnj->tqij", slopes, place[cells]))
         return float((grown @ weights) @ sizes)
 
-    motion.reach(0.02)
-    start, first = motion.rows[0, 5] * model.modulus, volume(points)
+    motion.step_until(0.02)
+    start, first = motion.states[0, 5] * model.modulus, volume(points)
     assert first == pytest.approx(0.02 * 0.06 * 0.01)
     changes = []
-    for time in motion.rows[::4, 0]:
-        changes.append(volume(points + motion.at(time)[0]) / first - 1)
+    for time in motion.states[::4, 0]:
+        changes.append(volume(points + motion.at_time(time)[0]) / first - 1)
         kinetic, strain, _, work = motion.energies(np.array([time]))[0]
         assert work - start == pytest.approx(-pressure * first * changes[-1], abs=1e-9 * kinetic)
         assert kinetic + strain == pytest.approx(work, rel=1e-9)
@@ -126,9 +126,11 @@ def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
     plate = Plate(1e3 * plane, rigidity * plane, 500 * np.eye(2), 1e3)
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
     cage = cage_of(Model(points, cells, plate, 1000.0, held))
-    load = cage.vector("pressure", pressure, time_functions.table([0, 0.1], [0, 1]), "-z", True)
+    load = cage.load_vector(
+        "pressure", pressure, time_functions.table([0, 0.1], [0, 1]), "-z", True
+    )
     motion = SteppedMotion(cage, [load], Damping(8.0, 2e-3), tolerance=1e-2)
-    moved, rate, _ = motion.at(3.0)
+    moved, rate, _ = motion.at_time(3.0)
     assert abs(rate).max() < 1e-2 * length
     end = (points + moved)[points[:, 0] > length - 1e-9].mean(axis=0)
     np.testing.assert_allclose(end[[0, 2]], tip, atol=1e-3 * length)

@@ -225,7 +225,7 @@ def test_what_shall_not_hang_yet_falls_under_what_it_would_hang_under() -> None:
     assert "equilibrium" not in curtain.at(0.0).point_data
     assert not curtain.at(0.0)["displacement"].any()
     np.testing.assert_array_equal(
-        curtain.response.gravity_on(curtain.solver.output), [0, -GRAVITY, 0]
+        curtain.response.gravity_for(curtain.solver.output), [0, -GRAVITY, 0]
     )
     # Downwards, by half of g t² at first.
     fallen = curtain.at(1e-3)["displacement"]

@@ -253,7 +253,7 @@ def test_a_cage_that_bends_unlike_the_fabric_says_so():
     (text,) = made.warnings
     data, fabric = made.GetOutputDataObject(0), FABRICS["denim"]
     extent = data.GetBounds()[5] - data.GetBounds()[4]
-    times = (fabric.plate / extent) ** 2
+    times = (fabric.plate_thickness / extent) ** 2
     assert f"bends {times:.2g} times too softly" in text
     assert f"raise youngs_moduli and shear_moduli {times:.2g} times" in text
     solid = fabric.solid(extent)
@@ -267,7 +267,7 @@ def test_a_cage_that_bends_unlike_the_fabric_says_so():
     # Euler's cantilever with the bending stiffness of the plate along the warp, D = E1 h² / 12;
     # shear softens so short a one a little.
     length = data.GetBounds()[3] - data.GetBounds()[2]
-    bending = fabric.solid(fabric.plate).youngs_moduli[0] * fabric.plate**3 / 12
+    bending = fabric.solid(fabric.plate_thickness).youngs_moduli[0] * fabric.plate_thickness**3 / 12
     euler = 1.875104**2 / (2 * math.pi * length**2) * math.sqrt(bending / fabric.areal_mass)
     assert 0.9 < found / euler < 1.05
 

@@ -119,7 +119,7 @@ def agrees(half, drives, times=TIMES, start=None, **options):
     motion = ModalMotion(STIFFNESS, half, drives, **options)
     before = motion.start if start is None else start
     for time, (q, v) in zip(times, integrated(half, drives, before, times), strict=True):
-        got = motion.at(time)
+        got = motion.at_time(time)
         scale = max(abs(q).max(), 1.0)
         np.testing.assert_allclose(got.position, q, atol=1e-9 * scale)
         np.testing.assert_allclose(got.rate, v, atol=3e-8 * scale)
@@ -154,8 +154,8 @@ def test_everything_at_once_from_a_given_state():
 def test_before_zero_the_start_is_held_at_rest(function, base):
     drives = [ModalLoad(GAIN, FUNCTIONS[function], base)]
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], drives, position=GAIN, rate=-GAIN)
-    first, later = motion.at(-0.2), motion.at(-0.1)
-    np.testing.assert_array_equal(first.position, motion.at(0.0).position)
+    first, later = motion.at_time(-0.2), motion.at_time(-0.1)
+    np.testing.assert_array_equal(first.position, motion.at_time(0.0).position)
     for state in (first, later):
         # the derivatives of a displacement that is the same at all times before 0
         np.testing.assert_array_equal(state.rate, (later.position - first.position) / 0.1)
@@ -171,7 +171,7 @@ def test_equilibrium_and_release():
     half = DAMPING["alpha"]
     motion = ModalMotion(STIFFNESS, half, [weight, held], equilibrium=True)
     for time in (0.0, 0.2, 0.4999):
-        state = motion.at(time)
+        state = motion.at_time(time)
         np.testing.assert_allclose(state.position, motion.start[0], atol=1e-14)
         np.testing.assert_allclose(state.rate, 0, atol=1e-13)
     agrees(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
@@ -187,8 +187,8 @@ def test_a_base_that_sets_off_from_equilibrium():
     times = (0.2, 0.9)
     found = integrated(DAMPING["alpha"], [drive], absolute, times, held=True)
     for time, (q, v) in zip(times, found, strict=True):
-        np.testing.assert_allclose(motion.at(time).position, q, atol=1e-9)
-        np.testing.assert_allclose(motion.at(time).rate, v, atol=1e-8)
+        np.testing.assert_allclose(motion.at_time(time).position, q, atol=1e-9)
+        np.testing.assert_allclose(motion.at_time(time).rate, v, atol=1e-8)
 
 
 @pytest.mark.parametrize("base", [False, True])
@@ -200,15 +200,19 @@ def test_steady_state_of_a_sine_is_what_remains(name, base):
     rested = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function, base)])
     settled = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function._replace(steady=True), base)])
     late = 1000.0  # whole periods of both
-    np.testing.assert_allclose(rested.at(late).position, settled.at(0.0).position, atol=1e-12)
-    np.testing.assert_allclose(rested.at(late + 0.1).rate, settled.at(0.1).rate, atol=1e-11)
-    assert settled.at(0.3).position[1:].all()
+    np.testing.assert_allclose(
+        rested.at_time(late).position, settled.at_time(0.0).position, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        rested.at_time(late + 0.1).rate, settled.at_time(0.1).rate, atol=1e-11
+    )
+    assert settled.at_time(0.3).position[1:].all()
     # One degree of freedom, by the book.
     ratio = function.omega / math.sqrt(40.0)
     zeta = 2.0 / math.sqrt(40.0)
     amplitude = gain[2] / 40.0 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
     times = np.linspace(0, 2 * math.pi / function.omega, 400)
-    most = max(abs(settled.at(t).position[2]) for t in times)
+    most = max(abs(settled.at_time(t).position[2]) for t in times)
     assert most == pytest.approx(amplitude * (function.omega**2 if base else 1), rel=1e-4)
 
 
@@ -221,10 +225,10 @@ def test_steady_state_of_a_periodic_function_repeats_and_is_what_remains(name, b
     settled = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function._replace(steady=True), base)])
     rested = ModalMotion(STIFFNESS, half, [ModalLoad(gain, function, base)])
     for time in (0.0, 0.07, 0.11):
-        now, later = settled.at(time), settled.at(time + 7 * function.period)
+        now, later = settled.at_time(time), settled.at_time(time + 7 * function.period)
         np.testing.assert_allclose(now.position, later.position, atol=1e-13)
         np.testing.assert_allclose(now.rate, later.rate, atol=1e-12)
-        much_later = rested.at(time + 4000 * function.period)
+        much_later = rested.at_time(time + 4000 * function.period)
         np.testing.assert_allclose(now.position, much_later.position, atol=1e-11)
 
 
@@ -237,21 +241,21 @@ def test_resonance_without_damping_has_no_steady_state():
         ModalMotion(stiffness, half, [ModalLoad(np.ones(1), saw)])
     # From rest both grow linearly: x = t / 2Ω for the sine.
     at = 1000.25
-    grown = ModalMotion(stiffness, half, [ModalLoad(np.ones(1), tf.harmonic(1.0))]).at(at)
+    grown = ModalMotion(stiffness, half, [ModalLoad(np.ones(1), tf.harmonic(1.0))]).at_time(at)
     # x = (sin Ωt - Ωt cos Ωt) / 2Ω², and at a quarter turn the cosine is zero.
     assert grown.position[0] == pytest.approx(1 / (8 * math.pi**2), abs=1e-12 * at)
     cosine = ModalMotion(
         stiffness, half, [ModalLoad(np.ones(1), tf.harmonic(1.0, math.pi / 2))]
-    ).at(at)
+    ).at_time(at)
     assert cosine.position[0] == pytest.approx(at / (4 * math.pi), rel=1e-10)
     forced = ModalMotion(stiffness, half, [ModalLoad(np.ones(1), saw._replace(steady=False))])
-    assert abs(forced.at(2000.0).rate[0]) > 100 * abs(forced.at(2.0).rate[0])
+    assert abs(forced.at_time(2000.0).rate[0]) > 100 * abs(forced.at_time(2.0).rate[0])
 
 
 def test_a_periodic_load_costs_nothing_more_when_late():
     drive = ModalLoad(np.ones(5), FUNCTIONS["periodic"])
     motion = ModalMotion(STIFFNESS, DAMPING["ratio"], [drive])
-    late = motion.at(3e5)
+    late = motion.at_time(3e5)
     assert np.isfinite(late.position).all()
     assert len(motion.repeated[0].sums) <= 21  # of a million periods
 
@@ -261,11 +265,11 @@ def test_restarting_a_table_gives_the_same_end():
     rest = tf.table([0.0, 0.4, 0.9], [float(table.value(0.5)), 0.3, 0.0])
     half = DAMPING["mixed"]
     whole = ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, table)])
-    state = whole.at(0.5)
+    state = whole.at_time(0.5)
     parts = {"position": state.position, "rate": state.rate}
     again = ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, rest)], **parts)
     for time in (0.0, 0.3, 2.0):
-        got, expected = again.at(time), whole.at(0.5 + time)
+        got, expected = again.at_time(time), whole.at_time(0.5 + time)
         np.testing.assert_allclose(got.position, expected.position, atol=1e-10)
         np.testing.assert_allclose(got.rate, expected.rate, atol=1e-10)
 
@@ -309,4 +313,4 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
 def test_a_time_is_a_finite_number(time):
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [ModalLoad(GAIN, FUNCTIONS["step"])])
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
-        motion.at(time)
+        motion.at_time(time)

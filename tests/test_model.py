@@ -52,7 +52,7 @@ def test_a_static_solution_equals_a_direct_one(thickness):
 def test_forces_on_a_free_body_are_relieved():
     made = model(held=nothing)
     forces = np.random.default_rng(0).standard_normal((len(made.free), 2))
-    rigid = made.rigid
+    rigid = made.rigid_modes
     assert rigid.shape[1] == 6
     np.testing.assert_allclose(rigid.T @ made.mass @ rigid, np.eye(6), atol=1e-12)
     assert abs(made.stiffness @ rigid).max() <= 1e-12 * abs(made.stiffness).max()
@@ -79,7 +79,7 @@ def test_gravity_on_a_free_body_strains_nothing():
     ],
 )
 def test_rigid_motions_that_supports_leave(held, count):
-    assert model(held=held).rigid.shape[1] == count
+    assert model(held=held).rigid_modes.shape[1] == count
 
 
 def test_two_bodies_have_twelve_rigid_motions():
@@ -87,7 +87,7 @@ def test_two_bodies_have_twelve_rigid_motions():
     two = np.concatenate([points, points + 5.0])
     cells = np.concatenate([tetrahedra, tetrahedra + len(points)])
     made = Model(two, cells, STEEL, 1.0, np.zeros(two.shape, bool))
-    assert made.rigid.shape[1] == 12
+    assert made.rigid_modes.shape[1] == 12
     force = np.zeros(3 * len(two))
     force[0] = 1.0
     assert abs(made.solve(force)[len(force) // 2 :]).max() <= 1e-18
@@ -165,7 +165,7 @@ def in_long_double(matrix, right):
 def test_very_thin_sheets_are_solved_as_well_as_they_can_be(length, most):
     made = thin(length, (4, 3, 1))
     free = made.free
-    stiffness = made.pencil.whole_stiffness[free][:, free].toarray()
+    stiffness = made.pencil.full_stiffness[free][:, free].toarray()
     for axis, allowed in zip((0, 2), most, strict=True):
         force = np.zeros(len(free))
         force[axis::3] = made.nodal_mass * 9.81
@@ -192,14 +192,14 @@ def test_a_very_thin_sheet_bends_as_a_plate():
 
 
 def test_thin_sheets_are_held_by_their_edges():
-    assert thin(1.0).rigid.shape[1] == 0
+    assert thin(1.0).rigid_modes.shape[1] == 0
     points, cells = build_lattice((0, 1, 0, 1, 0, 1e-6), (10, 10, 1))
     edge = (points[:, 1] == 1)[:, None] & np.ones(3, bool)
     made = Model(points, cells, STEEL, 300.0, edge)
-    assert made.rigid.shape[1] == 0
+    assert made.rigid_modes.shape[1] == 0
     line = edge & (points[:, 2] == 0)[:, None]
-    assert Model(points, cells, STEEL, 300.0, line).rigid.shape[1] == 1
-    assert Model(points, cells, STEEL, 300.0, np.zeros_like(edge)).rigid.shape[1] == 6
+    assert Model(points, cells, STEEL, 300.0, line).rigid_modes.shape[1] == 1
+    assert Model(points, cells, STEEL, 300.0, np.zeros_like(edge)).rigid_modes.shape[1] == 6
 
 
 def test_what_is_nothing_but_rounding_is_refused():
@@ -227,7 +227,7 @@ def test_a_free_very_thin_sheet_has_all_its_modes():
     assert not values[:6].any()
     assert values[6] > 0
     modes = shapes.reshape(20, -1)
-    np.testing.assert_allclose(modes @ (made.pencil.whole_mass @ modes.T), np.eye(20), atol=1e-9)
+    np.testing.assert_allclose(modes @ (made.pencil.full_mass @ modes.T), np.eye(20), atol=1e-9)
     # The first bends as w = x y, a field that quadratic tetrahedra hold: its Rayleigh quotient,
     # which is above the plate's own λ (Leissa, NASA SP-160, 1969: 13.489).
     plate = 1e6 * 5e-4**2 / (12 * 0.91 * 300.0) / 0.5**4
@@ -291,7 +291,7 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
     assert found.rounding.max() < 1e-3
     modes = found.shapes.reshape(len(first), -1)
     np.testing.assert_allclose(
-        modes @ (made.pencil.whole_mass @ modes.T), np.eye(len(first)), atol=1e-10
+        modes @ (made.pencil.full_mass @ modes.T), np.eye(len(first)), atol=1e-10
     )
 
 
@@ -326,7 +326,7 @@ def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, coun
     points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
     made = Model(points, cells, STEEL, 300.0, places(points))
     found = solve_modes(made.pencil, 9)
-    assert made.rigid.shape[1] == count
+    assert made.rigid_modes.shape[1] == count
     assert (found.eigenvalues == 0).sum() == count
 
 
@@ -340,7 +340,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
         monkeypatch.setattr(eigen, "DENSE", limit)
         made = Model(points, cells, STEEL, 300.0, held)
         found = solve_modes(made.pencil, 8)
-        assert made.rigid.shape[1] == 0  # as one body it is held
+        assert made.rigid_modes.shape[1] == 0  # as one body it is held
         assert (found.eigenvalues == 0).sum() == 3
         assert not found.rounding[:3].any()
 

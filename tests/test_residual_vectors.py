@@ -172,7 +172,7 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     if quadratic:
         points, cells = add_midpoints(points, cells)
     slope = np.random.default_rng(1).standard_normal((3, 3))
-    gradients = MeanGradient(points, cells).of(points @ slope.T)
+    gradients = MeanGradient(points, cells).evaluate(points @ slope.T)
     np.testing.assert_allclose(gradients, np.tile(slope[..., None], len(cells)), atol=1e-12)
     strain = strains(gradients)
     x = slope + slope.T
@@ -195,11 +195,11 @@ def test_rotation_is_half_the_curl_and_that_of_its_largest_tetrahedron():
     turned = np.cross(axis, points)
     size = np.linalg.norm(axis)
     gradient = MeanGradient(points, cells)
-    assert largest_rotation(gradient.of(turned)) == pytest.approx(size)
-    np.testing.assert_allclose(strains(gradient.of(turned)), 0.0, atol=1e-14)
+    assert largest_rotation(gradient.evaluate(turned)) == pytest.approx(size)
+    np.testing.assert_allclose(strains(gradient.evaluate(turned)), 0.0, atol=1e-14)
     # Twisted along y: most where the twist is.
     twist = np.cross(points[:, 1:2] ** 2 * [0.0, 1.0, 0.0], points)
-    assert 2.0 < largest_rotation(gradient.of(twist)) < 4.5
+    assert 2.0 < largest_rotation(gradient.evaluate(twist)) < 4.5
 
 
 def test_a_free_body_keeps_its_residual_apart_from_rigid_motion():

@@ -375,10 +375,10 @@ def test_curves_over_the_same_times_share_their_states(monkeypatch):
     chain = Chain()
     chain.at(0.01)
     motion, times = chain.response.motion, np.linspace(0.0, 0.1, 7)
-    moving = np.argsort(abs(motion.at(0.05)[0]).max(axis=1))[-2:]
+    moving = np.argsort(abs(motion.at_time(0.05)[0]).max(axis=1))[-2:]
     weights = np.eye(len(chain.model.points))[moving]
-    asked, at = [], motion.modal.at
-    monkeypatch.setattr(motion.modal, "at", lambda time: (asked.append(time), at(time))[1])
+    asked, at = [], motion.modal.at_time
+    monkeypatch.setattr(motion.modal, "at_time", lambda time: (asked.append(time), at(time))[1])
     curves = [motion.history(weight, times) for weight in weights]
     energies = motion.energies(times)
     assert asked == times.tolist()
@@ -388,7 +388,7 @@ def test_curves_over_the_same_times_share_their_states(monkeypatch):
         again = motion.history(weight, times)
         assert not np.allclose(again, curve)
         for k, time in enumerate(times):
-            expected = weight @ motion.at(time)
+            expected = weight @ motion.at_time(time)
             np.testing.assert_allclose(again[:, k], expected, rtol=1e-9, atol=1e-12)
     assert not np.allclose(motion.energies(times), energies, atol=0.0)
     np.testing.assert_array_equal(motion.energies(times)[3], motion.energy(times[3]))

@@ -189,7 +189,7 @@ def test_a_fall_by_more_than_45_degrees_no_longer_stretches() -> None:
     np.testing.assert_allclose(moved["velocity"], (late - early) / 2e-6, atol=1e-6)
     motion = swing.rotation.motion
     assert motion is not None
-    np.testing.assert_allclose(motion.at(0.4)[0], moved["displacement"], atol=1e-12)
+    np.testing.assert_allclose(motion.at_time(0.4)[0], moved["displacement"], atol=1e-12)
     weights = np.eye(len(moved.points))[-1]
     history = motion.history(weights, np.array([0.2, 0.4]))
     np.testing.assert_allclose(history[:2, 1], [moved["displacement"][-1], moved["velocity"][-1]])
@@ -227,7 +227,7 @@ def rebuilt_error(load: float, spread: bool) -> tuple[float, float]:
     line = (points[:, 1] == 0) & (z > 0)
     axis = (points + rebuilt.displacement(linear))[line][np.argsort(x[line])][:, [0, 2]]
     error = np.linalg.norm(axis - abs(elastica(load, spread)).T, axis=1).max()
-    return float(error), rebuilt.rotation(linear)
+    return float(error), rebuilt.largest_rotation(linear)
 
 
 @pytest.mark.parametrize(("spread", "per_load"), [(False, 1 / 2), (True, 1 / 6)])
@@ -248,7 +248,9 @@ def test_rebuilding_says_beyond_which_angle_it_is_not_to_be_trusted() -> None:
     swing.rotation.update(100.0)
     turned = (
         np.radians(1.0)
-        / swing.rotation.largest(swing.response.output, swing.at(100.0)["linear_displacement"])[0]
+        / swing.rotation.largest_rotation_and_strain(
+            swing.response.output, swing.at(100.0)["linear_displacement"]
+        )[0]
     )
     for degrees, stage, told in (
         (30, swing.rotation, None),
@@ -269,7 +271,9 @@ def test_a_free_cage_that_turns_as_a_whole_is_trusted() -> None:
     points, cells = build_lattice((0, 1, 0, 0.1, -0.05, 0.05), (5, 1, 1))
     linear = 1.5 * np.cross([0, 0, 1.0], points)
     free, held = (
-        RotationCoordinates(points, cells, np.repeat(points[:, :1] < x, 3, axis=1)).rotation(linear)
+        RotationCoordinates(
+            points, cells, np.repeat(points[:, :1] < x, 3, axis=1)
+        ).largest_rotation(linear)
         for x in (-1, 0.01)
     )
     assert free == pytest.approx(0.0, abs=1e-12)

@@ -80,7 +80,7 @@ def ours(
     plate = homogeneous_plate(isotropic(young, ratio), size[2])
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
     rest = Model(points, cells, plate, density, held)
-    moved, _ = rest.hung(np.outer(rest.nodal_mass, gravity).ravel())
+    moved, _ = rest.solve_equilibrium(np.outer(rest.nodal_mass, gravity).ravel())
     hung = Model(points, cells, plate, density, held, displacement=moved)
     rate = np.sqrt(hung.modes(COUNT).eigenvalues * hung.modulus / density)
     return points, moved, rate / (2 * np.pi)

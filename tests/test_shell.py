@@ -65,12 +65,12 @@ def test_a_lattice_of_one_layer_is_a_sheet_across_any_axis(normal):
     upper, lower = points[surface.pairs.T]
     np.testing.assert_allclose(upper - lower, np.tile(0.1 * np.eye(3)[normal], (20, 1)), atol=1e-15)
     # counter-clockwise, seen from above
-    middle = surface.nodal(points)[surface.quads]
+    middle = surface.to_nodes(points)[surface.quads]
     turned = np.cross(middle[:, 1] - middle[:, 0], middle[:, 2] - middle[:, 0])
     np.testing.assert_allclose(turned @ np.eye(3)[normal], 2 / 3, rtol=1e-12)
-    np.testing.assert_allclose(surface.vertices(surface.nodal(points)), points, atol=1e-15)
-    flat = (surface.matrix() @ points.ravel()).reshape(-1, 3)
-    np.testing.assert_allclose(flat, surface.nodal(points), atol=1e-15)
+    np.testing.assert_allclose(surface.to_vertices(surface.to_nodes(points)), points, atol=1e-15)
+    flat = (surface.node_matrix() @ points.ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(flat, surface.to_nodes(points), atol=1e-15)
     assert find_layer(points, cells)[:2] == (pytest.approx(0.1), normal)
 
 
@@ -249,7 +249,7 @@ def test_a_constant_strain_or_curvature_is_found_from_the_rim(mesh, name):
     points, cells = meshes(thickness)[mesh]
     surface = found(points, cells)
     count, plate = len(surface.pairs), homogeneous_plate(STUFF, thickness)
-    strains, rest = sheet_strains(points, surface, plate), surface.nodal(points)
+    strains, rest = sheet_strains(points, surface, plate), surface.to_nodes(points)
     x, y = rest[:count, 0], rest[:count, 1]
     field, bends = FIELDS[name]
     exact = np.zeros_like(rest)
@@ -380,8 +380,8 @@ def test_an_edge_held_by_its_lower_vertices_is_a_hinge():
     model = Model(
         points, cells, homogeneous_plate(BEAM, thickness), RHO, np.broadcast_to(held, points.shape)
     )
-    assert model.rigid.shape[1] == 1
-    turned = model.rigid[:, 0].reshape(-1, 3)
+    assert model.rigid_modes.shape[1] == 1
+    turned = model.rigid_modes[:, 0].reshape(-1, 3)
     turned /= turned[-1, 2]
     np.testing.assert_allclose(turned[:, 2], points[:, 0], atol=1e-12)
     np.testing.assert_allclose(turned[:, 0], -points[:, 2], atol=1e-12)
@@ -502,7 +502,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     assert rates(model, 1)[0] == pytest.approx(rate, rel=3e-3)
     # pulled along it, and what is told of its stress
     pushed = pushed[:, [2, 1, 0]] * 100
-    _, stress = model.strained(model.solve(pushed.ravel()).reshape(-1, 3))
+    _, stress = model.strain_and_stress(model.solve(pushed.ravel()).reshape(-1, 3))
     middle = points[cells[::5]].mean(axis=1)[:, 0]
     there = thick * (1 - (1 - thin_end) * middle / length)
     inner = abs(middle - length / 2) < 0.4 * length
@@ -522,7 +522,7 @@ def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
     end = points[:, 0] == length
     across = np.array([0.25, 0.5, 0.25]) * force / 2
     forces[end, 0] = np.tile(across, 2)
-    strain, stress = model.strained(model.solve(forces.ravel()).reshape(-1, 3))
+    strain, stress = model.strain_and_stress(model.solve(forces.ravel()).reshape(-1, 3))
     pulled = force / width / thickness
     assert stress.shape == (len(cells), 6)
     # the thickness of a sheet is a spring of its own: no narrowing of the plane strains it

@@ -29,7 +29,7 @@ def elements(kind: str) -> tuple[FloatArray, list[Strains]]:
         surface = find_mid_surface(points, cells)
         assert surface is not None
         plate = homogeneous_plate(ELASTICITY, 0.3, surface.normal)
-        return surface.nodal(points), sheet_strains(points, surface, plate)
+        return surface.to_nodes(points), sheet_strains(points, surface, plate)
     if kind == "quadratic":
         points, cells = add_midpoints(points, cells)
     return points, [tetrahedron_strains(points, cells, ELASTICITY)]
@@ -59,7 +59,7 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(kind: str) -> None
 
     fields = random.normal(size=(3, *rest.shape))
     flat = fields.reshape(3, -1)
-    found = np.sum([part.products(positions, fields) for part in strains], axis=0)
+    found = np.sum([part.stiffness_products(positions, fields) for part in strains], axis=0)
     np.testing.assert_allclose(
         found, flat @ (assemble_tangent(strains, positions) @ flat.T), rtol=1e-11
     )
@@ -74,7 +74,7 @@ def test_the_tangent_of_what_is_undeformed_is_the_linear_stiffness(kind: str) ->
     assert abs(found - expected).max() <= 1e-14 * abs(expected).max()
     fields = np.random.default_rng(1).normal(size=(2, *rest.shape))
     np.testing.assert_allclose(
-        strains.products(rest, fields),
+        strains.stiffness_products(rest, fields),
         strain_products(rest, strains.nodes, ELASTICITY, fields),
         rtol=1e-12,
     )
@@ -101,7 +101,7 @@ def test_stretch_of_a_tetrahedron_is_greens() -> None:
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     for nodes, connected in ((points, cells), add_midpoints(points, cells)):
         strains = tetrahedron_strains(nodes, connected, isotropic(1.0, 0.25))
-        strain = strains.strained(nodes * [2.0, 1.0, 1.0])[0]
+        strain = strains.strains_and_gradients(nodes * [2.0, 1.0, 1.0])[0]
         np.testing.assert_allclose(
             strain, np.broadcast_to([1.5, 0, 0, 0, 0, 0], strain.shape), atol=1e-14
         )

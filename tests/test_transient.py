@@ -50,7 +50,7 @@ def pendulum(degrees: float, loaded: bool = True, **options: Any) -> SteppedMoti
         [[np.sin(angle), 0, -np.cos(angle)], [0, 1, 0], [np.cos(angle), 0, np.sin(angle)]]
     )
     moved = hinge + (points - hinge) @ turn.T - points
-    load = cage.vector("gravity", (0, 0, -GRAVITY), step())
+    load = cage.load_vector("gravity", (0, 0, -GRAVITY), step())
     return SteppedMotion(cage, [load] if loaded else [], displacement=moved, **options)
 
 
@@ -75,8 +75,8 @@ def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
 
 def drift(motion: SteppedMotion, until: float) -> float:
     """Return the largest share of the energy put in that is nowhere."""
-    motion.reach(until)
-    kinetic, strain, dissipated, work = motion.rows[:, 2:6].T
+    motion.step_until(until)
+    kinetic, strain, dissipated, work = motion.states[:, 2:6].T
     return float(abs(kinetic + strain + dissipated - work).max() / kinetic.max())
 
 
@@ -90,7 +90,7 @@ def test_energy_is_what_the_loads_put_in_whatever_the_step() -> None:
 def test_energy_is_kept_over_a_hundred_periods() -> None:
     motion = pendulum(90, tolerance=np.inf, max_step=0.004)
     assert drift(motion, 118 * PERIOD) < 1e-9
-    assert (motion.rows[:, 4] == 0.0).all()
+    assert (motion.states[:, 4] == 0.0).all()
 
 
 #: Every kind of load, each at its own time.
@@ -114,7 +114,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
     action, value, function, place = LOADS[k]
-    loads = [cage.vector(action, 0.02 * np.array(value), function, place)]
+    loads = [cage.load_vector(action, 0.02 * np.array(value), function, place)]
     damping = Damping(alpha=2.0, beta=2e-4)
     modal = Response(cage, loads, damping)
     span = 1e-4 if k < 5 else 5e-5  # of a base that is shaken, or jumps
@@ -127,7 +127,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     for order, share in enumerate((1e-4 if k < 6 else 3e-4, 2e-3)):
         size = abs(exact[order]).max()
         np.testing.assert_allclose(found[order], exact[order], atol=share * size)
-    last = stepped.at(times[-1])
+    last = stepped.at_time(times[-1])
     np.testing.assert_allclose(weights @ last[0], found[0, -1], rtol=1e-9)
     np.testing.assert_allclose(
         stepped.energies(times), modal.energies(times), atol=2e-3 * modal.energies(times).max()
@@ -151,13 +151,15 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     held = np.repeat(points[:, 1:2] > 0.1999, 3, axis=1)
     model = Model(points, cells, plate, 100.0, held)
     if hung:
-        weight = cage_of(model).vector("gravity", (0, -GRAVITY, 0), step())
-        rest, _ = model.hung(cage_of(model).force(weight))
+        weight = cage_of(model).load_vector("gravity", (0, -GRAVITY, 0), step())
+        rest, _ = model.solve_equilibrium(cage_of(model).vertex_forces(weight))
         model = Model(points, cells, plate, 100.0, held, False, rest)
     values, shapes, lost = model.modes(1000)
     values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
-    loads = [cage.vector("pressure", 1e-4, time_functions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")]
+    loads = [
+        cage.load_vector("pressure", 1e-4, time_functions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")
+    ]
     modal = Response(cage, loads, Damping(ratio=ratio))
     motion = SteppedMotion(cage, loads, Damping(ratio=ratio), tolerance=np.inf, max_step=1e-3)
     weights, times = (points[:, 1] < 1e-9) / 6.0, np.linspace(0.05, 0.4, 6)
@@ -173,11 +175,11 @@ def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
     points, cells = build_lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(2e4, 0.3), 300.0, held))
-    load = cage.vector("gravity", (5.0, 0.0, 30.0), time_functions.harmonic(5.0))
+    load = cage.load_vector("gravity", (5.0, 0.0, 30.0), time_functions.harmonic(5.0))
     ends = []
     for span in (2e-3, 1e-3, 5e-4):
         motion = SteppedMotion(cage, [load], Damping(beta=1e-3), tolerance=np.inf, max_step=span)
-        ends.append(motion.at(0.1)[:2])
+        ends.append(motion.at_time(0.1)[:2])
     coarse, fine = abs(ends[0] - ends[1]), abs(ends[1] - ends[2])
     assert abs(ends[2][0]).max() > 0.01
     for k in range(2):
@@ -212,7 +214,7 @@ def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None
     times = np.linspace(0.0, 20 * np.pi / omega, 401)
     moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (amplitude * length)
     np.testing.assert_allclose(moved, np.cos(omega * times), atol=1e-4)
-    assert len(motion.rows) < 1500
+    assert len(motion.states) < 1500
 
 
 def test_parametric_resonance_grows_as_mathieus_equation() -> None:
@@ -232,7 +234,9 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
     def under(pull: float) -> tuple[Model, float, FloatArray]:
         """Return the strip at rest under a pull, its lowest frequency squared, and that mode."""
         flat = cage_of(Model(points, cells, plate, 333.0, held))
-        rest, _ = flat.model.hung(flat.force(flat.vector("gravity", (pull, 0, 0), step())))
+        rest, _ = flat.model.solve_equilibrium(
+            flat.vertex_forces(flat.load_vector("gravity", (pull, 0, 0), step()))
+        )
         model = Model(points, cells, plate, 333.0, held, False, rest)
         values, shapes, _ = model.modes(1)
         return model, values[0] * model.modulus / model.density, shapes[0].reshape(-1, 3)
@@ -243,7 +247,7 @@ def test_parametric_resonance_grows_as_mathieus_equation() -> None:
     tip = points[:, 0] > length - 1e-9
     start = shape * 5e-4 * length / shape[tip, 2].mean()
     cage = cage_of(model)
-    load = cage.vector("gravity", (change, 0, 0), time_functions.harmonic(omega / np.pi))
+    load = cage.load_vector("gravity", (change, 0, 0), time_functions.harmonic(omega / np.pi))
     motion = SteppedMotion(cage, [load], displacement=model.displacement + start, settled=True)
     times = np.linspace(0.0, 20 * np.pi / omega, 401)
     moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (5e-4 * length)
@@ -267,8 +271,8 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> SteppedMotion:
     held = np.repeat(points[:, 1:2] > 0.2999, 3, axis=1)
     cage = cage_of(Model(points, tetrahedra, plate, 500.0, held))
     loads = [
-        cage.vector("gravity", (0, -GRAVITY, 0), step()),
-        cage.vector("pressure", gust, time_functions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
+        cage.load_vector("gravity", (0, -GRAVITY, 0), step()),
+        cage.load_vector("pressure", gust, time_functions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
     ]
     return SteppedMotion(cage, loads, Damping(1.0, 1e-3), **{"tolerance": 1e-2} | options)
 
@@ -278,14 +282,14 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> SteppedMotion:
 )
 def test_a_curtain_swings_in_a_gust(cells: int, until: float) -> None:
     motion = curtain(cells)
-    motion.reach(until)
+    motion.step_until(until)
     assert drift(motion, until) < 1e-9
     lowest = motion.points[:, 1] < 1e-9
-    gone = motion.at(0.3)[0][lowest, 2].mean()
+    gone = motion.at_time(0.3)[0][lowest, 2].mean()
     assert -0.2 < gone < -0.05
     # It stretches by half its weight, and no more than twice that where it is set off by it.
     column = (motion.points[:, 0] < 1e-9) & (motion.points[:, 2] > 0)
-    place = (motion.points + motion.at(until)[0])[column]
+    place = (motion.points + motion.at_time(until)[0])[column]
     place = place[np.argsort(motion.points[column, 1])]
     length = np.linalg.norm(np.diff(place, axis=0), axis=1).sum()
     assert abs(length / 0.3 - 1) < 2 * 0.15 * GRAVITY * 0.3 / 1500
@@ -295,8 +299,8 @@ def test_a_curtain_swings_in_a_gust(cells: int, until: float) -> None:
 def test_cloth_that_whips_takes_no_tiny_steps() -> None:
     """A gust of twice the weight."""
     motion = curtain(12, 2 * 0.15 * GRAVITY, tolerance=0.1)
-    motion.reach(0.8)
-    assert len(motion.rows) < 1000
+    motion.step_until(0.8)
+    assert len(motion.states) < 1000
     assert drift(motion, 0.8) < 1e-9
 
 
@@ -310,32 +314,32 @@ def test_a_motion_goes_on_from_where_it_stopped() -> None:
             raise Stopped
 
     whole = pendulum(45, tolerance=1e-2)
-    whole.reach(0.2)
+    whole.step_until(0.2)
     part = pendulum(45, tolerance=1e-2)
     with pytest.raises(Stopped):
-        part.reach(0.2, stop)
-    assert 0.1 < part.reached < 0.2
+        part.step_until(0.2, stop)
+    assert 0.1 < part.last_time < 0.2
     other = pendulum(45, tolerance=1e-2)
-    assert other.resume(part.rows.copy())
-    before = part.reached
-    part.reach(0.2)
-    assert part.reached > before
-    np.testing.assert_array_equal(part.rows, whole.rows)
-    other.reach(0.2)
-    np.testing.assert_allclose(other.at(0.2)[0], whole.at(0.2)[0], atol=1e-4 * LENGTH)
+    assert other.resume(part.states.copy())
+    before = part.last_time
+    part.step_until(0.2)
+    assert part.last_time > before
+    np.testing.assert_array_equal(part.states, whole.states)
+    other.step_until(0.2)
+    np.testing.assert_allclose(other.at_time(0.2)[0], whole.at_time(0.2)[0], atol=1e-4 * LENGTH)
     # Whatever was asked for in between.
     asked = pendulum(45, tolerance=1e-2)
     for time in (0.05, 0.01, 0.2):
-        asked.at(time)
-    np.testing.assert_array_equal(asked.rows, whole.rows)
-    assert not pendulum(30).resume(part.rows)
-    assert not other.resume(part.rows[:, :-1])
-    assert not other.resume(np.full_like(part.rows, np.nan))
+        asked.at_time(time)
+    np.testing.assert_array_equal(asked.states, whole.states)
+    assert not pendulum(30).resume(part.states)
+    assert not other.resume(part.states[:, :-1])
+    assert not other.resume(np.full_like(part.states, np.nan))
 
 
 def test_before_its_start_it_rests_there() -> None:
     motion = pendulum(90)
-    displacement, velocity, acceleration = motion.at(-1.0)
+    displacement, velocity, acceleration = motion.at_time(-1.0)
     end = np.argmin(motion.points[:, 0])
     np.testing.assert_allclose(displacement[end], 0.0, atol=1e-12)
     assert not velocity.any()
@@ -349,11 +353,11 @@ def test_what_steps_cannot_have_is_refused() -> None:
     cage = cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held))
     with pytest.raises(InputError, match=r"ratio.*more modes"):
         SteppedMotion(cage, [], Damping(ratio=0.02))
-    forever = cage.vector("gravity", (0, 0, 1), time_functions.harmonic(2.0, steady=True))
+    forever = cage.load_vector("gravity", (0, 0, 1), time_functions.harmonic(2.0, steady=True))
     with pytest.raises(InputError, match="steady"):
         SteppedMotion(cage, [forever])
     with pytest.raises(InputError, match="not a time"):
-        SteppedMotion(cage).at(float("nan"))
+        SteppedMotion(cage).at_time(float("nan"))
 
 
 def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
@@ -361,18 +365,18 @@ def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     motion = SteppedMotion(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))
     with pytest.raises(SizeError, match=r"5e\+13 steps or more, up to 1e\+12 s, would need"):
-        motion.at(1e12)
-    assert len(motion.rows) == 1
+        motion.at_time(1e12)
+    assert len(motion.states) == 1
 
 
 def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = pendulum(30, tolerance=np.inf, max_step=0.004)
     monkeypatch.setattr(memory, "SMALL", 0)
     # Enough for 75 steps, not for twice the 64 that there is room for at first.
-    monkeypatch.setattr(memory, "available", lambda: motion.rows[0].nbytes * 100)
+    monkeypatch.setattr(memory, "available", lambda: motion.states[0].nbytes * 100)
     with pytest.raises(SizeError, match=r"keeping more than 64 steps of 30 degrees.*coarser cage"):
-        motion.reach(0.3)
-    reached = motion.reached
+        motion.step_until(0.3)
+    reached = motion.last_time
     monkeypatch.undo()
-    motion.reach(reached + 0.01)
-    assert motion.reached > reached + 0.01
+    motion.step_until(reached + 0.01)
+    assert motion.last_time > reached + 0.01

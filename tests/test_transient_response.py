@@ -129,10 +129,10 @@ def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
     mover = chain(TransientResponse(max_step="1 ms", tolerance=0.1))
     at(mover, 0.03)
     motion = mover.motion
-    count = len(motion.rows)
+    count = len(motion.states)
     late = at(mover, 0.02)
     assert mover.motion is motion
-    assert len(motion.rows) == count
+    assert len(motion.states) == count
     # What shows it differently does not step it anew.
     mover.configure(duration=20.0, stress=False, frames=7)
     at(mover, 0.02)
@@ -140,11 +140,11 @@ def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
     assert list(folder.glob("steps-*"))
     other = chain(TransientResponse(max_step="1 ms", tolerance=0.1))
     np.testing.assert_array_equal(at(other, 0.02), late)
-    assert len(other.motion.rows) == count
+    assert len(other.motion.states) == count
     # Another load is another motion.
     other.alpha = 2.0
     assert abs(at(other, 0.02) - late).max() > 0
-    assert len(other.motion.rows) < count
+    assert len(other.motion.states) < count
     for entry in folder.glob("steps-*"):
         entry.write_bytes(b"nothing")
     np.testing.assert_array_equal(
@@ -167,7 +167,7 @@ def test_it_is_stopped_and_goes_on() -> None:
         mover.update(0.02)
     mover.RemoveObserver(tag)
     mover.SetAbortExecute(0)
-    reached = mover.motion.reached
+    reached = mover.motion.last_time
     assert 0.004 < reached < 0.02
     assert np.diff(shares).min() >= 0.0
     motion = mover.motion

@@ -229,7 +229,7 @@ def test_equilibrium_reports_progress_and_can_be_cancelled(open_window: Any, str
     wait_until(lambda: settled(window))
     assert window.errors.text == ""
     assert window.view.frame.cage.GetNumberOfPoints() == 54
-    assert scene_of(window).modal.hangs
+    assert scene_of(window).modal.is_hung
     np.testing.assert_array_equal(
         equilibrium(window), vtk_to_numpy(frame.cage.GetPointData().GetArray("equilibrium"))
     )

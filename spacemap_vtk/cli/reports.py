@@ -269,7 +269,7 @@ def materials(*, json_: Json = False) -> None:
             **dict(zip(("B_weft", "B_bias", "B_warp"), fabric.bending, strict=True)),
             "bending_length_weft": bending_length(fabric.bending[0], fabric.areal_mass),
             "bending_length_warp": bending_length(fabric.bending[2], fabric.areal_mass),
-            "plate_thickness": fabric.plate,
+            "plate_thickness": fabric.plate_thickness,
         }
         for name, fabric in FABRICS.items()
     }
@@ -290,7 +290,7 @@ def materials(*, json_: Json = False) -> None:
             *(_format_short(value) for value in fabric.stiffness),
             *(_format_short(1e6 * value) for value in fabric.bending),
             *(f"{1e3 * rows[name][f'bending_length_{way}']:.0f}" for way in ("weft", "warp")),
-            f"{1e3 * fabric.plate:.2f}",
+            f"{1e3 * fabric.plate_thickness:.2f}",
         )
     print_plain(table)
     for name, fabric in FABRICS.items():

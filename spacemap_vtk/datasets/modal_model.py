@@ -79,11 +79,11 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     add_array(data, "fixed_components", held)
     add_array(data, "nodal_mass", model.nodal_mass)
     field = grid.GetFieldData()
-    for name, part in zip(_SHEET if model.plate else _SOLID, model.parts, strict=True):
+    for name, part in zip(_SHEET if model.plate else _SOLID, model.stiffness_parts, strict=True):
         add_array(field, name, np.atleast_1d(part))
     field.RemoveArray(_LOCAL)
     if model.plate is not None:
-        add_array(field, _LOCAL, np.array([model.plate.local], dtype=np.uint8))
+        add_array(field, _LOCAL, np.array([model.plate.follows_thickness], dtype=np.uint8))
     add_array(field, "density", np.array([model.density]))
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
     if model.displacement is not None:

@@ -135,7 +135,7 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     if not isinstance(mover, LoadParameters):
         return None
     solver = scene.stage("solver")
-    dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.hangs else ()
+    dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.is_hung else ()
     return load_arrows(mover, scene.deformed_cage, time, dead)
 
 
@@ -149,7 +149,7 @@ def apply_mode_shape(
     rotation = scene.stage("rotation")
     if angle is not None and isinstance(rotation, RotationStrain):
         # A mode that strains more than it rotates is limited to a strain of a third of the angle.
-        turn, strain = rotation.largest(cage, shape)
+        turn, strain = rotation.largest_rotation_and_strain(cage, shape)
         largest = angle / max(turn, 3 * strain)
     moved = shape * largest
     if data.HasArray("equilibrium"):  # the cage vibrates around its equilibrium

@@ -124,7 +124,7 @@ class CageFittings(Parameterised):
         "Name of a cell array of the cage: how many times denser than the material each cell is.",
     )
 
-    def fittings(
+    def make_fittings(
         self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
     ) -> tuple[Bools, Fittings, list[str]]:
         """Return the fixed components (V, 3), the other fittings, and warnings."""

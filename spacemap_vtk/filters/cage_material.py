@@ -258,11 +258,11 @@ class CageMaterial(Parameterised):
             self._given()
             self._of_yarns(_ANY, yarns)
             return
-        self.constants(1.0)
+        self.solid_constants(1.0)
         if self.elements != "tetrahedra":
-            self.plate(1.0)
+            self.sheet_stiffness(1.0)
 
-    def constants(self, extent: float) -> tuple[Floats, float]:
+    def solid_constants(self, extent: float) -> tuple[Floats, float]:
         """Return elasticity along x, y, z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
         # `extent`, the cage's size along z [m], is the thickness of a measured fabric by default.
         if self.material == WOVEN:
@@ -275,7 +275,7 @@ class CageMaterial(Parameterised):
         given = self._given()
         return self._solid(given, given.get("thickness", extent))
 
-    def plate(
+    def sheet_stiffness(
         self,
         thickness: float,
         normal: int = 2,
@@ -316,7 +316,7 @@ class CageMaterial(Parameterised):
         )
         return made, mass
 
-    def for_other_elements(self, sheet: bool) -> Iterator[str]:
+    def warnings_for_other_elements(self, sheet: bool) -> Iterator[str]:
         """Yield a warning for each given value that is for other elements than those in use."""
         for name in self.given:
             if why := self.idle_as(name, sheet):
@@ -403,7 +403,7 @@ class CageMaterial(Parameterised):
             modulus = self.youngs_modulus
         return isotropic(modulus, self.poissons_ratio), density
 
-    def find_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
+    def choose_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
         """Set an automatic Young's modulus that suits an object of unknown size."""
         if self.youngs_modulus is not None or up is None:
             self.in_use = {}

@@ -410,7 +410,9 @@ def load_vectors(
                 place, count = load.array, grid.GetNumberOfPoints()
                 with naming("loads.array"):
                     value = vectors_of(grid.GetPointData(), place, count, "the loads")
-            vectors.append(modes.vector(load.action, value, load.function, place, load.follower))
+            vectors.append(
+                modes.load_vector(load.action, value, load.function, place, load.follower)
+            )
         except InputError as error:
             error.key = (error.key or "loads").replace("loads", f"{key}[{number}]", 1)
             raise

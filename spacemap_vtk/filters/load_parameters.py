@@ -243,7 +243,7 @@ class LoadParameters(Parameterised):
         """Return the times of the frames; without them ParaView would write only one time step."""
         return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
 
-    def gravity_on(self, grid: vtkUnstructuredGrid) -> Floats:
+    def gravity_for(self, grid: vtkUnstructuredGrid) -> Floats:
         """Return the gravity from t = 0 on [m/s²], (3,): as given, or that of the solver."""
         field, up, in_use = grid.GetFieldData(), up_axis(grid), {}
         if self.alpha is None and self.damping_ratio is None and self.damping_pairs is None:
@@ -261,11 +261,11 @@ class LoadParameters(Parameterised):
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
         """Return the loads in addition to those of the equilibrium."""
         # The equilibrium of a hanging cage already contains its gravity and its dead loads.
-        more = self.gravity_on(grid) - gravity_in(grid)
-        vectors = [modes.vector("gravity", more, step())] if more.any() else []
+        more = self.gravity_for(grid) - gravity_in(grid)
+        vectors = [modes.load_vector("gravity", more, step())] if more.any() else []
         return vectors + load_vectors(modes, grid, self.loads, "loads")
 
-    def started(self, grid: vtkUnstructuredGrid) -> tuple[Floats, Floats]:
+    def initial_fields(self, grid: vtkUnstructuredGrid) -> tuple[Floats, Floats]:
         """Return what is added to displacement and velocity at t = 0, both (V, 3)."""
         displacement = self._start(
             grid, self.initial_displacement, "displacement", self.initial_displacement_array
@@ -273,13 +273,13 @@ class LoadParameters(Parameterised):
         velocity = self._start(grid, self.initial_velocity, "velocity", self.initial_velocity_array)
         return displacement, velocity
 
-    def far_loads(self, modes: CageModes) -> list[str]:
+    def warnings_of_far_loads(self, modes: CageModes) -> list[str]:
         """Return a warning for each load that acts at a point outside the cage."""
         return [
             f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
             "on the vertex nearest to it"
             for number, load in enumerate(self.loads)
-            if load.at is not None and (distance := modes.away(load.at))
+            if load.at is not None and (distance := modes.distance_outside(load.at))
         ]
 
     def _start(

@@ -109,18 +109,18 @@ class ModalResponse(LoadParameters, Stage):
         if self._kept_motion is None or self._kept_motion[0] != key:
             self._kept_motion = key, self._response(grid, modes)
         motion = self._kept_motion[1]
-        state = motion.modal.at(time)
-        displacement, velocity, acceleration = motion.at(time, state)
+        state = motion.modal.at_time(time)
+        displacement, velocity, acceleration = motion.at_time(time, state)
         for text in motion.warnings:
             self.warn(text)
-        if lost := motion.lost_phases(time, state):
+        if lost := motion.count_lost_phases(time, state):
             self.warn(
                 f"so many periods have passed that nobody knows where in theirs {lost} modes are, "
                 "for want of digits of their frequencies; take an earlier time, or damp them"
             )
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
-        gradients = modes.gradient.of(moved)
+        gradients = modes.gradient.evaluate(moved)
         angle = 0.0 if self.turned else largest_rotation(gradients)
         if angle > TRUSTED_ROTATION:
             self.warn(
@@ -145,7 +145,7 @@ class ModalResponse(LoadParameters, Stage):
         coordinates = state.position[: len(modes.eigenvalues)].copy()
         add_array(output.GetFieldData(), "modal_coordinates", coordinates)
         if self.stress:
-            add_stress(output, *modes.strained(moved, gradients))
+            add_stress(output, *modes.strain_and_stress(moved, gradients))
         if self.energy:
             energies = motion.energy(time, state)
             if np.isnan(energies.work):
@@ -158,7 +158,7 @@ class ModalResponse(LoadParameters, Stage):
 
     def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
         self.check()
-        displacement, velocity = self.started(grid)
+        displacement, velocity = self.initial_fields(grid)
         made = Response(
             modes,
             self.load_vectors(grid, modes),
@@ -169,7 +169,7 @@ class ModalResponse(LoadParameters, Stage):
             residual=self.residual_vectors,
             statics=partial(static_displacements, modes.model, processes=self._processes),
         )
-        made.warnings += self.far_loads(modes)
+        made.warnings += self.warnings_of_far_loads(modes)
         return made
 
 

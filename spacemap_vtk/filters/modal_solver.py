@@ -234,8 +234,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-        self.find_modulus(vertices, elements, up_axis(grid))
-        held, fittings, warnings = self.fittings(grid, vertices, elements)
+        self.choose_modulus(vertices, elements, up_axis(grid))
+        held, fittings, warnings = self.make_fittings(grid, vertices, elements)
         for text in warnings:
             self.warn(text)
         sheet = self._sheet(vertices, elements)
@@ -243,7 +243,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         material: Floats | Plate
         if sheet is None:
             filled = filled_share(grid)
-            elasticity, density = self.constants(extent)
+            elasticity, density = self.solid_constants(extent)
             material, density = filled * elasticity, filled * density
         else:
             material, mass = self._plate(grid, sheet)
@@ -253,7 +253,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         made = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*made, None, fittings, terms)
         layers = layers if linear else 2 * layers
-        if self.hangs:
+        if self.is_hung:
             load = self._dead_load(grid, model)
             if load.any() or any(term.forces(vertices).any() for term in terms):
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
@@ -272,7 +272,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
-        for text in self.for_other_elements(sheet is not None):
+        for text in self.warnings_for_other_elements(sheet is not None):
             self.warn(text)
         self._warn_of_rounding(rounding)
         if sheet is not None:
@@ -304,7 +304,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     def _plate(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""
         cloth = cloth_of(grid) if self.material == WOVEN else None
-        return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth, self._yarns)
+        return self.sheet_stiffness(sheet.thickness, sheet.normal, _woven(grid), cloth, self._yarns)
 
     def _sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
         """Return the sheet as which the cage is modelled; None for a solid."""
@@ -324,14 +324,14 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return found
 
     @property
-    def hangs(self) -> bool:
+    def is_hung(self) -> bool:
         """Whether the cage is to hang, and there is a load under which it hangs."""
         return self.hang and (any(self.gravity) or bool(self.dead_loads) or bool(self._terms))
 
     @property
     def arrays(self) -> dict[str, Provided]:
         """The arrays that the next run adds, by name."""
-        return {k: v for k, v in super().arrays.items() if self.hangs or k != "equilibrium"}
+        return {k: v for k, v in super().arrays.items() if self.is_hung or k != "equilibrium"}
 
     def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> Floats:
         """Return the forces on the vertices under which the cage hangs [N], (3V,)."""
@@ -340,10 +340,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         cage = CageModes(model, np.empty(0), nothing, np.empty(0))
         vectors = load_vectors(cage, grid, self.dead_loads, "dead_loads")
         if any(self.gravity):
-            vectors.append(cage.vector("gravity", self.gravity, step()))
+            vectors.append(cage.load_vector("gravity", self.gravity, step()))
         total = np.zeros(model.points.size)
         for vector in vectors:
-            total += cage.force(vector)
+            total += cage.vertex_forces(vector)
         return total
 
     def _hung(self, model: Model, load: Floats, layers: float) -> Floats:
@@ -526,7 +526,7 @@ def load_or_solve_equilibrium(
     if entry is not None and np.isfinite(entry["displacement"]).all():
         return list(entry.values())
     allow()
-    displacement, share = model.hung(load, tell)
+    displacement, share = model.solve_equilibrium(load, tell)
     critical = np.array([math.nan if share is None else share])
     cache.store(key, displacement=displacement, critical=critical)
     return [displacement, critical]

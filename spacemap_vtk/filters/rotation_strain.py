@@ -82,7 +82,7 @@ class RotationStrain(Stage):
         output.ShallowCopy(inputs[0])
         linear = self.rebuild(output)
         kernel, moved = self._kernel(output), array_of(output.GetPointData(), "displacement", "")
-        if kernel.rotation(linear) > TRUSTED_ROTATION:
+        if kernel.largest_rotation(linear) > TRUSTED_ROTATION:
             # The text names no angle: with it, each frame of a film would give a new warning.
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
@@ -126,7 +126,9 @@ class RotationStrain(Stage):
             add_array(data, "acceleration", kernel.acceleration(linear, *rates))
         return linear
 
-    def largest(self, cage: vtkUnstructuredGrid, linear: Floats) -> tuple[float, float]:
+    def largest_rotation_and_strain(
+        self, cage: vtkUnstructuredGrid, linear: Floats
+    ) -> tuple[float, float]:
         """Return the largest rotation and the largest strain of an element of a cage.
 
         Parameters
@@ -139,9 +141,9 @@ class RotationStrain(Stage):
         Returns
         -------
         angle, strain : float
-            As for `RotationCoordinates.largest`.
+            As for `RotationCoordinates.largest_rotation_and_strain`.
         """
-        return self._kernel(cage).largest(linear)
+        return self._kernel(cage).largest_rotation_and_strain(linear)
 
     def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         super()._request_update_extent(in_info, out_info)
@@ -188,6 +190,6 @@ class RotationStrain(Stage):
             points = points_of(grid).astype(np.float64)
             with naming("fixed"):
                 held = held_components(points, self.fixed or (), masks_of(grid))
-            kernel = RotationCoordinates.of_mesh(points, elements_of(grid), held)
+            kernel = RotationCoordinates.from_mesh(points, elements_of(grid), held)
         self._kept = key, kernel
         return kernel

@@ -136,19 +136,19 @@ class TransientResponse(LoadParameters, Stage):
         assert self._kept_motion is not None
         digest, motion = self._kept_motion
         try:
-            motion.reach(max(time, 0.0), lambda share: self.report(share, "stepping"))
+            motion.step_until(max(time, 0.0), lambda share: self.report(share, "stepping"))
         finally:
             self._store(digest, motion)
-        displacement, velocity, acceleration = motion.at(time)
+        displacement, velocity, acceleration = motion.at_time(time)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
         model = motion.model
         if text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface):
             self.warn(text)
         if self.stress:
-            base = motion.base(time)[0]
+            base = motion.base_motion(time)[0]
             moved = displacement - motion.rest - base
-            add_stress(output, *motion.model.strained(moved, large=True))
+            add_stress(output, *motion.model.strain_and_stress(moved, large=True))
         if self.energy:
             add_energies(output, motion.energies(np.array([time]))[0])
 
@@ -162,10 +162,10 @@ class TransientResponse(LoadParameters, Stage):
         from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
         self.check()
-        for text in self.far_loads(modes):
+        for text in self.warnings_of_far_loads(modes):
             self.warn(text)
         model, vectors = modes.model, self.load_vectors(grid, modes)
-        displacement, velocity = self.started(grid)
+        displacement, velocity = self.initial_fields(grid)
         if self._settled:
             displacement += self._hung(grid, modes, vectors)
         elif model.displacement is not None:
@@ -176,7 +176,7 @@ class TransientResponse(LoadParameters, Stage):
             part
             for vector in vectors
             for part in (
-                modes.force(vector),
+                modes.vertex_forces(vector),
                 vector.moves_base,
                 vector.faces is None,
                 *vector.function,
@@ -210,7 +210,7 @@ class TransientResponse(LoadParameters, Stage):
         self._stored = 0, 0.0
         if kept := _read(digest):
             motion.resume(np.concatenate(kept))
-            self._stored = len(motion.rows), 0.0
+            self._stored = len(motion.states), 0.0
 
     def _hung(
         self, grid: vtkUnstructuredGrid, modes: CageModes, vectors: list[LoadVector]
@@ -219,7 +219,7 @@ class TransientResponse(LoadParameters, Stage):
         model, load = modes.model, modes.model.forces.copy()
         for vector in vectors:
             if vector.moves_base is None:
-                load += vector.function.value(0.0) * modes.force(vector)
+                load += vector.function.value(0.0) * modes.vertex_forces(vector)
         if self.held:
             with naming("held"):
                 held = held_components(model.points, self.held, masks_of(grid))
@@ -246,7 +246,7 @@ class TransientResponse(LoadParameters, Stage):
 
     def _store(self, digest: str, motion: SteppedMotion) -> None:
         """Store the states computed since the last time on disk."""
-        (count, last), rows, now = self._stored, motion.rows, clock.monotonic()
+        (count, last), rows, now = self._stored, motion.states, clock.monotonic()
         if len(rows) == count or (now - last < _PAUSE and len(rows) // _CHUNK == count // _CHUNK):
             return
         for number in range(count // _CHUNK, -(-len(rows) // _CHUNK)):

@@ -43,7 +43,7 @@ def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
     forces, left_out = np.zeros(modes.model.points.size), []
     gravity = np.zeros(3)
     if isinstance(mover, LoadParameters):
-        gravity = mover.gravity_on(solver.output) - gravity_in(solver.output)
+        gravity = mover.gravity_for(solver.output) - gravity_in(solver.output)
         vectors = mover.load_vectors(solver.output, modes)
         for number, load in enumerate(mover.loads):
             vector = vectors[len(vectors) - len(mover.loads) + number]
@@ -53,9 +53,9 @@ def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
                     f"loads[{number}], a {kind} ({load.time}), is not in the static step"
                 )
             else:
-                forces += load.function.value(_LATE) * modes.force(vector)
-        left_out += mover.far_loads(modes)
-    if modes.model.rigid.shape[1]:
+                forces += load.function.value(_LATE) * modes.vertex_forces(vector)
+        left_out += mover.warnings_of_far_loads(modes)
+    if modes.model.rigid_modes.shape[1]:
         left_out.append("the supports leave the cage free, so that there is no static step")
         gravity, forces = np.zeros(3), np.zeros_like(forces)
     count = len(modes.eigenvalues)

@@ -84,7 +84,7 @@ def modes(scene: Scene) -> dict[str, Any]:
     cage = ModesReader().read(grid)
     eigenvalues, rounding = cage.eigenvalues, cage.eigenvalue_rounding
     damping = mover.damping if isinstance(mover, HasDamping) else Damping()
-    rates = damping.alphas(eigenvalues), damping.beta
+    rates = damping.mass_damping(eigenvalues), damping.beta
     shares = cage.mass_shares
     columns = {
         "eigenvalue": eigenvalues,
@@ -165,7 +165,7 @@ def last_motion(scene: Scene) -> dict[str, Any] | None:
         "largest_rotation_deg": math.degrees(found.rotation),
         "largest_stretch": found.stretch,
         "largest_volume_change": found.volume,
-        "period_factor": found.period,
+        "period_factor": found.pendulum_period,
         "rebuilt": scene.stage("rotation") is not None,
         "large": bool(found.rotation > LARGE_ROTATION),
     }
@@ -252,7 +252,7 @@ def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, flo
     assert surface is not None
     assert model.displacement is not None
     flat, draped = (
-        surface.nodal(points)[: len(surface.pairs)]
+        surface.to_nodes(points)[: len(surface.pairs)]
         for points in (model.points, model.points + model.displacement)
     )
     triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

@@ -168,7 +168,7 @@ class ModesTab(QWidget):
         if cage is None:
             self.response.clear()
         self.table.setRowCount(len(values))
-        rates = damping.alphas(values), damping.beta
+        rates = damping.mass_damping(values), damping.beta
         rounding = 0.0 if cage is None or array is None else rounding_of(cage)
         ratios, kinds = damping_ratio(values, *rates), classify_regimes(values, *rates, rounding)
         frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)

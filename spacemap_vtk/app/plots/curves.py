@@ -118,7 +118,7 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
     if mover_stage is not None and isinstance(mover_stage, TransientResponse):
         done = _STEPPED
         for time in times:  # one at a time, since a step can take long
-            model.at(float(time))
+            model.at_time(float(time))
             yield done * float(time - request.start) / (request.stop - request.start)
     motion = np.zeros((3, len(places), len(times), 3))
     energies, potential = np.zeros((len(times), 4)), np.zeros(len(times))

@@ -222,7 +222,7 @@ class ViewBar(QToolBar):
         supports.setToolTip("Show the supports (S)" if has_supports else "There are no supports")
         self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
-        self.hang.setChecked(solved and scene.modal.hangs)
+        self.hang.setChecked(solved and scene.modal.is_hung)
         self.hang.setEnabled(solved or not scene.moves)
 
     @property

@@ -75,7 +75,7 @@ def load_arrows(
         kinds.extend([load] * int(seen.sum()))
 
     always = _Factors(1.0, 1.0, 1.0)
-    gravity = response.gravity_on(cage)
+    gravity = response.gravity_for(cage)
     if gravity.any() and time >= 0.0:
         way = _unit(tuple(gravity))
         add("gravity", _exit_point(moved, cage, way), way, True, always)

@@ -72,7 +72,7 @@ def _handedness(points: Floats, cells: Ints, surface: MidSurface | None) -> Floa
         corner = points.T.take(cells[:, :4].T, axis=1)  # (3, 4, T)
         one, two, three = (corner[:, k] - corner[:, 0] for k in (1, 2, 3))
     else:
-        middle, half = np.split(surface.nodal(points), 2)
+        middle, half = np.split(surface.to_nodes(points), 2)
         middle, half = (part.T.take(surface.quads.T, axis=1) for part in (middle, half))
         one, two = middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1]
         three = half.sum(axis=1)

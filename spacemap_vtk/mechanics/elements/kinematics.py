@@ -39,7 +39,7 @@ class MeanGradient:
         self._nodes = np.ascontiguousarray(nodes.T)
         self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
 
-    def of(self, displacement: Floats) -> Floats:
+    def evaluate(self, displacement: Floats) -> Floats:
         """Compute the gradients of a field."""
         values = np.ascontiguousarray(displacement.T).take(self._nodes, axis=1)
         return np.einsum("int,jnt->ijt", values, self._slopes)

@@ -197,13 +197,13 @@ class _Plate:
         field = np.zeros_like(self._vertices)
         field[:, first], field[:, other] = self._z * y, self._z * x
         field[:, self._normal] = -x * y / (2 if first == other else 1)
-        return strains(self._gradient.of(field))
+        return strains(self._gradient.evaluate(field))
 
     def times(self, elasticity: Floats, first: int, other: int) -> float:
         """Compute the energy of these strains divided by that of the plate."""
         field = np.zeros_like(self._vertices)
         field[:, self._normal] = self._z**2
-        bent, swollen = self.strains(first, other), strains(self._gradient.of(field))
+        bent, swollen = self.strains(first, other), strains(self._gradient.evaluate(field))
 
         def work(a: Floats, b: Floats) -> float:
             return float(self.volume @ ((a @ elasticity) * b).sum(axis=1))

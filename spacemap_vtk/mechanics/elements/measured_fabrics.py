@@ -76,7 +76,7 @@ class MeasuredFabric(NamedTuple):
     bending: tuple[float, float, float]
 
     @property
-    def plate(self) -> float:
+    def plate_thickness(self) -> float:
         """Thickness [m] at which a homogeneous plate stretches and bends as the fabric does."""
         # A plate of stiffness A per width has the bending stiffness A h²/12. A and the bending
         # stiffness are geometric means of warp and weft.

@@ -50,7 +50,7 @@ class Plate:
     thickness: float | None = None
     #: Whether the stiffness depends on the thickness at each vertex, as that of a solid does; the
     #: measured stiffness of a sheet is the same everywhere.
-    local: bool = False
+    follows_thickness: bool = False
 
 
 class DataSheet(NamedTuple):
@@ -119,7 +119,7 @@ def homogeneous_plate(elasticity: Floats, thickness: float, normal: int = 2) -> 
         plane * thickness**3 / 12,
         SHEAR_CORRECTION * thickness * across,
         thickness / float(compliance[normal, normal]),
-        local=True,
+        follows_thickness=True,
     )
 
 

@@ -53,19 +53,19 @@ class MidSurface(NamedTuple):
     normal: int
     """Axis nearest to the direction across the layer."""
 
-    def nodal(self, vertices: Floats) -> Floats:
+    def to_nodes(self, vertices: Floats) -> Floats:
         """Convert values of the vertices to those of all p, followed by all δ, both (V, …)."""
         upper, lower = vertices[self.pairs.T]
         return np.concatenate([(upper + lower) / 2, (upper - lower) / 2])
 
-    def vertices(self, nodal: Floats) -> Floats:
+    def to_vertices(self, nodal: Floats) -> Floats:
         """Convert values of p and δ to those of the vertices, both (V, …)."""
         middle, half = nodal.reshape(2, len(self.pairs), *nodal.shape[1:])
         result = np.empty_like(nodal)
         result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
         return result
 
-    def matrix(self) -> csr_matrix:
+    def node_matrix(self) -> csr_matrix:
         """Build the matrix of `nodal`, (3V, 3V)."""
         from scipy.sparse import bmat, csr_matrix, eye, kron
 
@@ -76,7 +76,7 @@ class MidSurface(NamedTuple):
         ]
         return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
 
-    def ends(self) -> tuple[Ints, Floats]:
+    def vertex_nodes(self) -> tuple[Ints, Floats]:
         """List the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
         count = len(self.pairs)
         nodes, signs = np.empty((2 * count, 2), dtype=np.int64), np.ones((2 * count, 2))
@@ -89,10 +89,10 @@ class MidSurface(NamedTuple):
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
 
-    def taper(self, points: Floats, plate: Plate) -> Floats:
+    def relative_thickness(self, points: Floats, plate: Plate) -> Floats:
         """Compute the relative thickness that determines a plate's stiffness at each pair, (P,)."""
         own = self.thickness(points)
-        return own / own.mean() if plate.local else np.ones(len(own))
+        return own / own.mean() if plate.follows_thickness else np.ones(len(own))
 
 
 class Layer(NamedTuple):
@@ -126,7 +126,7 @@ def find_layer(points: Floats, cells: Ints) -> Layer | None:
     surface = find_mid_surface(points, cells)
     if surface is None:
         return None
-    corners = surface.nodal(points)[surface.quads]
+    corners = surface.to_nodes(points)[surface.quads]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     thickness = float(surface.thickness(points).mean())
     shorter = float(sides.min(axis=1).mean())
@@ -196,10 +196,10 @@ def sheet_strains(
     points: Floats, surface: MidSurface, plate: Plate, factors: Floats | None = None
 ) -> list[Strains]:
     """Make the strains of a sheet: those of its quadrilaterals, and of its pairs' thickness."""
-    # They depend on the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending
-    # 11, 22, 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 lies in the sheet and
-    # follows the normal cyclically: it is x for a sheet across z.
-    nodal, count = surface.nodal(points), len(surface.pairs)
+    # They depend on the nodal vectors p and δ of `MidSurface.to_nodes`: membrane 11, 22, 2·12,
+    # bending 11, 22, 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 lies in the
+    # sheet and follows the normal cyclically: it is x for a sheet across z.
+    nodal, count = surface.to_nodes(points), len(surface.pairs)
     z = nodal[surface.quads]
     # Factor from δ to the director d = 2 δ/h.
     scale = 2.0 / surface.thickness(points)
@@ -237,7 +237,7 @@ def sheet_strains(
     nodes = np.concatenate([surface.quads, surface.quads + count], axis=1)
     rows = np.arange(count, 2 * count)[:, None]
     # Membrane and shear stiffness grow with the thickness, bending stiffness with its cube.
-    taper = surface.taper(points, plate)[surface.quads]
+    taper = surface.relative_thickness(points, plate)[surface.quads]
     there = taper @ np.stack([_shape(at) for at in _GAUSS]).T
     weights = there[..., None] ** np.array([1, 1, 1, 3, 3, 3, 1, 1])
     weights *= (area * stiff)[..., None]
@@ -256,7 +256,7 @@ def assemble_sheet_mass(
     """Assemble the mass matrix of a sheet: ∫ N_a N_b h of the mid-points, and that of δ."""
     # The mass of δ is a third of that of p, because x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
-    area = _axes(surface.nodal(points)[surface.quads], _GAUSS, surface.normal)[1]
+    area = _axes(surface.to_nodes(points)[surface.quads], _GAUSS, surface.normal)[1]
     shapes = np.stack([_shape(at) for at in _GAUSS])
     volume = area * (surface.thickness(points)[surface.quads] @ shapes.T)
     if factors is not None:
@@ -296,7 +296,7 @@ def free_sheet_motions(
     if bodies is not None:
         alike &= (bodies[upper] == 0) & (bodies[lower] == 0)
     turned = None if normals is None else normals[both]
-    nodal = free_motions(surface.nodal(points), held[both], turned)
+    nodal = free_motions(surface.to_nodes(points), held[both], turned)
     nodal = nodal[:, alike[_first(nodal) % len(alike)]]
     if alike.all():
         return nodal
@@ -304,7 +304,7 @@ def free_sheet_motions(
     pair[upper] = pair[lower] = np.arange(len(alike))
     ends = free_motions(points, held, normals, bodies)
     ends = ends[:, ~alike[pair[_first(ends)]]]
-    found = hstack([nodal, 2**0.5 * surface.matrix() @ ends], format="csc")
+    found = hstack([nodal, 2**0.5 * surface.node_matrix() @ ends], format="csc")
     found.sort_indices()
     return found[:, np.argsort(_first(found), kind="stable")]
 
@@ -321,8 +321,8 @@ def mid_surface_strains(
     # Both are linear in the move of p and δ. Components are xx, yy, zz, yz, zx, xy of the cage.
     found = []
     for part in strains:
-        strain, gradients = part.strained(positions)
-        found.append(strain + part.changes(gradients, moved))
+        strain, gradients = part.strains_and_gradients(positions)
+        found.append(strain + part.strain_changes(gradients, moved))
     mean, thick = found[0].mean(axis=1), found[1].reshape(-1)[surface.quads].mean(axis=1)
     assert plate.shear is not None
     assert plate.thickness is not None
@@ -343,7 +343,7 @@ def frame_matrix(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Float
     # At four points of each quadrilateral, from p and δ: ∂p along two axes in its plane, and d.
     from scipy.sparse import csr_matrix
 
-    z, count = surface.nodal(points)[surface.quads], len(surface.pairs)
+    z, count = surface.to_nodes(points)[surface.quads], len(surface.pairs)
     along, area = _axes(z, _GAUSS, surface.normal)
     slopes = np.stack([_slopes(at) for at in _GAUSS])
     shapes = np.stack([_shape(at) for at in _GAUSS])
@@ -369,19 +369,19 @@ class SheetGradient:
         left, _, right = np.linalg.svd(self._columns(points + displacement))
         self._inverse = (left @ right).swapaxes(1, 2)
 
-    def of(self, displacement: Floats) -> Floats:
+    def evaluate(self, displacement: Floats) -> Floats:
         """Compute the gradients of a displacement, (3, 3, points)."""
         return (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
 
     def _columns(self, vertices: Floats) -> Floats:
-        legs: Floats = (self._legs @ self._surface.nodal(vertices)).reshape(-1, 3, 3)
+        legs: Floats = (self._legs @ self._surface.to_nodes(vertices)).reshape(-1, 3, 3)
         return legs.swapaxes(1, 2)
 
 
 def _unstrained(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
     """Make strains that are zero in the given shape."""
     bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
-    return Strains(nodes, forms, bare.strained(nodal)[0], stiffness)
+    return Strains(nodes, forms, bare.strains_and_gradients(nodal)[0], stiffness)
 
 
 def _shape(at: Floats) -> Floats:

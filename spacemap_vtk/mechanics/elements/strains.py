@@ -59,16 +59,16 @@ class Strains(EnergyTerm):
         """Digest of the elements and their material."""
         return digest_of(self.nodes, self.forms, self.reference, self.stiffness)
 
-    def at(self, positions: Floats) -> StrainState:
+    def evaluate(self, positions: Floats) -> StrainState:
         """Evaluate strains and stresses at positions (V, 3)."""
         return StrainState(self, positions)
 
-    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
+    def strains_and_gradients(self, positions: Floats) -> tuple[Floats, Floats]:
         """Compute strains ε, (E, Q, s), at positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
-        squares, gradients = self.squares(positions)
+        squares, gradients = self.second_order_strains(positions)
         return squares - self.reference, gradients
 
-    def squares(self, positions: Floats) -> tuple[Floats, Floats]:
+    def second_order_strains(self, positions: Floats) -> tuple[Floats, Floats]:
         """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and G."""
         z = positions[self.nodes]
         elements, nodes = self.nodes.shape
@@ -78,19 +78,19 @@ class Strains(EnergyTerm):
 
     def energy(self, positions: Floats) -> float:
         """Compute W = ½ Σ εᵀ C ε [J]."""
-        strain = self.strained(positions)[0]
+        strain = self.strains_and_gradients(positions)[0]
         return 0.5 * float(np.vdot(strain, self.stresses(strain)))
 
     def forces(self, positions: Floats) -> Floats:
         """Compute ∂W/∂z, (V, 3): the forces that hold the shape [N]."""
-        strain, gradients = self.strained(positions)
-        return self.summed(self.stresses(strain), gradients, len(positions))
+        strain, gradients = self.strains_and_gradients(positions)
+        return self.sum_forces(self.stresses(strain), gradients, len(positions))
 
     def stresses(self, strain: Floats) -> Floats:
         """Compute C ε of strains (E, Q, s), quadrature weights included."""
         return (self.stiffness @ strain[..., None])[..., 0]
 
-    def summed(self, stress: Floats, gradients: Floats, count: int) -> Floats:
+    def sum_forces(self, stress: Floats, gradients: Floats, count: int) -> Floats:
         """Sum σ_s G_s over the strains at each of `count` nodes, (count, 3)."""
         elements, nodes = self.nodes.shape
         force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
@@ -100,15 +100,15 @@ class Strains(EnergyTerm):
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
-        strain, gradients = self.strained(positions)
-        return self.tangent_of(self.stresses(strain), gradients)
+        strain, gradients = self.strains_and_gradients(positions)
+        return self.tangent_with_stress(self.stresses(strain), gradients)
 
-    def pulling(self, stress: Floats) -> Floats:
+    def remove_compression(self, stress: Floats) -> Floats:
         """Keep only the stresses, (E, Q, s), with which K is positive definite at any shape."""
         # Compression is removed, and so are stresses of strains whose form is indefinite.
         return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
 
-    def changes(self, gradients: Floats, move: Floats) -> Floats:
+    def strain_changes(self, gradients: Floats, move: Floats) -> Floats:
         """Compute G Δz of a move (V, 3), (E, Q, s)."""
         elements, nodes = self.nodes.shape
         flat = gradients.reshape(elements, -1, 3 * nodes) @ move[self.nodes].reshape(
@@ -130,10 +130,12 @@ class Strains(EnergyTerm):
         """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
-        squares = self.squares(move)[0][self._stabilises]
+        squares = self.second_order_strains(move)[0][self._stabilises]
         return MAX_ROTATION / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
 
-    def tangent_of(self, stress: Floats, gradients: Floats, others: Floats | None = None) -> Floats:
+    def tangent_with_stress(
+        self, stress: Floats, gradients: Floats, others: Floats | None = None
+    ) -> Floats:
         """Compute Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
         # `others` replaces the second G, if the stress changes by other strains than G Δz.
         elements, points, count, nodes, _ = gradients.shape
@@ -148,11 +150,11 @@ class Strains(EnergyTerm):
             blocks[:, :, axis, :, axis] += pull
         return result
 
-    def products(self, positions: Floats, fields: Floats) -> Floats:
+    def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
         """Compute φᵀ K φ for each pair of the fields (m, V, 3), as a sum over strains, (m, m)."""
         # If K is a sum of large forces that cancel, as for a thin sheet that bends, this sum keeps
         # more digits.
-        strain, gradients = self.strained(positions)
+        strain, gradients = self.strains_and_gradients(positions)
         stress = self.stresses(strain)
         elements, nodes = self.nodes.shape
         moved = fields[:, self.nodes]
@@ -167,7 +169,7 @@ class Strains(EnergyTerm):
             total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
         return (total + total.T) / 2
 
-    def resisted(self) -> Floats:
+    def resistance_matrices(self) -> Floats:
         """Compute matrices, (E, 3 n, 3 n), that are zero for moves which strain no element."""
         rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
         seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
@@ -187,7 +189,7 @@ class StrainState(TermState):
         super().__init__(kind, positions)
         self.kind = kind
         #: Strains ε, (E, Q, s), and gradients G, (E, Q, s, n, 3).
-        self.strain, self.gradients = kind.strained(positions)
+        self.strain, self.gradients = kind.strains_and_gradients(positions)
         #: Stresses C ε, (E, Q, s).
         self.stress = kind.stresses(self.strain)
         self._count = len(positions)
@@ -200,23 +202,23 @@ class StrainState(TermState):
     @cached_property
     def forces(self) -> Floats:
         """Forces Σ σ G [N], (V, 3)."""
-        return self.kind.summed(self.stress, self.gradients, self._count)
+        return self.kind.sum_forces(self.stress, self.gradients, self._count)
 
     def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
         """Compute the tangent, with the carried stress if one is given."""
         # `firm` is the share that is removed of stresses that do not pull. If all of it is removed,
         # the tangent is definite.
         stress = self.stress if carried is None else carried
-        stress = stress + firm * (self.kind.pulling(stress) - stress)
-        return self.kind.tangent_of(stress, self.gradients)
+        stress = stress + firm * (self.kind.remove_compression(stress) - stress)
+        return self.kind.tangent_with_stress(stress, self.gradients)
 
-    def predicted(self, move: Floats, curve: Floats | None = None) -> Floats:
+    def predict(self, move: Floats, curve: Floats | None = None) -> Floats:
         """Compute the stress that balances a linear solution, without that of spurious stretch."""
         # Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313 (2017) 986.
-        strain = self.strain + self.kind.changes(self.gradients, move)
+        strain = self.strain + self.kind.strain_changes(self.gradients, move)
         if curve is not None:
-            strain = strain + self.kind.squares(move)[0]
-            strain = strain + self.kind.changes(self.gradients, curve)
+            strain = strain + self.kind.second_order_strains(move)[0]
+            strain = strain + self.kind.strain_changes(self.gradients, curve)
         return self.kind.stresses(strain)
 
 
@@ -229,13 +231,13 @@ class BaseSprings(Strains):
     #: (E, n) Weights w.
     weights: Floats
 
-    def strained(self, positions: Floats) -> tuple[Floats, Floats]:
+    def strains_and_gradients(self, positions: Floats) -> tuple[Floats, Floats]:
         """Compute displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
         moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
         slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
         return moved[:, None] - self.reference, slopes[:, None]
 
-    def resisted(self) -> Floats:
+    def resistance_matrices(self) -> Floats:
         """Compute a matrix of each spring that is zero for moves which it does not resist."""
         size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
         alike = BaseSprings(
@@ -249,7 +251,9 @@ def springs_to_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Flo
     forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
     reference = np.zeros((len(nodes), 1, 3))
     bare = BaseSprings(nodes, forms, reference, stiffness[:, None], weights)
-    return BaseSprings(nodes, forms, bare.strained(points)[0], stiffness[:, None], weights)
+    return BaseSprings(
+        nodes, forms, bare.strains_and_gradients(points)[0], stiffness[:, None], weights
+    )
 
 
 def tetrahedron_strains(

@@ -71,14 +71,14 @@ class Body:
         """Make a matrix of ones with the sparsity pattern of every tangent."""
         return self._csr(np.ones(len(self._columns)))
 
-    def matrix(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
+    def assemble(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
         """Assemble Tᵀ M T from matrices (E, 3 n, 3 n) of each term."""
         values = np.concatenate([block.ravel() for block in blocks])[self._entry]
         return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
 
-    def at(self, z: Floats) -> list[TermState]:
+    def evaluate(self, z: Floats) -> list[TermState]:
         """Evaluate all terms at positions z."""
-        return [term.at(z) for term in self.terms]
+        return [term.evaluate(z) for term in self.terms]
 
     def energies(self, states: list[TermState]) -> Floats:
         """Compute the energy of each term."""
@@ -92,20 +92,20 @@ class Body:
         blocks = [state.tangent(firm, each) for state, each in zip(states, carried, strict=True)]
         for number in np.flatnonzero(self.factors != 1.0):
             blocks[number] = self.factors[number] * blocks[number]
-        return self.matrix(blocks)
+        return self.assemble(blocks)
 
     def forces(self, states: list[TermState]) -> Floats:
         """Compute ∂W/∂q, (N,)."""
         total = np.zeros_like(self.start)
         for factor, state in zip(self.factors, states, strict=True):
             total += factor * state.forces
-        return self.along_free(total)
+        return self.reduce_forces(total)
 
-    def along_free(self, nodal: Floats) -> Floats:
+    def reduce_forces(self, nodal: Floats) -> Floats:
         """Compute Tᵀ f of nodal forces (V, 3)."""
         return self._across @ nodal.ravel()
 
-    def moved(self, q: Floats) -> Floats:
+    def node_moves(self, q: Floats) -> Floats:
         """Compute the move T q of the nodes, (V, 3)."""
         return (self.basis @ q).reshape(-1, 3)
 
@@ -117,29 +117,29 @@ class Body:
         """Check whether all terms admit the positions z."""
         return all(term.admits(self.start, z) for term in self.terms)
 
-    def solution(self, matrix: sp.csr_matrix) -> Solve:
+    def factorise(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a positive definite matrix; return its solver."""
         self.report()
         self.steps += 1
         solve = factorise(self._shifted(matrix), lambda: self._analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
-    def definite(self, matrix: sp.csr_matrix) -> Solve:
+    def factorise_definite(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a matrix that is positive definite up to rounding; return its solver."""
         while True:
             try:
-                return self.solution(matrix)
+                return self.factorise(matrix)
             except SolverError:
                 if self._shift >= MOST_SHIFT:
                     raise
                 self._shift *= 100
 
-    def unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
+    def factorise_unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
         order = self._analysis.order
         try:
             solve = splu(
-                self._analysis.ordered(matrix),
+                self._analysis.reorder(matrix),
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.01,
                 options={"SymmetricMode": True},
@@ -154,9 +154,11 @@ class Body:
 
         return solved
 
-    def lowest(self, matrix: sp.csr_matrix, definite: sp.csr_matrix) -> tuple[float, Floats, Solve]:
+    def lowest_eigenpair(
+        self, matrix: sp.csr_matrix, definite: sp.csr_matrix
+    ) -> tuple[float, Floats, Solve]:
         """Find the lowest eigenvalue of a pencil, its vector, and the solver of `definite`."""
-        solve, size = self.definite(definite), matrix.shape[0]
+        solve, size = self.factorise_definite(definite), matrix.shape[0]
         definite = self._shifted(definite)
         if size <= _DENSE:
             values, vectors = la.eigh(matrix.toarray(), definite.toarray(), subset_by_index=[0, 0])
@@ -185,13 +187,13 @@ class Body:
             ) from error
         return float(values[0]) + 1.0, vectors[:, 0], solve
 
-    def free_share(self, load: Floats) -> float:
+    def unresisted_share(self, load: Floats) -> float:
         """Compute the share of a load (N,) that no term resists, however the body is deformed."""
         # A load that only turns the body leads to a new equilibrium; a load that no term resists
         # moves the body without end.
-        blocks = [term.resisted() for term in self.terms]
-        matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
-        moved = self.solution(matrix)(load)
+        blocks = [term.resistance_matrices() for term in self.terms]
+        matrix = self.assemble([block / abs(block).max(initial=1e-300) for block in blocks])
+        moved = self.factorise(matrix)(load)
         work = float(moved @ load)
         return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0
 

@@ -121,7 +121,7 @@ class EnergyTerm(ABC):
         """
         return True
 
-    def resisted(self) -> Floats:
+    def resistance_matrices(self) -> Floats:
         """Compute matrices that are zero for motions which the term never resists.
 
         Returns
@@ -132,7 +132,7 @@ class EnergyTerm(ABC):
         size = 3 * self.nodes.shape[1]
         return np.broadcast_to(np.eye(size), (len(self.nodes), size, size))
 
-    def at(self, positions: Floats) -> TermState:
+    def evaluate(self, positions: Floats) -> TermState:
         """Evaluate the term at the given positions.
 
         Parameters
@@ -147,7 +147,7 @@ class EnergyTerm(ABC):
         """
         return TermState(self, positions)
 
-    def products(self, positions: Floats, fields: Floats) -> Floats:
+    def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
         """Compute φᵀ K φ for each pair of displacement fields.
 
         Parameters
@@ -195,7 +195,7 @@ class TermState:
         negative = (vectors * np.minimum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
         return np.asarray(blocks - firm * negative)
 
-    def predicted(self, move: Floats, curve: Floats | None = None) -> Any:
+    def predict(self, move: Floats, curve: Floats | None = None) -> Any:
         """Predict data for the tangent after a move and a curve; None: it uses the new state."""
         return None
 

@@ -107,8 +107,8 @@ def find_equilibrium(
     # not suffice.
     with blas_threads.use_one_thread():
         body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
-        acting = -body.along_free(np.sum([load.forces(start) for load in loads], axis=0))
-        if body.free_share(acting) > FREE:
+        acting = -body.reduce_forces(np.sum([load.forces(start) for load in loads], axis=0))
+        if body.unresisted_share(acting) > FREE:
             raise InputError(
                 "nothing holds the cage, or a part of it, against the load",
                 cure="Hold a side or a corner of it, or take the load away",
@@ -182,7 +182,7 @@ class _Search:
             own = settled or self._careful
             matrix = body.tangent(states, None if own else self._carried, self._firm)
             try:
-                solve = (body.definite if self._firm == 1.0 else body.solution)(matrix)
+                solve = (body.factorise_definite if self._firm == 1.0 else body.factorise)(matrix)
             except SolverError:
                 if self._firm > 0.0:
                     self._firm = min(1.0, 3.0 * self._firm)
@@ -208,13 +208,13 @@ class _Search:
 
     def _at(self, z: Floats) -> list[TermState]:
         if self._known is None or self._known[0] is not z:
-            self._known = z, self._body.at(z)
+            self._known = z, self._body.evaluate(z)
         return self._known[1]
 
     def _applied(self, states: list[TermState]) -> float:
         """Compute the norm of the loads."""
         forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
-        return self._share * float(np.linalg.norm(self._body.along_free(forces)))
+        return self._share * float(np.linalg.norm(self._body.reduce_forces(forces)))
 
     def _astray(self, energy: float, size: float, settled: bool) -> bool:
         """Go back to the state of least energy if the search leads away from it."""
@@ -234,7 +234,7 @@ class _Search:
 
     def _step(self, states: list[TermState], q: Floats) -> None:
         """Make a step, and choose the next tangent."""
-        move = self._body.moved(q)
+        move = self._body.node_moves(q)
         most = self._body.largest_step(self._z, move)
         if self._careful:
             length = self._fall(q, np.zeros_like(q), min(2.0, most))[0]
@@ -243,7 +243,7 @@ class _Search:
             length, near = min(1.0, most), NEAR * most > 1.0
         self._firm = self._firm / 3 if near else 1.0
         move = length * move
-        self._carried = [state.predicted(move) for state in states]
+        self._carried = [state.predict(move) for state in states]
         self._z = self._moved_to(self._z + move)
 
     def _moved_to(self, z: Floats) -> Floats:
@@ -253,28 +253,28 @@ class _Search:
     def _left(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
         """Leave a state of indefinite tangent; return whether it is indefinite beyond rounding."""
         body = self._body
-        value, q, solve = body.lowest(matrix, body.tangent(states, firm=1.0))
+        value, q, solve = body.lowest_eigenpair(matrix, body.tangent(states, firm=1.0))
         self._won = np.inf
         if value > -ROUNDING * float(abs(q) @ (abs(matrix) @ abs(q))):
             return False
         straight = self._z - self._start
         if self.critical is None and body.largest_step(self._start, straight) * STRAIGHT > 1.0:
-            stable = body.tangent(body.at(self._start))
-            way = -1.0 / body.lowest(matrix - stable, stable)[0]
+            stable = body.tangent(body.evaluate(self._start))
+            way = -1.0 / body.lowest_eigenpair(matrix - stable, stable)[0]
             self.critical = self._before + (self._share - self._before) * way
         # The first of the largest components is made positive, or rounding would choose the side.
         q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
-        move = body.moved(q)
+        move = body.node_moves(q)
         q = q * min(body.largest_step(self._z, side * move) for side in (1.0, -1.0))
-        move = body.moved(q)
+        move = body.node_moves(q)
         # Bending must not stretch the sheet, so the path is curved: z + a Δz + a² w (Koiter 1945).
-        there, back = (body.forces(body.at(self._z + side * move)) for side in (1.0, -1.0))
+        there, back = (body.forces(body.evaluate(self._z + side * move)) for side in (1.0, -1.0))
         bend = -solve((there + back) / 2 - body.forces(states))
         length, energy = self._fall(q, bend, 1.0)
         other, lower = self._fall(-q, bend, 1.0)
         length = -other if lower < energy else length
-        move, curve = length * move, length**2 * body.moved(bend)
-        self._carried = [state.predicted(move, curve) for state in states]
+        move, curve = length * move, length**2 * body.node_moves(bend)
+        self._carried = [state.predict(move, curve) for state in states]
         self._z = self._z + move + curve
         return True
 
@@ -282,7 +282,7 @@ class _Search:
         """Find how far, up to `most`, the energy falls along a q + a² bend, and its value there."""
         # The only assumption about the energy is that its slope along the path is continuous.
         body, z = self._body, self._z
-        move, curve = body.moved(q), body.moved(bend)
+        move, curve = body.node_moves(q), body.node_moves(bend)
 
         def trial(length: float) -> tuple[float, float, float]:
             states = self._at(z + length * move + length**2 * curve if length else z)

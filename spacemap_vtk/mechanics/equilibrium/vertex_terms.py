@@ -20,7 +20,7 @@ class VertexTerm(EnergyTerm):
         self.nodes = term.nodes
         self.conservative = term.conservative
         if surface is not None:
-            ends, signs = surface.ends()
+            ends, signs = surface.vertex_nodes()
             self.nodes = ends[term.nodes].reshape(len(term.nodes), -1)
             #: (E, n, 2) Signs of the mid-point and the half thickness of each vertex.
             self._signs = signs[term.nodes]
@@ -37,7 +37,7 @@ class VertexTerm(EnergyTerm):
     def forces(self, positions: Floats) -> Floats:
         """Compute the gradient of the energy by the nodes."""
         forces = self._factor * self._term.forces(self._vertices(positions))
-        return forces if self._surface is None else 2 * self._surface.nodal(forces)
+        return forces if self._surface is None else 2 * self._surface.to_nodes(forces)
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute the second derivatives of the energy by the nodes."""
@@ -51,12 +51,12 @@ class VertexTerm(EnergyTerm):
         """Check whether the wrapped term admits the positions."""
         return self._term.admits(self._vertices(start), self._vertices(positions))
 
-    def resisted(self) -> Floats:
+    def resistance_matrices(self) -> Floats:
         """Compute the matrices of the wrapped term by the nodes."""
-        return self._of_nodes(self._term.resisted())
+        return self._of_nodes(self._term.resistance_matrices())
 
     def _vertices(self, nodal: Floats) -> Floats:
-        return nodal if self._surface is None else self._surface.vertices(nodal)
+        return nodal if self._surface is None else self._surface.to_vertices(nodal)
 
     def _of_nodes(self, blocks: Floats) -> Floats:
         if self._surface is None:

@@ -82,7 +82,7 @@ class Analysis:
         done = np.cumsum([w * (w * w / 3 + w * h + h * h) for w, h in sizes])
         return done / done[-1]
 
-    def ordered(self, matrix: sp.csr_matrix, lower: bool = False) -> sp.csc_matrix:
+    def reorder(self, matrix: sp.csr_matrix, lower: bool = False) -> sp.csc_matrix:
         """Put a matrix, or its lower triangle, into the order of elimination."""
         # Time steps and searches order one pattern a thousand times. Without keeping the positions
         # of its entries, this took as long as the elimination.
@@ -103,11 +103,11 @@ class Analysis:
         values = matrix.data[entries.data]
         return sp.csc_matrix((values, entries.indices, entries.indptr), shape=matrix.shape)
 
-    def assembled(
+    def assemble_fronts(
         self, matrix: sp.csr_matrix, left: list[Floats | None]
     ) -> Iterator[tuple[int, Floats, Floats, Floats]]:
         """Yield each front, with the updates of its children added."""
-        lower = self.ordered(matrix, lower=True)
+        lower = self.reorder(matrix, lower=True)
         starts, rows, values = lower.indptr, lower.indices, lower.data
         place = np.empty(matrix.shape[0], np.int64)
         for number, ((first, last), border) in enumerate(zip(self.runs, self.borders, strict=True)):
@@ -150,7 +150,7 @@ class Cholesky:
         self._blocks: list[tuple[Floats, Floats]] = []
         left: list[Floats | None] = [None] * len(analysis.runs)
         share = analysis.work
-        for number, pivot, side, rest in analysis.assembled(matrix, left):
+        for number, pivot, side, rest in analysis.assemble_fronts(matrix, left):
             triangle, failed = lapack.dpotrf(pivot, lower=1, clean=1, overwrite_a=1)
             if failed:
                 raise SolverError(
@@ -197,7 +197,7 @@ def count_negative_eigenvalues(
     # Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
     left: list[Floats | None] = [None] * len(analysis.runs)
     count, share = 0, np.append(0.0, analysis.work)
-    for number, pivot, side, rest in analysis.assembled(matrix, left):
+    for number, pivot, side, rest in analysis.assemble_fronts(matrix, left):
         before, after = share[number : number + 2]
         for first in range(0, len(pivot), PANEL):
             count += _eliminated(pivot[first:, first:], side[:, first:], rest)

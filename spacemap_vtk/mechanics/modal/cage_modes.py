@@ -78,7 +78,7 @@ class CageModes:
         self._rounding: dict[str, float] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
 
-    def away(self, place: ArrayLike) -> float:
+    def distance_outside(self, place: ArrayLike) -> float:
         """Compute the distance of a point from the cage's bounding box.
 
         Parameters
@@ -97,7 +97,7 @@ class CageModes:
         return distance if distance > FAR * np.linalg.norm(high - low) else 0.0
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether these are all modes of the cage."""
         return len(self.eigenvalues) >= self.model.pencil.size
 
@@ -111,7 +111,7 @@ class CageModes:
             return MeanGradient(self.model.points + moved, self.model.cells)
         return SheetGradient(self.model.points, surface, moved)
 
-    def strained(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
+    def strain_and_stress(self, moved: Floats, gradients: Floats) -> tuple[Floats, Floats]:
         """Compute strain and stress of each tetrahedron.
 
         Parameters
@@ -132,7 +132,7 @@ class CageModes:
         if self.model.plate is None and self.model.displacement is None:
             strain = strains(gradients)
             return strain, self.model.stress(strain)
-        return self.model.strained(moved)
+        return self.model.strain_and_stress(moved)
 
     @cached_property
     def effective_masses(self) -> Floats:
@@ -151,7 +151,7 @@ class CageModes:
         # If a cage is held along an axis everywhere, no mass can move along it.
         return np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
 
-    def vector(
+    def load_vector(
         self,
         action: str,
         value: Any,
@@ -185,7 +185,7 @@ class CageModes:
         InputError
             If a base moves but nothing is fixed, or the cage has no face on that side.
         """
-        if action.startswith("base") and not self.model.grounded:
+        if action.startswith("base") and not self.model.is_grounded:
             raise InputError(
                 "nothing is fixed, so there is no base to move",
                 key=f"loads.{action}",
@@ -214,7 +214,7 @@ class CageModes:
         self._forces[f"array {place}"] = np.ravel(value)
         return LoadVector(((f"array {place}", 1.0),), function)
 
-    def force(self, vector: LoadVector) -> Floats:
+    def vertex_forces(self, vector: LoadVector) -> Floats:
         """Compute the forces of a load vector.
 
         Parameters
@@ -252,7 +252,7 @@ class CageModes:
             Shapes and eigenvalues; the same object as long as the elementary vectors are the same.
         """
         names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
-        if not residual or self.complete or not names:
+        if not residual or self.is_complete or not names:
             return Basis(self.eigenvalues, self.shapes)
         if names not in self._bases:
             free = self.model.free
@@ -277,7 +277,7 @@ class CageModes:
             }
         return self._bases[names]
 
-    def rounding(self, vectors: Sequence[LoadVector]) -> float:
+    def static_rounding(self, vectors: Sequence[LoadVector]) -> float:
         """Estimate the rounding errors of the static response to given loads.
 
         Parameters
@@ -308,7 +308,9 @@ class CageModes:
         """
         loaded = np.zeros(3, dtype=bool)
         for vector in vectors:
-            force = self.model.pencil.movable(self.force(vector)[:, None]).reshape(-1, 3)
+            force = self.model.pencil.remove_held(self.vertex_forces(vector)[:, None]).reshape(
+                -1, 3
+            )
             loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
         return loaded
 

@@ -41,19 +41,19 @@ def coarsen(model: Model) -> Model | None:
     points, cells = build_lattice((0, 1, 0, 1, 0, 0.01), (kept.shape[1] - 1, kept.shape[0] - 1, 1))
     own = find_mid_surface(points, cells)
     assert own is not None
-    order = np.lexsort(own.nodal(points)[: len(own.pairs), :2].T)
+    order = np.lexsort(own.to_nodes(points)[: len(own.pairs), :2].T)
     held = np.zeros(points.shape, dtype=bool)
     for mine, theirs in zip(own.pairs.T, surface.pairs.T, strict=True):
         points[mine[order]] = model.points[theirs[kept.ravel()]]
         held[mine[order]] = ~model.free.reshape(-1, 3)[theirs[kept.ravel()]]
-    if not plate.local:
+    if not plate.follows_thickness:
         plate = Plate(plate.membrane, plate.bending)
     return Model(points, cells, plate, model.density, held, model.lumped)
 
 
 def _grid(points: Floats, surface: MidSurface) -> Ints | None:
     """Arrange the pairs of a rectangular lattice in rows and columns; None for other meshes."""
-    places = surface.nodal(points)[: len(surface.pairs)]
+    places = surface.to_nodes(points)[: len(surface.pairs)]
     near = _LINE * float(np.ptp(places, axis=0).max())
     lines = []
     for axis in ((surface.normal + 2) % 3, (surface.normal + 1) % 3):

@@ -23,7 +23,7 @@ class Damping(NamedTuple):
     ratio: float | tuple[float, ...] = 0.0
     """ζ of every mode with a frequency; or ζ of each mode, the last also for all higher modes."""
 
-    def alphas(self, eigenvalues: Floats) -> Floats:
+    def mass_damping(self, eigenvalues: Floats) -> Floats:
         """Compute each mode's mass-proportional damping, α + 2ζ√λ.
 
         Parameters
@@ -40,7 +40,7 @@ class Damping(NamedTuple):
         ratios = given[np.minimum(np.arange(len(eigenvalues)), len(given) - 1)]
         return np.asarray(self.alpha + 2.0 * ratios * np.sqrt(eigenvalues))
 
-    def halves(self, eigenvalues: Floats) -> Floats:
+    def decay_rates(self, eigenvalues: Floats) -> Floats:
         """Compute h of each mode, the rate at which its oscillation decays.
 
         Parameters
@@ -53,7 +53,7 @@ class Damping(NamedTuple):
         ndarray of float64, shape (n,)
             Rates h [1/s].
         """
-        return 0.5 * (self.alphas(eigenvalues) + self.beta * eigenvalues)
+        return 0.5 * (self.mass_damping(eigenvalues) + self.beta * eigenvalues)
 
 
 @runtime_checkable

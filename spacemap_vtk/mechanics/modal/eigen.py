@@ -168,9 +168,9 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
 def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
     """Compute at least the lowest modes of a component."""
     size = component.size
-    if size <= 6 and component.nodes is not None and component.motions.shape[1] == size:
+    if size <= 6 and component.nodes is not None and component.rigid_motions.shape[1] == size:
         report(1.0)
-        return component.motions  # of a rigid body that nothing holds, whose K is zero
+        return component.rigid_motions  # of a rigid body that nothing holds, whose K is zero
     if not _is_dense(size, count):
         return _counted(component, count, report)
     # LAPACK finds all modes in half the time of many modes: "gvd" uses divide and conquer.
@@ -224,7 +224,7 @@ def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats
     rigid = energy <= RIGID * noise
     rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
     if component.strain_products is not None and (doubtful := energy <= DOUBTFUL * noise).any():
-        motions = component.motions
+        motions = component.rigid_motions
         left = motions.shape[1]
         rigid = np.zeros(len(energy), dtype=bool)
         rigid[np.argsort(energy, kind="stable")[:left]] = True
@@ -296,7 +296,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> Floats:
 
         def solve(seed: int = attempt) -> tuple[Floats, Floats]:
             return lowest_modes(
-                component.factorised(lambda part: report(0.3 * part)).solve,
+                component.factorise(lambda part: report(0.3 * part)).solve,
                 component.stiffness,
                 component.mass,
                 min(count + SPARE, component.size),

@@ -149,7 +149,7 @@ class MeshPencil(Pencil):
         return sheet_strains(self._points, self.surface, plate, average_over_quads(factors))
 
     @cached_property
-    def others(self) -> list[EnergyTerm]:
+    def other_terms(self) -> list[EnergyTerm]:
         """Springs, if there are any, and added terms."""
         found = self.fittings.springs
         springs = [] if found is None else [self._against_base(found)]
@@ -158,18 +158,18 @@ class MeshPencil(Pencil):
     @property
     def terms(self) -> list[EnergyTerm]:
         """All terms of the energy."""
-        return [*self.elements, *self.others]
+        return [*self.elements, *self.other_terms]
 
     @cached_property
     def nodes(self) -> Nodes:  # type: ignore[override]
         moved = 0.0 if self._displacement is None else self._displacement
         positions, places = self._points + moved, np.ones(len(self._points), dtype=bool)
         if self.surface is not None:
-            positions = self.surface.nodal(positions)
+            positions = self.surface.to_nodes(positions)
             places[len(self.surface.pairs) :] = False
         nodes = Nodes(positions, places)
-        if self.others:
-            alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.others]
+        if self.other_terms:
+            alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.other_terms]
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
@@ -179,16 +179,16 @@ class MeshPencil(Pencil):
     @property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return int(self.free.sum()) if self.plain else super().size
+        return int(self.free.sum()) if self.has_plain_supports else super().size
 
     @property
-    def plain(self) -> bool:
+    def has_plain_supports(self) -> bool:
         """Whether all supports act along axes, without rigid bodies."""
         return self.fittings.normals is None and self.fittings.bodies is None
 
     @cached_property
     def basis(self) -> csc_matrix:
-        if self.surface is None and self.plain:
+        if self.surface is None and self.has_plain_supports:
             return free_columns(self.free)
         held, (normals, bodies) = ~self.free.reshape(-1, 3), self.fittings[:2]
         if self.surface is None:
@@ -198,15 +198,15 @@ class MeshPencil(Pencil):
         return require_columns(found)
 
     @cached_property
-    def whole_stiffness(self) -> csr_matrix:
+    def full_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
             return assemble_tangent(self.terms, positions)
         found = stiffness_matrix(self.assembly, self.material[0])
-        return found + assemble_tangent(self.others, positions) if self.others else found
+        return found + assemble_tangent(self.other_terms, positions) if self.other_terms else found
 
     @cached_property
-    def whole_mass(self) -> csr_matrix:
+    def full_mass(self) -> csr_matrix:
         found = mass_matrix(self.assembly, 1.0, self._lumped)
         if self.fittings.masses is None:
             return found
@@ -219,25 +219,25 @@ class MeshPencil(Pencil):
             return partial(_products, self.terms, self.nodes.positions)
         solid = self._points, self._cells, self.material[0]
         found = partial(strain_products, *solid, factors=self._stiff)
-        if not self.others:
+        if not self.other_terms:
             return found
-        return lambda fields: found(fields) + _products(self.others, self._points, fields)
+        return lambda fields: found(fields) + _products(self.other_terms, self._points, fields)
 
-    def gathered(self, forces: Floats) -> Floats:
+    def reduce_forces(self, forces: Floats) -> Floats:
         """Convert forces on the vertices (3V, m) to forces on the free coordinates (N, m)."""
-        found = self.coordinates(forces)
+        found = self.reduce_displacements(forces)
         return found if self.surface is None else 2 * found
 
-    def coordinates(self, moved: Floats) -> Floats:
+    def reduce_displacements(self, moved: Floats) -> Floats:
         """Convert displacements of the vertices (3V, m) to free coordinates (N, m)."""
-        if self.surface is None and self.plain:
+        if self.surface is None and self.has_plain_supports:
             return moved[self.free]
         nodal = moved if self.surface is None else self._nodal(moved)
         return self.basis.T @ nodal
 
-    def spread(self, coordinates: Floats) -> Floats:
+    def expand(self, coordinates: Floats) -> Floats:
         """Convert free coordinates (N, m) to displacements of the vertices (3V, m)."""
-        if self.surface is None and self.plain:
+        if self.surface is None and self.has_plain_supports:
             result = np.zeros((len(self.free), coordinates.shape[1]))
             result[self.free] = coordinates
             return result
@@ -245,19 +245,19 @@ class MeshPencil(Pencil):
         if self.surface is None:
             return nodal
         nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
-        return self.surface.vertices(nodal).reshape(len(self.free), -1)
+        return self.surface.to_vertices(nodal).reshape(len(self.free), -1)
 
-    def movable(self, moved: Floats) -> Floats:
+    def remove_held(self, moved: Floats) -> Floats:
         """Remove from displacements or forces on the vertices (3V, m) the part that is held."""
-        if self.plain:
+        if self.has_plain_supports:
             return moved * self.free[:, None]
-        return self.spread(self.coordinates(moved))
+        return self.expand(self.reduce_displacements(moved))
 
-    def of_vertices(self, matrix: csr_matrix) -> csr_matrix:
+    def to_vertices(self, matrix: csr_matrix) -> csr_matrix:
         """Convert a matrix of the nodal vectors to one of the vertices."""
         if self.surface is None:
             return matrix
-        turn = self.surface.matrix()
+        turn = self.surface.node_matrix()
         return (turn.T @ matrix @ turn).tocsr()
 
     def _against_base(self, blocks: Floats) -> Strains:
@@ -267,14 +267,14 @@ class MeshPencil(Pencil):
             return springs_to_base(
                 self._points, where[:, None], np.ones((len(where), 1)), blocks[where]
             )
-        nodes, signs = self.surface.ends()
-        rest = self.surface.nodal(self._points)
+        nodes, signs = self.surface.vertex_nodes()
+        rest = self.surface.to_nodes(self._points)
         return springs_to_base(rest, nodes[where], signs[where], blocks[where])
 
     def _nodal(self, table: Floats) -> Floats:
         assert self.surface is not None
         whole = table.reshape(len(self._points), 3, table.shape[1])
-        return self.surface.nodal(whole).reshape(table.shape)
+        return self.surface.to_nodes(whole).reshape(table.shape)
 
 
 _assemblies: WeakValues[Assembly] = WeakValues()
@@ -337,7 +337,7 @@ def _alike(blocks: Floats) -> Floats:
 
 
 def _products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
-    return np.sum([term.products(positions, fields) for term in terms], axis=0)
+    return np.sum([term.stiffness_products(positions, fields) for term in terms], axis=0)
 
 
 def _rounded(matrix: Floats) -> Floats:

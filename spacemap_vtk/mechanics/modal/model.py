@@ -104,7 +104,7 @@ class Model:
             # for a mesh that is not a sheet the pencil raises the error
             material = keep_normals_upright(material, 1.0 if sheet is None else sheet.cell)
         self.plate = material if isinstance(material, Plate) else None
-        self.parts = parts = _parts(material)
+        self.stiffness_parts = parts = _parts(material)
         #: Factor of the pencil's stiffness: the largest elasticity [Pa], or for a sheet the largest
         #: membrane stiffness [N/m].
         self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
@@ -125,14 +125,14 @@ class Model:
                 springs=None if fittings.springs is None else fittings.springs / self.modulus,
                 masses=None if fittings.masses is None else fittings.masses / self.density,
             ),
-            self.plate is not None and self.plate.local,
+            self.plate is not None and self.plate.follows_thickness,
             self.terms,
         )
 
     @property
     def elasticity(self) -> Floats:
         """Elasticity matrix of a solid [Pa]."""
-        return self.parts[0]
+        return self.stiffness_parts[0]
 
     @property
     def digest(self) -> str:
@@ -145,7 +145,7 @@ class Model:
         return self.pencil.free
 
     @property
-    def grounded(self) -> bool:
+    def is_grounded(self) -> bool:
         """Whether anything connects the body to its base."""
         normals, springs = self.fittings.normals, self.fittings.springs
         held = not self.free.all() or normals is not None or springs is not None
@@ -154,12 +154,12 @@ class Model:
     @cached_property
     def stiffness(self) -> csr_matrix:
         """Stiffness K [N/m] of the vertices, shape (3V, 3V), with free and held components."""
-        return self.modulus * self.pencil.of_vertices(self.pencil.whole_stiffness)
+        return self.modulus * self.pencil.to_vertices(self.pencil.full_stiffness)
 
     @cached_property
     def mass(self) -> csr_matrix:
         """Mass M [kg] of the vertices, shape (3V, 3V), with free and held components."""
-        return self.density * self.pencil.of_vertices(self.pencil.whole_mass)
+        return self.density * self.pencil.to_vertices(self.pencil.full_mass)
 
     @cached_property
     def nodal_mass(self) -> Floats:
@@ -170,22 +170,26 @@ class Model:
             found = nodal_mass(*mesh, fitted.mass_factors)
         else:
             places = self.pencil.assembly.lumps[: len(surface.pairs)] * self.density
-            found = surface.vertices(np.concatenate([places, 0.0 * places])) / 2
+            found = surface.to_vertices(np.concatenate([places, 0.0 * places])) / 2
         return found if fitted.masses is None else found + fitted.masses
 
     @cached_property
     def movable_mass(self) -> Floats:
         """Sum of the effective masses of all modes along x, y and z [kg], shape (3,)."""
-        if self.pencil.surface is None and self.pencil.plain and self.fittings.masses is None:
+        if (
+            self.pencil.surface is None
+            and self.pencil.has_plain_supports
+            and self.fittings.masses is None
+        ):
             return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
         forces = np.einsum("v,ij->vij", self.nodal_mass, np.eye(3)).reshape(-1, 3)
-        loads, mass = self.pencil.gathered(forces), self.density * self.pencil.mass
+        loads, mass = self.pencil.reduce_forces(forces), self.density * self.pencil.mass
         return inverse_mass_products(lambda x: mass @ x, mass.diagonal(), loads)
 
     @cached_property
-    def rigid(self) -> Floats:
+    def rigid_modes(self) -> Floats:
         """Mass-normalised motions without strain that the supports allow, shape (3V, r)."""
-        return self.pencil.spread(self.pencil.rigid) / np.sqrt(self.density)
+        return self.pencil.expand(self.pencil.rigid_modes) / np.sqrt(self.density)
 
     @cached_property
     def forces(self) -> Floats:
@@ -193,7 +197,7 @@ class Model:
         forces, surface = self.pencil.nodes.forces, self.pencil.surface
         if forces is None:
             return np.zeros(self.points.size)
-        result: Floats = surface.vertices(forces) / 2 if surface else forces
+        result: Floats = surface.to_vertices(forces) / 2 if surface else forces
         return self.modulus * result.ravel()
 
     @cached_property
@@ -281,8 +285,10 @@ class Model:
         # One at a time: in a joint solution the last digits of each depend on the others.
         found, rounding = np.empty(forces.shape), np.empty(forces.shape[1])
         for k, force in enumerate(forces.T):
-            solved, rounding[k : k + 1] = self.pencil.solve(self.pencil.gathered(force[:, None]))
-            found[:, k] = self.pencil.spread(solved)[:, 0]
+            solved, rounding[k : k + 1] = self.pencil.solve(
+                self.pencil.reduce_forces(force[:, None])
+            )
+            found[:, k] = self.pencil.expand(solved)[:, 0]
         return found, rounding
 
     def modes(self, count: int, progress: Callable[[float], object] | None = None) -> Modes:
@@ -311,7 +317,7 @@ class Model:
         surface = self.pencil.surface
         if surface is None:
             return found
-        shapes = surface.vertices(found.shapes.swapaxes(0, 1)).swapaxes(0, 1)
+        shapes = surface.to_vertices(found.shapes.swapaxes(0, 1)).swapaxes(0, 1)
         return found._replace(shapes=np.ascontiguousarray(shapes))
 
     def residual_modes(
@@ -337,22 +343,22 @@ class Model:
         shapes : ndarray of float64, shape (k, 3V)
             Mass-normalised shapes, M-orthogonal to the modes.
         """
-        if self.pencil.surface is None and self.pencil.plain:
+        if self.pencil.surface is None and self.pencil.has_plain_supports:
             matrices = self.stiffness, self.mass
             return residual_modes(shapes, eigenvalues, *matrices, loads, statics)
         # In the pencil's coordinates, as K of a sheet's vertices has few correct digits of bending.
         pencil = self.pencil
         values, found = residual_modes(
-            pencil.coordinates(shapes.T).T,
+            pencil.reduce_displacements(shapes.T).T,
             eigenvalues,
             self.modulus * pencil.stiffness,
             self.density * pencil.mass,
-            pencil.gathered(loads),
-            pencil.coordinates(statics),
+            pencil.reduce_forces(loads),
+            pencil.reduce_displacements(statics),
         )
-        return values, pencil.spread(found.T).T
+        return values, pencil.expand(found.T).T
 
-    def hung(
+    def solve_equilibrium(
         self, forces: Floats, progress: Callable[[float], object] | None = None
     ) -> tuple[Floats, float | None]:
         """Compute the equilibrium of the undeformed body under dead loads, at any displacement.
@@ -390,12 +396,12 @@ class Model:
             )
         pencil, surface = self.pencil, self.pencil.surface
         load = forces.reshape(-1, 3) / self.modulus
-        load = load if surface is None else 2 * surface.nodal(load)
+        load = load if surface is None else 2 * surface.to_nodes(load)
         start = pencil.nodes.positions
         loads = [DeadLoad(load, start)]
         found = find_equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
         moved = found.positions - start
-        return (moved if surface is None else surface.vertices(moved)), found.critical
+        return (moved if surface is None else surface.to_vertices(moved)), found.critical
 
     def estimate_bytes(self, layers: float) -> int:
         """Estimate the memory that an equilibrium needs.
@@ -419,7 +425,7 @@ class Model:
         cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
         return round(1.8 * each * cells) + estimate_bytes(self.pencil.size, 8, layers)
 
-    def strained(self, moved: Floats, large: bool = False) -> tuple[Floats, Floats]:
+    def strain_and_stress(self, moved: Floats, large: bool = False) -> tuple[Floats, Floats]:
         """Compute strain and stress of each tetrahedron for a displacement from the equilibrium.
 
         Parameters
@@ -439,17 +445,19 @@ class Model:
         """
         pencil = self.pencil
         positions, surface = pencil.nodes.positions, pencil.surface
-        moved = moved if surface is None else surface.nodal(moved)
+        moved = moved if surface is None else surface.to_nodes(moved)
         if large:
             positions, moved = positions + moved, np.zeros_like(moved)
         if surface is None:
             solid = pencil.elements[0]
-            strain, gradients = solid.strained(positions)
-            mean = (strain + solid.changes(gradients, moved)).mean(axis=1)
+            strain, gradients = solid.strains_and_gradients(positions)
+            mean = (strain + solid.strain_changes(gradients, moved)).mean(axis=1)
             return mean, self.stress(mean)
         assert self.plate is not None
         mean, pull = mid_surface_strains(pencil.elements, positions, moved, surface, self.plate)
-        pull *= surface.taper(self.points, self.plate)[surface.quads].mean(axis=1)[:, None]
+        pull *= surface.relative_thickness(self.points, self.plate)[surface.quads].mean(axis=1)[
+            :, None
+        ]
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
         if (factors := average_over_quads(self.fittings.stiffness_factors)) is not None:
             stress *= factors[:, None]

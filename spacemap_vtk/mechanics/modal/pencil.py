@@ -67,7 +67,7 @@ class Nodes(NamedTuple):
         """Numbers of the nodes with a position; each other node belongs to one, in their order."""
         return np.flatnonzero(self.translate)
 
-    def rigid(self, near: Ints) -> tuple[Floats, Floats]:
+    def rigid_motions(self, near: Ints) -> tuple[Floats, Floats]:
         """Compute the six rigid motions of given nodes, (3n, 6), and how they turn the loads."""
         loads = np.zeros((len(near), 3, 6))
         if self.forces is not None and self.forces.any():
@@ -92,7 +92,7 @@ class Pencil:
         nodes: Nodes | None = None,
         strain_products: Callable[[Floats], Floats] | None = None,
     ) -> None:
-        self.whole_stiffness, self.whole_mass, self.basis = stiffness, mass, basis
+        self.full_stiffness, self.full_mass, self.basis = stiffness, mass, basis
         self.nodes: Nodes | None = nodes
         self.strain_products: Callable[[Floats], Floats] | None = strain_products
 
@@ -111,12 +111,12 @@ class Pencil:
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
         """K of the free coordinates."""
-        return self._reduced(self.whole_stiffness)
+        return self._reduced(self.full_stiffness)
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
         """M of the free coordinates."""
-        mass = self._reduced(self.whole_mass)
+        mass = self._reduced(self.full_mass)
         massless = mass.diagonal() <= 0
         if massless.any():
             raise InputError(
@@ -142,7 +142,7 @@ class Pencil:
         parts = []
         for part in range(count) if count > 1 else ():
             rows = np.flatnonzero(owner == part)
-            whole = self.whole_stiffness, self.whole_mass, self.basis[:, rows]
+            whole = self.full_stiffness, self.full_mass, self.basis[:, rows]
             parts.append(Pencil(*whole, self.nodes, self.strain_products))
             parts[-1].rows = rows
         return parts
@@ -210,9 +210,9 @@ class Pencil:
     @property
     def factors(self) -> Factors:
         """Factors of K + σM, computed once."""
-        return self.factorised(None)
+        return self.factorise(None)
 
-    def factorised(self, progress: Callable[[float], object] | None) -> Factors:
+    def factorise(self, progress: Callable[[float], object] | None) -> Factors:
         """Factorise K + σM if necessary, and report the progress."""
         from spacemap_vtk.mechanics.linalg.factors import factorise
 
@@ -224,11 +224,11 @@ class Pencil:
         return self._factors
 
     @cached_property
-    def rigid(self) -> Floats:
+    def rigid_modes(self) -> Floats:
         """Mass-normalised motions without strain, shape (N, r)."""
         blocks = []
         for component in self.components:
-            motions = component.motions
+            motions = component.rigid_motions
             whole = np.zeros((self.size, motions.shape[1]))
             whole[component.rows] = motions
             blocks.append(whole)
@@ -240,7 +240,7 @@ class Pencil:
 
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
         with blas_threads.use_one_thread():
-            rigid = self.rigid
+            rigid = self.rigid_modes
             for component in self.components:
                 rows = component.rows
                 mine = rigid[rows]
@@ -250,7 +250,7 @@ class Pencil:
         return result, rounding
 
     @cached_property
-    def motions(self) -> Floats:
+    def rigid_motions(self) -> Floats:
         """Rigid motions of a component in which nothing moves that is held."""
         from scipy import linalg as la
 
@@ -260,9 +260,9 @@ class Pencil:
             raise InputError("rigid motions need the vertices", key="points")
         touched = np.unique(self.basis.indices)
         # Within a rigid body K is zero and connects no nodes.
-        near = np.unique(np.concatenate([touched, self.whole_stiffness[touched].indices]) // 3)
+        near = np.unique(np.concatenate([touched, self.full_stiffness[touched].indices]) // 3)
         basis = self.basis[(3 * near[:, None] + np.arange(3)).ravel()]
-        six, loads = self.nodes.rigid(near)
+        six, loads = self.nodes.rigid_motions(near)
         share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
         # The part of the motions that the supports prevent; turning loads are added below.
         held = six - basis @ share

@@ -48,18 +48,18 @@ def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[f
         yield from [0.0] * len(eigenvalues)
         return
     count = len(surface.pairs)
-    rest = surface.nodal(model.points)[:count]
+    rest = surface.to_nodes(model.points)[:count]
     lines = [_Lines(surface.quads, turn, rest) for turn in (0, 1)]
     sheet = model.pencil.elements[0]
-    gradients = sheet.strained(model.pencil.nodes.positions)[1]
+    gradients = sheet.strains_and_gradients(model.pencil.nodes.positions)[1]
     places = math.prod(gradients.shape[:2]) / len(surface.quads)
     for eigenvalue, shape in zip(eigenvalues, shapes, strict=True):
-        moved = surface.nodal(shape.reshape(-1, 3))
+        moved = surface.to_nodes(shape.reshape(-1, 3))
         slopes, waves = np.sum([line.differences(moved[:count]) for line in lines], axis=0)
         if not (eigenvalue > 0 and slopes > 0):
             yield 0.0
             continue
-        strain = sheet.changes(gradients, moved)
+        strain = sheet.strain_changes(gradients, moved)
         bent = np.where(np.arange(strain.shape[2]) // 3 == 1, strain, 0.0)
         energy = model.modulus * float(np.vdot(bent, sheet.stresses(bent)))
         share = min(energy / eigenvalue, 1.0)

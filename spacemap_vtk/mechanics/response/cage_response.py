@@ -50,7 +50,7 @@ class Motion(Protocol):
     cells: Ints
     """Tetrahedra, (T, 4) or (T, 10)."""
 
-    def at(self, time: float) -> Floats:
+    def at_time(self, time: float) -> Floats:
         """Compute displacement, velocity and acceleration of vertices [m, m/s, m/s²], (3, V, 3)."""
 
     def history(self, weights: Floats, times: Floats) -> Floats:
@@ -71,7 +71,7 @@ class Response(Motion):
     modes : CageModes
         Modes of the cage.
     loads : sequence of LoadVector
-        Loads, made by `CageModes.vector`.
+        Loads, made by `CageModes.load_vector`.
     damping : Damping
         Damping of the modes.
     equilibrium : bool, optional
@@ -109,9 +109,9 @@ class Response(Motion):
     >>> values, shapes, lost = lowest(model.pencil, 3)
     >>> values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     >>> modes = CageModes(model, values, shapes.reshape(3, -1), lost)
-    >>> load = modes.vector("gravity", (0, 0, -10.0), step())
+    >>> load = modes.load_vector("gravity", (0, 0, -10.0), step())
     >>> hung = Response(modes, [load], Damping(alpha=1.0), equilibrium=True)
-    >>> hung.at(5.0)[0, 3].round(9).tolist()  # of the vertex that is free [m]
+    >>> hung.at_time(5.0)[0, 3].round(9).tolist()  # of the vertex that is free [m]
     [0.0, 0.0, -0.0025]
     """
 
@@ -143,20 +143,20 @@ class Response(Motion):
             )
         eigenvalues, self._shapes = modes.basis(self.loads, residual, statics)
         drives = [
-            ModalLoad(self._shapes @ modes.force(p), p.function, p.moves_base is not None)
+            ModalLoad(self._shapes @ modes.vertex_forces(p), p.function, p.moves_base is not None)
             for p in self.loads
         ]
         #: Warnings about the accuracy, in sentences.
         self.warnings = _truncation(modes, self.loads, residual) + _rounding(modes, self.loads)
         self.warnings += [
             "a load falls on fixed vertices only, and moves nothing"
-            for force in map(modes.force, self.loads)
+            for force in map(modes.vertex_forces, self.loads)
             if force.any()
-            and abs(modes.model.pencil.movable(force[:, None])).max() < 1e-12 * abs(force).max()
+            and abs(modes.model.pencil.remove_held(force[:, None])).max() < 1e-12 * abs(force).max()
         ]
         self.modal = ModalMotion(
             eigenvalues,
-            damping.halves(eigenvalues),
+            damping.decay_rates(eigenvalues),
             drives,
             equilibrium=equilibrium,
             position=self._start(displacement, "displacement"),
@@ -170,7 +170,7 @@ class Response(Motion):
         """Convert a field to modal coordinates; warn if the modes miss much of it."""
         if field is None:
             return None
-        moved = self.modes.model.pencil.movable(field.reshape(-1, 1))[:, 0]
+        moved = self.modes.model.pencil.remove_held(field.reshape(-1, 1))[:, 0]
         if not moved.any():
             return None
         inertia = self.modes.model.mass @ moved
@@ -186,12 +186,12 @@ class Response(Motion):
     def _account(self) -> EnergyAccount:
         return EnergyAccount(self.modal)
 
-    def at(self, time: float, state: ModalState | None = None) -> Floats:
+    def at_time(self, time: float, state: ModalState | None = None) -> Floats:
         """Compute the motion of the vertices; before 0 they rest in the initial state."""
-        state = self.modal.at(time) if state is None else state
+        state = self.modal.at_time(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
 
-    def lost_phases(self, time: float, state: ModalState) -> int:
+    def count_lost_phases(self, time: float, state: ModalState) -> int:
         """Count the modes that still vibrate although rounding has destroyed their phase.
 
         Parameters
@@ -225,7 +225,7 @@ class Response(Motion):
         return omega, lost, 1.0 / max(float(lost.max(initial=0.0)), 1e-300)
 
     def energy(self, time: float, state: ModalState | None = None) -> Energy:
-        """Compute the energies at a time [J], as `Account.at` does.
+        """Compute the energies at a time [J], as `EnergyAccount.at_time` does.
 
         Parameters
         ----------
@@ -240,8 +240,8 @@ class Response(Motion):
             Energies [J]. After many thousand periods, work and dissipated energy are NaN. Energy
             stored in the equilibrium counts as strain and as work.
         """
-        state = self.modal.at(time) if state is None else state
-        found = self._account.at(time, state)
+        state = self.modal.at_time(time) if state is None else state
+        found = self._account.at_time(time, state)
         hung = self.modes.model.strain_energy + float(self._pull @ state.position)
         return found._replace(strain=found.strain + hung, work=found.work + hung)
 
@@ -275,7 +275,7 @@ class Response(Motion):
     def _states(self, times: Floats) -> list[ModalState]:
         """Compute the states at given times, and keep them for other curves over the same times."""
         if self._kept is None or not np.array_equal(self._kept[0], times):
-            self._kept = times.copy(), [self.modal.at(t) for t in times]
+            self._kept = times.copy(), [self.modal.at_time(t) for t in times]
         return self._kept[1]
 
     def frequency_response(self, weights: Floats, frequencies: Floats) -> NDArray[np.complex128]:
@@ -326,7 +326,7 @@ class Response(Motion):
 
 def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -> list[str]:
     """List warnings for loaded axes along which the modes hold too little of the mass."""
-    if modes.complete:
+    if modes.is_complete:
         return []
     held = modes.effective_masses.sum(axis=0) / modes.model.movable_mass
     return [
@@ -339,7 +339,7 @@ def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -
 
 
 def _rounding(modes: CageModes, loads: Sequence[LoadVector]) -> list[str]:
-    if (share := modes.rounding(loads)) <= ROUNDING:
+    if (share := modes.static_rounding(loads)) <= ROUNDING:
         return []
     digits = int(-np.log10(share))
     return [

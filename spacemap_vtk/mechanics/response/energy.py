@@ -107,9 +107,9 @@ class EnergyAccount:
             if isinstance(function, PiecewiseLinear) and function.period is not None
         )
 
-    def at(self, time: float, state: ModalState | None = None) -> Energy:
+    def at_time(self, time: float, state: ModalState | None = None) -> Energy:
         """Compute the energies at a time; before 0, those of the initial state, held at rest."""
-        state = self._motion.at(time) if state is None else state
+        state = self._motion.at_time(time) if state is None else state
         kinetic = 0.5 * float(state.rate @ state.rate)
         strain = 0.5 * float(self._motion.stiffness @ state.position**2)
         if time < 0.0:

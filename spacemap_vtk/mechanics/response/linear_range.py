@@ -30,7 +30,7 @@ class MotionExtremes(NamedTuple):
     """Largest relative change of a tetrahedron's volume."""
 
     @property
-    def period(self) -> float:
+    def pendulum_period(self) -> float:
         """Period of a pendulum of this amplitude, as a multiple of that of a small amplitude."""
         if self.rotation >= math.pi:
             return math.inf  # a pendulum released upside down never returns
@@ -77,15 +77,15 @@ def measure_extremes(
     first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))
 
     def lengths(vertices: Floats) -> Floats:
-        nodes = vertices if surface is None else surface.nodal(vertices)
+        nodes = vertices if surface is None else surface.to_nodes(vertices)
         return np.asarray(np.linalg.norm(nodes[last] - nodes[first], axis=1))
 
     before = lengths(rest)
     most = MotionExtremes(0.0, 0.0, 0.0)
     for time in times:
         cancel.check()
-        moved = motion.points + motion.at(time)[0]
-        tensor = gradient.of(moved - rest)
+        moved = motion.points + motion.at_time(time)[0]
+        tensor = gradient.evaluate(moved - rest)
         swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
         now = (
             largest_rotation(tensor),

@@ -91,7 +91,7 @@ class ModalMotion:
             if isinstance(drive.function, Sine)
         ]
 
-    def at(self, time: float) -> ModalState:
+    def at_time(self, time: float) -> ModalState:
         """Compute the motion at a time, after any jump at that time; at rest before 0."""
         if not abs(time) <= LATEST:
             allowed = f"a finite number of seconds, up to {LATEST:g}"
@@ -104,9 +104,9 @@ class ModalMotion:
 
     def state(self, time: float) -> Floats:
         """Compute positions and rates at a time, after any jump at that time."""
-        state = self._linear.at(time)
+        state = self._linear.at_time(time)
         for repeated in self.repeated:
-            state = state + repeated.at(time)
+            state = state + repeated.at_time(time)
         for phasor, sine in self.sines:
             if sine.steady:
                 forced = phasor * receptance(self.stiffness, self.half, sine.omega)

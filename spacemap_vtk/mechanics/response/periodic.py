@@ -70,7 +70,7 @@ class PiecewiseLinearMotion:
     def _load(self, k: int) -> tuple[Floats, Floats]:
         return self._values[k] @ self._gains, self._slopes[k] @ self._gains
 
-    def at(self, time: float) -> Floats:
+    def at_time(self, time: float) -> Floats:
         """Compute the state at a time, after any jump at that time."""
         k = bisect_right(self._times, time) - 1
         if time == self._times[k]:
@@ -103,11 +103,11 @@ class PeriodicMotion:
             stiffness, half, function.times, *columns, gain[None, :], inner, rest
         )
         #: Change of the state from rest in m = 1, 2, 4, … periods, and the kernels of these spans.
-        self.sums = [self._inside.at(self._period) + jumps[-1]]
+        self.sums = [self._inside.at_time(self._period) + jumps[-1]]
         self._moves = [compute_kernels(stiffness, half, self._period)]
         self._first = self._steady_state() if function.steady else jumps[0]
 
-    def at(self, time: float) -> Floats:
+    def at_time(self, time: float) -> Floats:
         """Compute the state at a time, after any jump at that time."""
         count, rest = self._function.phase(time)
         state = self._first
@@ -123,7 +123,7 @@ class PeriodicMotion:
                 state = _moved(self._moves[level], state) + self.sums[level]
             level += 1
         free = _moved(compute_kernels(self._stiffness, self._half, rest), state)
-        return free + self._inside.at(rest)
+        return free + self._inside.at_time(rest)
 
     def _steady_state(self) -> Floats:
         """Solve x = A x + b for the steady state x."""

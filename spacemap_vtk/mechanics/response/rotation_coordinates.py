@@ -98,7 +98,7 @@ class RotationCoordinates:
         self._inverse = np.linalg.inv(self._rest)
 
     @classmethod
-    def of_mesh(cls, points: Floats, cells: Ints, held: Bools) -> RotationCoordinates:
+    def from_mesh(cls, points: Floats, cells: Ints, held: Bools) -> RotationCoordinates:
         """Make the coordinates of a mesh of which only the held components are known.
 
         Parameters
@@ -137,7 +137,7 @@ class RotationCoordinates:
         turn, strain = _parts(gradients)
         return self._fitted(turn @ strain @ self._rest, self._nodal + moved) - self.points
 
-    def largest(self, linear: Floats) -> tuple[float, float]:
+    def largest_rotation_and_strain(self, linear: Floats) -> tuple[float, float]:
         """Compute the largest rotation and the largest strain of any element.
 
         Parameters
@@ -157,7 +157,7 @@ class RotationCoordinates:
         angles = np.linalg.norm(_axial(gradients), axis=1)
         return float(angles.max()), float(abs(strains).max())
 
-    def rotation(self, linear: Floats) -> float:
+    def largest_rotation(self, linear: Floats) -> float:
         """Compute the largest rotation of any element, without the rotation of a free cage.
 
         Parameters
@@ -236,7 +236,7 @@ class RotationCoordinates:
         return _Turned(linear, self)
 
     def _of_nodes(self, vertices: Floats) -> Floats:
-        return vertices if self.surface is None else self.surface.nodal(vertices)
+        return vertices if self.surface is None else self.surface.to_nodes(vertices)
 
     def _columns(self, nodal: Floats) -> Floats:
         """Compute the legs of each point as columns, (n, 3, 3)."""
@@ -247,10 +247,10 @@ class RotationCoordinates:
         load = self._pull @ meant.swapaxes(1, 2).reshape(-1, 3)
         result = np.empty_like(given)
         for axes, system in self._systems:
-            result[:, axes] = system.solved(load[:, axes], given[:, axes])
+            result[:, axes] = system.solve(load[:, axes], given[:, axes])
         places = slice(None) if self.surface is None else slice(len(self.surface.pairs))
         result[places, self._loose] += (given - result)[places, self._loose].mean(axis=0)
-        return result if self.surface is None else self.surface.vertices(result)
+        return result if self.surface is None else self.surface.to_vertices(result)
 
     @cached_property
     def _loose(self) -> Ints:
@@ -297,15 +297,15 @@ class _Turned(Motion):
         #: Displacement of the equilibrium, where the motion is zero.
         self._rest = kernel.points - linear.points
 
-    def at(self, time: float) -> Floats:
-        moved, rate, second = self._linear.at(time)
+    def at_time(self, time: float) -> Floats:
+        moved, rate, second = self._linear.at_time(time)
         moved = moved - self._rest
         shape = self._rest + self._kernel.displacement(moved)
         speed = self._kernel.velocity(moved, rate)
         return np.stack([shape, speed, self._kernel.acceleration(moved, rate, second)])
 
     def history(self, weights: Floats, times: Floats) -> Floats:
-        return np.stack([weights @ self.at(float(time)) for time in times], axis=1)
+        return np.stack([weights @ self.at_time(float(time)) for time in times], axis=1)
 
     def energies(self, times: Floats) -> Floats:
         return self._linear.energies(times)
@@ -324,7 +324,7 @@ class _System:
             fixed = rows.T.multiply(anchor) @ rows
             self._solve = _solver((basis.T @ springs @ basis + fixed).tocsr())
 
-    def solved(self, load: Floats, given: Floats) -> Floats:
+    def solve(self, load: Floats, given: Floats) -> Floats:
         """Solve for the positions of all nodes, (V, m), or along three axes that are coupled."""
         basis, shape = self._basis, given.shape
         load, given = (part.reshape(basis.shape[0], -1) for part in (load, given))

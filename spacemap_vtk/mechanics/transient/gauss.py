@@ -163,24 +163,24 @@ class GaussIntegrator:
         self._both = _Pairs(body, self.mass)
         self._kept: _Kept | None = None
 
-    def at(self, position: Floats) -> list[TermState]:
+    def evaluate(self, position: Floats) -> list[TermState]:
         """Evaluate all terms at q."""
-        return self.body.at(self._nodal(position))
+        return self.body.evaluate(self._nodal(position))
 
-    def strains(self, parts: list[TermState]) -> list[StrainState]:
+    def strain_states(self, parts: list[TermState]) -> list[StrainState]:
         """Select the terms that are strains."""
         return [part for part in parts if isinstance(part, StrainState)]
 
-    def stored(self, rate: Floats, parts: list[TermState]) -> tuple[float, float]:
+    def stored_energy(self, rate: Floats, parts: list[TermState]) -> tuple[float, float]:
         """Compute the kinetic energy, and the energy of all conservative terms."""
         held = sum(part.energy for part in parts if part.term.conservative)
         return 0.5 * float(rate @ (self.mass @ rate)), held
 
-    def impulse(self, parts: list[TermState], move: Floats) -> Floats:
+    def damping_impulse(self, parts: list[TermState], move: Floats) -> Floats:
         """Compute the impulse of the damping against a sudden move q."""
         return self._dragged(move) + self._viscous(parts, move)
 
-    def step(
+    def make_step(
         self,
         position: Floats,
         rate: Floats,
@@ -195,7 +195,7 @@ class GaussIntegrator:
         # from the start to both stages; `carried` is the stress of each kind of element.
         pushes = np.stack([acting(share).push for share in STAGES])
         factors = np.stack([self._factors(acting(share)) for share in _TIMES])
-        strains = self.strains(parts)
+        strains = self.strain_states(parts)
         least, size, made = self._least / span, math.inf, 0
         moves, stress = guess, [[pull, pull] for pull in carried]
         kept = self._kept
@@ -257,7 +257,7 @@ class GaussIntegrator:
         work = span / 2 * float(np.vdot(pushes - driving, speeds))
         error = self._error(rate, parts, acting(0.0), inertia, kept.solve)
         pulls = [stage.stress[1] for stage in stages]
-        return Step(end, later, self.at(end), damped, work, error, pulls)
+        return Step(end, later, self.evaluate(end), damped, work, error, pulls)
 
     def _error(
         self,
@@ -275,15 +275,15 @@ class GaussIntegrator:
         # stage: c₂² h²/2 times the difference if h is short, and no more than the amplitude for a
         # vibration faster than the step (Hosea and Shampine 1996).
         wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
-        strains = self.strains(parts)
+        strains = self.strain_states(parts)
         pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
         wrong = wrong + self._force(strains, pulls, slopes)
         wrong += self._dragged(rate) + self._viscous(parts, rate) - load.push
         for number, factor in zip(self._others, self._factors(load), strict=True):
             if factor:
-                wrong += factor * self.body.along_free(parts[number].forces)
+                wrong += factor * self.body.reduce_forces(parts[number].forces)
         found = solve(np.stack([wrong, wrong]))
-        return self.body.moved(found[1] / (30 * STAGES[1] ** 2))
+        return self.body.node_moves(found[1] / (30 * STAGES[1] ** 2))
 
     def _inertia(self, changes: Floats, span: float) -> Floats:
         """Compute M ẍ at the stages from the changes of their rates since the start, (2, N)."""
@@ -297,14 +297,14 @@ class GaussIntegrator:
         parts: list[StrainState],
         span: float,
     ) -> list[_Stages]:
-        places = [self.body.start + self.body.moved(position + move) for move in moves]
-        flows = [self.body.moved(speed) for speed in speeds]
+        places = [self.body.start + self.body.node_moves(position + move) for move in moves]
+        flows = [self.body.node_moves(speed) for speed in speeds]
         found = []
         for part in parts:
             kind = part.kind
-            slopes = [kind.strained(place)[1] for place in places]
-            spins = [kind.squares(flow)[1] for flow in flows]
-            rates = [kind.changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
+            slopes = [kind.strains_and_gradients(place)[1] for place in places]
+            spins = [kind.second_order_strains(flow)[1] for flow in flows]
+            rates = [kind.strain_changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
             stress = [
                 kind.stresses(
                     part.strain
@@ -328,13 +328,13 @@ class GaussIntegrator:
 
     def _predicted(self, stages: list[_Stages], change: Floats, span: float) -> list[list[Floats]]:
         """Predict the stress at the stages after a correction, to first order."""
-        moved = [self.body.moved(part) for part in change]
+        moved = [self.body.node_moves(part) for part in change]
         return [
             [
                 stage.stress[i]
                 + kind.stresses(
-                    kind.changes(self._slopes(stage, span, i, 0), moved[0])
-                    + kind.changes(self._slopes(stage, span, i, 1), moved[1])
+                    kind.strain_changes(self._slopes(stage, span, i, 0), moved[0])
+                    + kind.strain_changes(self._slopes(stage, span, i, 1), moved[1])
                 )
                 for i in range(2)
             ]
@@ -357,13 +357,13 @@ class GaussIntegrator:
             for number, kind, pull, stage in zip(
                 self._strained, self._kinds, stress, stages, strict=True
             ):
-                blocks[number] = kind.tangent_of(
+                blocks[number] = kind.tangent_with_stress(
                     pull[i] if i == k else np.zeros_like(pull[i]),
                     stage.slopes[i],
                     self._slopes(stage, span, i, k),
                 )
             ordered = [blocks[number] for number in range(len(blocks))]
-            tangents[i, k] = self.body.matrix(ordered).data
+            tangents[i, k] = self.body.assemble(ordered).data
         heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
         solve = self._both.solution(tangents, heavy)
         drag = self.drag
@@ -396,7 +396,7 @@ class GaussIntegrator:
             return [[] for _ in _TIMES]
         terms = [self.body.terms[number] for number in self._others]
         places = [self._nodal(position + _reached(time) @ moves) for time in _TIMES]
-        return [[term.at(place) for term in terms] for place in places]
+        return [[term.evaluate(place) for term in terms] for place in places]
 
     def _driving(self, between: list[list[TermState]], factors: Floats) -> Floats:
         """Compute the forces at the stages of terms that do external work, (2, N)."""
@@ -410,7 +410,7 @@ class GaussIntegrator:
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
             for state, size in zip(states, sizes, strict=True):
                 if size:
-                    force = self.body.along_free(size * state.forces)
+                    force = self.body.reduce_forces(size * state.forces)
                     total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
         return total
 
@@ -463,13 +463,13 @@ class GaussIntegrator:
         return all(term.admits(self.body.start, place) for term in terms for place in nodal)
 
     def _nodal(self, position: Floats) -> Floats:
-        return self.body.start + self.body.moved(position)
+        return self.body.start + self.body.node_moves(position)
 
     def _far(self, position: Floats, moves: Floats) -> bool:
         """Check whether a tangent at a position no longer fits after any of the given moves."""
         place = self._nodal(position)
         return any(
-            NEAR * self.body.largest_step(place, self.body.moved(move)) < 1.0
+            NEAR * self.body.largest_step(place, self.body.node_moves(move)) < 1.0
             for move in np.atleast_2d(moves)
         )
 
@@ -481,9 +481,9 @@ class GaussIntegrator:
         """Multiply a move or a rate by β Gᵀ C G."""
         if self.beta == 0.0:
             return np.zeros_like(move)
-        moved, strains = self.body.moved(move), self.strains(parts)
+        moved, strains = self.body.node_moves(move), self.strain_states(parts)
         stress = [
-            self.beta * part.kind.stresses(part.kind.changes(part.gradients, moved))
+            self.beta * part.kind.stresses(part.kind.strain_changes(part.gradients, moved))
             for part in strains
         ]
         return self._force(strains, stress, [part.gradients for part in strains])
@@ -493,8 +493,8 @@ class GaussIntegrator:
     ) -> Floats:
         total = np.zeros_like(self.body.start)
         for part, pull, slope in zip(parts, stress, gradients, strict=True):
-            total += part.kind.summed(pull, slope, len(total))
-        return self.body.along_free(total)
+            total += part.kind.sum_forces(pull, slope, len(total))
+        return self.body.reduce_forces(total)
 
 
 class _Pairs:

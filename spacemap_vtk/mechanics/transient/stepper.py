@@ -74,7 +74,7 @@ class SteppedMotion(Motion):
         The cage; its modes are only used for damping ratios. Loads of its equilibrium, if it has
         one, continue to act.
     loads : sequence of LoadVector
-        Further loads, made by `CageModes.vector`.
+        Further loads, made by `CageModes.load_vector`.
     damping : Damping
         α and β, or damping ratios of the cage's modes. With ratios, forces resist the velocity of
         each mode, and a β gives higher modes at least the ratio of the last one.
@@ -110,9 +110,9 @@ class SteppedMotion(Motion):
     >>> held = np.arange(4)[:, None] < [3, 3, 3]
     >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
     >>> cage = CageModes(model, np.empty(0), np.empty((0, 12)), np.empty(0))
-    >>> load = cage.vector("gravity", (0, 0, -10.0), step())
+    >>> load = cage.load_vector("gravity", (0, 0, -10.0), step())
     >>> motion = SteppedMotion(cage, [load], Damping(alpha=50.0))
-    >>> float(motion.at(0.5)[0, 3, 2].round(4))  # of the vertex that is free [m]
+    >>> float(motion.at_time(0.5)[0, 3, 2].round(4))  # of the vertex that is free [m]
     -0.0025
     """
 
@@ -160,18 +160,19 @@ class SteppedMotion(Motion):
             self.rest = model.displacement
         beta, drag = _of_ratios(cage, body, mass, damping)
         self._rule = GaussIntegrator(body, mass, damping.alpha, beta, drag)
-        self._dead = body.along_free(dead)
+        self._dead = body.reduce_forces(dead)
         self._pushes = [
-            pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
+            pencil.reduce_forces(cage.vertex_forces(load)[:, None])[:, 0] / model.modulus
+            for load in self.loads
         ]
         moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
         q, v = (
-            pencil.coordinates(np.reshape(field, (-1, 1)))[:, 0]
+            pencil.reduce_displacements(np.reshape(field, (-1, 1)))[:, 0]
             for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
         )
         self._rows = np.empty((64, COLUMNS + 2 * len(q)))
         self._count = 0
-        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        kinetic, strain = self._rule.stored_energy(v, self._rule.evaluate(q))
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
         self._parts: tuple[int, list[TermState], list[Floats]] = 0, [], []
@@ -180,12 +181,12 @@ class SteppedMotion(Motion):
         self._jump(0.0)
 
     @property
-    def rows(self) -> Floats:
+    def states(self) -> Floats:
         """States so far, (n, 6 + 2N); times ascend, and a time occurs twice if a base jumps."""
         return self._rows[: self._count]
 
     @property
-    def reached(self) -> float:
+    def last_time(self) -> float:
         """Time of the last state [s]."""
         return float(self._rows[self._count - 1, 0])
 
@@ -202,7 +203,7 @@ class SteppedMotion(Motion):
         bool
             False if these are not states of this motion; then nothing changes.
         """
-        mine = self.rows
+        mine = self.states
         if rows.ndim != 2 or rows.shape[1] != mine.shape[1] or len(rows) < len(mine):
             return False
         if not (np.isfinite(rows).all() and np.array_equal(rows[: len(mine)], mine)):
@@ -210,7 +211,7 @@ class SteppedMotion(Motion):
         self._rows, self._count = rows, len(rows)
         return True
 
-    def reach(self, time: float, progress: Progress | None = None) -> None:
+    def step_until(self, time: float, progress: Progress | None = None) -> None:
         """Step until there is a state beyond a time.
 
         Parameters
@@ -234,7 +235,7 @@ class SteppedMotion(Motion):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
-        first = self.reached
+        first = self.last_time
         least = min(max(time - first, 0.0) / self.max_step, 1e30)
         require(
             round(least) * self._rows[0].nbytes,
@@ -242,15 +243,15 @@ class SteppedMotion(Motion):
             cure="Ask for an earlier time, or allow longer steps (max_step).",
         )
         with blas_threads.use_one_thread():
-            while self.reached <= time:
+            while self.last_time <= time:
                 self._step()
                 if progress is not None:
-                    progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
+                    progress(min(1.0, (self.last_time - first) / max(time - first, 1e-300)))
 
-    def at(self, time: float) -> Floats:
+    def at_time(self, time: float) -> Floats:
         """Compute the motion of the vertices at a time; before 0 they rest in the initial state."""
-        fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
-        fields = fields + self.base(time)[:, None]
+        fields = self.model.pencil.expand(self._state(time).T).T.reshape(3, -1, 3)
+        fields = fields + self.base_motion(time)[:, None]
         fields[0] += self.rest
         return fields
 
@@ -258,37 +259,39 @@ class SteppedMotion(Motion):
         """Compute the motion of a point over time."""
         # The point is a mesh of one vertex; gathering of forces is the transpose of spreading.
         forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
-        point, share = self.model.pencil.gathered(forces), weights.sum()
-        found = np.stack([self._state(t) @ point + share * self.base(t) for t in times], axis=1)
+        point, share = self.model.pencil.reduce_forces(forces), weights.sum()
+        found = np.stack(
+            [self._state(t) @ point + share * self.base_motion(t) for t in times], axis=1
+        )
         found[0] += weights @ self.rest
         return found
 
     def energies(self, times: Floats) -> Floats:
         """Compute the energies over time, linear between the states."""
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
-        self.reach(float(wanted.max(initial=0.0)))
-        table = self.rows
+        self.step_until(float(wanted.max(initial=0.0)))
+        table = self.states
         found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
         return self.model.modulus * np.stack(found, axis=1)
 
     def potential(self, times: Floats) -> Floats:
         """Compute the potential energy of loads that never change, linear between the states."""
         wanted = np.append(np.maximum(np.asarray(times, dtype=np.float64), 0.0), 0.0)
-        self.reach(float(wanted.max()))
+        self.step_until(float(wanted.max()))
         # A follower pressure has no potential.
         dead = self._dead.copy()
         for load, push in zip(self.loads, self._pushes, strict=True):
             if load.faces is None and load.moves_base is None and is_constant(load.function):
                 dead += load.function.value(0.0) * push
-        table = self.rows
+        table = self.states
         lost = table[:, COLUMNS : COLUMNS + len(dead)] @ dead
         found = -self.model.modulus * np.interp(wanted, table[:, 0], lost)
         return np.asarray(found[:-1] - found[-1])
 
     def _state(self, time: float) -> Floats:
         """Compute q, its rate and its acceleration at a time, (3, N)."""
-        self.reach(max(time, 0.0))
-        now = int(np.searchsorted(self.rows[:, 0], max(time, 0.0), side="right")) - 1
+        self.step_until(max(time, 0.0))
+        now = int(np.searchsorted(self.states[:, 0], max(time, 0.0), side="right")) - 1
         first, last = self._rows[now : now + 2]
         (q, v), (end, later) = (np.split(row[COLUMNS:], 2) for row in (first, last))
         if time < 0.0:
@@ -300,7 +303,7 @@ class SteppedMotion(Motion):
         rate = v + since * (2 * bend + 3 * since * twist)
         return np.stack([place, rate, (2 * bend + 6 * since * twist) / whole])
 
-    def base(self, time: float) -> Floats:
+    def base_motion(self, time: float) -> Floats:
         """Compute the motion of the base.
 
         Parameters
@@ -345,13 +348,17 @@ class SteppedMotion(Motion):
 
     def _step(self) -> None:
         """Make a step and append its state."""
-        row = self.rows[-1]
+        row = self.states[-1]
         (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
         if self._parts[0] != self._count:
-            parts = self._rule.at(q)
-            self._parts = self._count, parts, [part.stress for part in self._rule.strains(parts)]
+            parts = self._rule.evaluate(q)
+            self._parts = (
+                self._count,
+                parts,
+                [part.stress for part in self._rule.strain_states(parts)],
+            )
         _, parts, carried = self._parts
-        for other in self.rows[self._seen :, COLUMNS : COLUMNS + len(q)]:
+        for other in self.states[self._seen :, COLUMNS : COLUMNS + len(q)]:
             self._farthest = _farther(self._farthest, self._moved(other))
         self._seen = self._count
         end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
@@ -360,7 +367,7 @@ class SteppedMotion(Motion):
             # The step is shortened so that no tiny one is left before a corner.
             left = end - time
             span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
-            found = self._rule.step(
+            found = self._rule.make_step(
                 q, v, parts, partial(self._acting, time, span), span, self._guess(span), carried
             )
             shortest = span <= SHORTEST * self.max_step
@@ -380,7 +387,7 @@ class SteppedMotion(Motion):
         longer = 1.0 if SAFETY <= share <= ALIKE else min(share, GROWTH)
         # A step that a corner has shortened does not limit the next one.
         following = max(span * longer, step if span < step else 0.0)
-        kinetic, strain = self._rule.stored(found.rate, found.parts)
+        kinetic, strain = self._rule.stored_energy(found.rate, found.parts)
         damped, work = row[4] + found.damped, row[5] + found.work
         head = [end if span == left else time + span, following, kinetic, strain, damped, work]
         self._append(np.concatenate([head, found.position, found.rate]))
@@ -394,8 +401,8 @@ class SteppedMotion(Motion):
 
     def _moved(self, position: Floats) -> Floats:
         """Compute the move of the nodal vectors from the first state, (V, 3)."""
-        first = self.rows[0, COLUMNS : COLUMNS + len(position)]
-        return self._rule.body.moved(position - first)
+        first = self.states[0, COLUMNS : COLUMNS + len(position)]
+        return self._rule.body.node_moves(position - first)
 
     def _error(self, errors: Floats, position: Floats) -> float:
         """Compare the estimated errors (V, 3) of a step with the motion up to its end."""
@@ -408,12 +415,12 @@ class SteppedMotion(Motion):
 
     def _guess(self, span: float) -> Floats:
         """Estimate the moves to both stages from the parabola of the last step."""
-        row = self.rows[-1]
+        row = self.states[-1]
         v: Floats = np.split(row[COLUMNS:], 2)[1]
         times = STAGES[:, None] * span
-        if self._count < 2 or (since := row[0] - self.rows[-2][0]) <= 0.0:
+        if self._count < 2 or (since := row[0] - self.states[-2][0]) <= 0.0:
             return times * v
-        before = np.split(self.rows[-2][COLUMNS:], 2)[1]
+        before = np.split(self.states[-2][COLUMNS:], 2)[1]
         return times * v + times**2 / 2 * (v - before) / since
 
     def _jump(self, time: float) -> None:
@@ -421,7 +428,7 @@ class SteppedMotion(Motion):
         moving = [load.moves_base is not None for load in self.loads]
         if not any(moving):
             return
-        row = self.rows[-1].copy()
+        row = self.states[-1].copy()
         q, v = np.split(row[COLUMNS:], 2)
         way, speed = np.zeros((2, len(q)))
         for load, push, moves in zip(self.loads, self._pushes, moving, strict=True):
@@ -430,12 +437,12 @@ class SteppedMotion(Motion):
                 way, speed = way - value * push, speed - slope * push
         if not (way.any() or speed.any()):
             return
-        solve = self._rule.body.unsymmetric(self._rule.mass)
+        solve = self._rule.body.factorise_unsymmetric(self._rule.mass)
         way = solve(way)
-        parts = self._rule.at(q + way / 2)
-        v = v + solve(speed - self._rule.impulse(parts, way))
+        parts = self._rule.evaluate(q + way / 2)
+        v = v + solve(speed - self._rule.damping_impulse(parts, way))
         q = q + way
-        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        kinetic, strain = self._rule.stored_energy(v, self._rule.evaluate(q))
         row[5] += kinetic + strain - row[2] - row[3]
         row[1:4] = FIRST * self.max_step, kinetic, strain
         self._append(np.concatenate([row[:COLUMNS], q, v]))
@@ -463,13 +470,13 @@ def _of_ratios(
         )
     # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965). β K is as large a part of it as leaves the
     # rest without negative damping. Short waves have no mode here; only β K damps them.
-    resisted = Damping(ratio=damping.ratio).alphas(np.maximum(values, 0.0))
+    resisted = Damping(ratio=damping.ratio).mass_damping(np.maximum(values, 0.0))
     beta = damping.beta + float((resisted[swing] / values[swing]).min())
-    fields = cage.model.pencil.coordinates(cage.shapes.T)
+    fields = cage.model.pencil.reduce_displacements(cage.shapes.T)
     mine = np.zeros((len(values), len(values)))
-    for part in (state for state in body.at(body.start) if isinstance(state, StrainState)):
+    for part in (state for state in body.evaluate(body.start) if isinstance(state, StrainState)):
         strained = np.stack(
-            [part.kind.changes(part.gradients, body.moved(field)) for field in fields.T]
+            [part.kind.strain_changes(part.gradients, body.node_moves(field)) for field in fields.T]
         )
         stress = np.stack([part.kind.stresses(change) for change in strained])
         mine += stress.reshape(len(values), -1) @ strained.reshape(len(values), -1).T
