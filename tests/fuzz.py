@@ -170,9 +170,9 @@ def _kept(data: bytes, folder: Path) -> None:
     os.environ[cache.VARIABLE] = str(folder)
     for name in ("modes-a-2", "steps-a-0"):
         (folder / f"{name}-{cache._FORMAT}.npz").write_bytes(data)
-    found = modal_solver._read("a", 2, 8)
+    found = modal_solver._read_modes("a", 2, 8)
     assert found is None or found[1].shape[1:] == (8, 3)
-    for row in transient_response._read("a"):
+    for row in transient_response._read_states("a"):
         assert row.ndim == 2
 
 

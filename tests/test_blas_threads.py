@@ -22,10 +22,10 @@ def two():
     """Let every library have two threads, whatever the machine and its environment say."""
     with threadpoolctl.threadpool_limits(2):
         blas_threads.find_thread_pools.cache_clear()
-        blas_threads._at_first.clear()
+        blas_threads._initial_threads.clear()
         yield
     blas_threads.find_thread_pools.cache_clear()
-    blas_threads._at_first.clear()
+    blas_threads._initial_threads.clear()
 
 
 def taken() -> dict[str, set[int]]:

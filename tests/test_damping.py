@@ -24,7 +24,7 @@ def test_two_pairs_make_alpha_and_beta() -> None:
         assert damping.alpha / (2 * omega) + damping.beta * omega / 2 == pytest.approx(ratio)
     with pytest.raises(InputError, match=r"damping_pairs.*second ratio from 0.0025 to 0.16"):
         _ = ModalResponse(damping_pairs=[[10, 0.02], [80, 0.5]]).damping
-    with pytest.raises(InputError, match=r"damping_pairs.*3 pairs in place of 2"):
+    with pytest.raises(InputError, match=r"damping_pairs.*must be two pairs, not 3"):
         ModalResponse(damping_pairs=[[1, 0.1], [2, 0.1], [3, 0.1]])
 
 

@@ -304,7 +304,7 @@ def test_a_lost_mode_is_found(losing):
 
 def test_a_mode_that_stays_lost_is_an_error(losing):
     losing.times = 100
-    with pytest.raises(SolverError, match=r"(\d+) modes lie below .* Hz, and \d+ of them were"):
+    with pytest.raises(SolverError, match=r"(\d+) modes lie below .* Hz, but \d+ were"):
         solve_matrices(*problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)[:3], 12)
 
 

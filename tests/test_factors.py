@@ -8,7 +8,7 @@ import numpy as np
 import psutil
 import pytest
 import scipy.sparse as sp
-from pencils import solve_modes, stiffness_and_mass
+from pencils import solve_matrices, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
@@ -57,10 +57,10 @@ def test_it_solves(library, columns):
 
 def test_modes_are_the_same(library, monkeypatch):
     K, M, free = pencil((8, 8, 8))
-    found, shapes = solve_modes(K, M, free, 10)
+    found, shapes = solve_matrices(K, M, free, 10)
     monkeypatch.setattr(factors, "cholmod", absent)
     monkeypatch.setattr(factors, "pardiso", absent)
-    np.testing.assert_allclose(found, solve_modes(K, M, free, 10)[0], rtol=1e-9)
+    np.testing.assert_allclose(found, solve_matrices(K, M, free, 10)[0], rtol=1e-9)
     flat = shapes.reshape(10, -1)
     np.testing.assert_allclose(flat @ (M @ flat.T), np.eye(10), atol=1e-10)
 

@@ -117,9 +117,15 @@ def test_arrays_of_another_solver_are_not_kept() -> None:
 @pytest.mark.parametrize(
     ("wet", "message"),
     [
-        (np.where(np.arange(45) == 7, -2.0, 1.0), 'the cell array "wet" has -2 in cell 7; allowed'),
-        (np.where(np.arange(45) == 3, np.nan, 1.0), 'the cell array "wet" has nan in cell 3'),
-        (np.zeros(45), 'the cell array "wet" has 0 in cell 0'),
+        (
+            np.where(np.arange(45) == 7, -2.0, 1.0),
+            'the cell array "wet" has the value -2 in cell 7; allowed',
+        ),
+        (
+            np.where(np.arange(45) == 3, np.nan, 1.0),
+            'the cell array "wet" has the value nan in cell 3',
+        ),
+        (np.zeros(45), 'the cell array "wet" has the value 0 in cell 0'),
         (np.ones((45, 3)), 'the cell array "wet" has 3 components.*one number for each cell'),
     ],
 )
@@ -138,8 +144,8 @@ def test_an_array_that_is_not_there_is_named() -> None:
     ("settings", "message"),
     [
         ({"rigid": "-x -y"}, r'modal\.rigid.*"-x" and "-y" share a vertex'),
-        ({"rigid": "sphere(9, 9, 9, 1)"}, r"modal\.rigid.*rigid place .* catches no vertex"),
-        ({"springs": "sphere(9, 9, 9, 1) 1 N/m"}, r"modal\.springs.*catches no vertex"),
+        ({"rigid": "sphere(9, 9, 9, 1)"}, r"modal\.rigid.*rigid place .* contains no vertex"),
+        ({"springs": "sphere(9, 9, 9, 1) 1 N/m"}, r"modal\.springs.*contains no vertex"),
         ({"masses": "mask(no) 1 g"}, r'modal\.masses.*the place mask\(no\) needs an array "no"'),
         ({"rigid": "-y", "gravity": (0, 0, -9.81)}, r"modal\.rigid: a rigid place turns by small"),
     ],

@@ -47,7 +47,7 @@ def test_two_ways_of_damping_contradict_each_other(damping: dict[str, Any], alph
         ModalResponse(alpha=alpha, **damping),
         Scene({"response": {"alpha": alpha, **damping}}).response,
     ):
-        with pytest.raises(InputError, match="alpha both say how much is damped"):
+        with pytest.raises(InputError, match="alpha both define the damping"):
             response.check()
     ModalResponse(**damping).check()
     assert ModalResponse().damping.alpha == 1.0

@@ -40,7 +40,7 @@ class Turning:
     def __init__(self) -> None:
         self.points, self.cells = build_lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
 
-    def at(self, time: float) -> FloatArray:
+    def at_time(self, time: float) -> FloatArray:
         x, y, z = self.points.T
         moved = np.stack([-math.sin(time) * y, math.sin(time) * x, 0.1 * time * z], axis=1)
         return np.stack([moved, moved, moved])

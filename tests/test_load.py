@@ -21,23 +21,26 @@ from spacemap_vtk.scenes.scene import Scene
         ({"pressure": 1}, r"loads\[0\]\.on: a pressure needs a place"),
         ({"pressure": 1, "on": "z"}, r'loads\[0\]\.on = "z": not one of the choices'),
         ({"force": [0, 0, 1]}, r"loads\[0\]\.at: a force needs a place"),
-        ({"gravity": [0, 0, 1], "rise": 1}, r'loads\[0\]\.rise: time = "step" has no such value'),
-        ({"gravity": [0, 0, 1], "time": "ramp"}, r'loads\[0\]\.rise: time = "ramp" needs it'),
+        ({"gravity": [0, 0, 1], "rise": 1}, r'loads\[0\]\.rise: time = "step" does not use this'),
+        (
+            {"gravity": [0, 0, 1], "time": "ramp"},
+            r'loads\[0\]\.rise: time = "ramp" needs this value',
+        ),
         ({"gravity": [0, 0, 1], "force": [0, 0, 1]}, r"force and gravity.*exactly one of pressure"),
         ({"presure": 1}, r'loads\[0\]\.presure.*Did you mean "pressure"'),
-        ({}, r"loads\[0\]: it has nothing that acts"),
+        ({}, r"loads\[0\]: the load has no action"),
         (
             {"gravity": [0, 0, 1], "time": "table", "times": [1, 0], "values": [1, 2]},
-            r"loads\[0\]\.times: the times descend",
+            r"loads\[0\]\.times: times must ascend from 0 s on",
         ),
-        ({"gravity": [0, 0, 1], "file": "x.csv"}, r'\.file: time = "step" has no such value'),
+        ({"gravity": [0, 0, 1], "file": "x.csv"}, r'\.file: time = "step" does not use this value'),
         (
             {"gravity": [0, 0, 1], "time": "table", "file": "no.csv"},
             r"loads\[0\]\.file: No such file or directory: no\.csv",
         ),
         (
             {"gravity": [0, 0, 1], "time": "table", "file": "no.csv", "times": [0, 1]},
-            r"loads\[0\]\.times: they come from a file already",
+            r"loads\[0\]\.times: is already given by file",
         ),
     ],
 )
@@ -82,8 +85,8 @@ def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
         ("time factor\n", "has no numbers"),
         ("0 1\n1\n", 'line 2 of .*gust.csv: "1"; allowed: two numbers in each line'),
         ("a b\nc d\n", "line 2"),
-        ("0 1\n1 nan\n", r"\.file: values that are no finite numbers, in .*gust\.csv"),
-        ("1 1\n0 1\n", r"\.file: the times descend, in .*gust\.csv"),
+        ("0 1\n1 nan\n", r"\.file: values must be finite numbers, in .*gust\.csv"),
+        ("1 1\n0 1\n", r"\.file: times must ascend from 0 s on, in .*gust\.csv"),
     ],
 )
 def test_a_file_that_is_no_table(text: str, message: str, tmp_path: Path) -> None:
@@ -147,6 +150,4 @@ def test_a_force_that_misses_the_cage_is_reported() -> None:
     assert not any("away" in text for text in chain.response.warnings)
     chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
     chain.response.update(0.0)
-    assert (
-        "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
-    )
+    assert "loads[0] acts at a point 0.999 m away from the cage" in chain.response.warnings[0]

@@ -11,7 +11,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, SpacemapWarning, TetraCage
 from spacemap_vtk.cage.lattice import build_lattice
-from spacemap_vtk.mechanics.elements.locking import _Plate as Plate
+from spacemap_vtk.mechanics.elements.locking import _CurvedSheet as Plate
 from spacemap_vtk.mechanics.elements.locking import estimate_locking, proportions_of
 from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
@@ -295,7 +295,7 @@ def thin_cage(**settings):
         (
             {"divisions": (5, 5, 1), "order": 2},
             r"twists about 190 times too stiffly.*quadratic.*67 times as wide.* 14 times too high "
-            r'.* elements = "sheet" .*order = 1, or no cell wider than 4 thicknesses \(1\.2 mm\)',
+            r'.* elements = "sheet" .*order = 1, or cells no wider than 4 thicknesses \(1\.2 mm\)',
         ),
     ],
 )

@@ -175,7 +175,7 @@ def test_equilibrium_and_release():
         np.testing.assert_allclose(state.position, motion.start[0], atol=1e-14)
         np.testing.assert_allclose(state.rate, 0, atol=1e-13)
     agrees(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
-    with pytest.raises(InputError, match="1 rigid modes fall freely"):
+    with pytest.raises(InputError, match="1 rigid modes are free to fall"):
         ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, tf.step())], equilibrium=True)
 
 

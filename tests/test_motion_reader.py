@@ -254,7 +254,7 @@ def test_empty_and_missing_series(tmp_path: Path) -> None:
         (empty, "no time steps"),
         (tmp_path / "none.pvd", "no such file"),
         (tmp_path / "x_*.vtu", "no file matches this pattern"),
-        (None, "no file is named"),
+        (None, "no file is given"),
     ):
         with pytest.raises(InputError, match=words):
             MotionReader(file=file).update()

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from pencils import solve_modes, stiffness_and_mass
+from pencils import solve_matrices, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
@@ -69,7 +69,7 @@ def test_random_patterns(density):
 def test_inertia_counts_the_modes_below_a_shift(held):
     K, M, vertices = pencil((6, 5, 4), held)
     everything = np.ones(K.shape[0], bool)
-    eigenvalues = solve_modes(K, M, everything, K.shape[0])[0]
+    eigenvalues = solve_matrices(K, M, everything, K.shape[0])[0]
     analysis = Analysis(K, vertices)
     for below in (0, 1, 7, 40, 200):
         if not held and below < 6:

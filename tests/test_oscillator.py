@@ -16,7 +16,7 @@ import pytest
 import scipy.linalg as la
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pencils import solve_modes, stiffness_and_mass
+from pencils import solve_matrices, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
@@ -190,7 +190,7 @@ def test_whole_response_against_expm(fixed, alpha, beta):
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(3e3, 0.3), 300.0)
     held = points[:, 1] == 1 if fixed else np.zeros(len(points), bool)
     free = np.repeat(~held, 3)
-    eigenvalues, shapes = solve_modes(K, M, free, free.sum())
+    eigenvalues, shapes = solve_matrices(K, M, free, free.sum())
     S = shapes.reshape(len(shapes), -1)[:, free].T
     K, M = (matrix[free][:, free].toarray() for matrix in (K, M))
 

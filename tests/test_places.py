@@ -47,7 +47,7 @@ def test_springs_have_a_stiffness(text, canonical):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("-x:(1, 1)", r"\(1, 1\) is no direction; allowed: \(x, y, z\)"),
+        ("-x:(1, 1)", r"\(1, 1\) is not a direction; allowed: \(x, y, z\)"),
         ("-x:(0, 0, 0)", "no direction"),
         ("-x:(1, inf, 0)", "no direction"),
         ("-x:(a, b, c)", "no direction"),
@@ -84,7 +84,7 @@ def test_a_mass_has_no_components():
         (found,) = parse_places(f"-x {text}", MASS_UNITS, what="mass", whole=True)
         assert str(found) == f"-x {text}"
         assert parse_places(str(found), MASS_UNITS, what="mass", whole=True) == [found]
-    with pytest.raises(InputError, match='"-x:y" names components, and a mass has all'):
+    with pytest.raises(InputError, match='a mass cannot name components: "-x:y"'):
         parse_places("-x:y 5 g", MASS_UNITS, what="mass", whole=True)
 
 
@@ -102,5 +102,5 @@ def test_directions_at_the_vertices():
     parted[4, 1:] = 1
     mask = parse_places("mask(glue):xy")[0]
     assert directions(POINTS, mask, {"glue": parted}.get)[4].tolist() == np.diag([0, 1, 0]).tolist()
-    with pytest.raises(InputError, match=r'"glue" tells components apart.*names a direction'):
+    with pytest.raises(InputError, match=r'"glue" has three components.*cannot name a direction'):
         directions(POINTS, parse_places("mask(glue):(1, 1, 0)")[0], {"glue": parted}.get)

@@ -162,7 +162,7 @@ def with_middles(points, cells):
 
 def test_a_side_without_faces_is_refused():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1.0]])
-    with pytest.raises(InputError, match=r"no face in its side \+z"):
+    with pytest.raises(InputError, match=r"no flat face on its side \+z"):
         loads.find_side_faces(points, np.array([[0, 1, 2, 3]]), "+z")
 
 

@@ -79,7 +79,7 @@ def test_resolved_modes_between_unresolved_ones_are_not_counted():
         "2 of the modes 2 to 4 are shorter than the cage's cells resolve: frequencies are about "
         "20% too high and more"
     )
-    assert describe_unresolved_modes([0.01, 0.2]).startswith("mode 2 is shorter")
+    assert describe_unresolved_modes([0.01, 0.2]).startswith("mode 2 is not resolved")
     assert describe_unresolved_modes([0.0, 0.1]) == ""
 
 
@@ -92,5 +92,5 @@ def test_modes_shorter_than_the_cells_resolve_are_warned_of(modes, warned):
     scene.set("modal.bending_rigidity=0.001 uN.m")
     scene.set(f"modal.modes={modes}")
     report.modes(scene)
-    told = [text for text in scene.warnings if "shorter than the cage's cells resolve" in text]
+    told = [text for text in scene.warnings if "not resolved by the cage's cells" in text]
     assert [text.split(" are")[0] for text in told] == ["modes 7 to 20"] * warned

@@ -100,7 +100,7 @@ def test_what_is_no_sheet():
     tall, blocks = build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))
     used, cells = np.unique(blocks[: 5 * 17], return_inverse=True)
     assert find_mid_surface(tall[used], cells.reshape(-1, 4)) is None
-    with pytest.raises(GeometryError, match=r"one-layer lattice.*divisions"):
+    with pytest.raises(GeometryError, match=r"lattice of one layer.*divisions"):
         Model(tall, blocks, homogeneous_plate(STUFF, 0.1), RHO, np.zeros(tall.shape, bool))
 
 

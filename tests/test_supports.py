@@ -89,10 +89,10 @@ def test_what_is_no_support_is_refused(text, what):
 
 def test_a_support_that_catches_nothing_is_an_error():
     with pytest.raises(
-        InputError, match=r'"sphere\(9, 9, 9, 1\)" catches no vertex.*\(1, 2, 3\) m'
+        InputError, match=r'"sphere\(9, 9, 9, 1\)" contains no vertex.*\(1, 2, 3\) m'
     ):
         held("+y", "sphere(9, 9, 9, 1)")
-    with pytest.raises(InputError, match="catches no vertex"):
+    with pytest.raises(InputError, match="contains no vertex"):
         held("mask(none)", masks=lambda name: np.zeros(27))
 
 
@@ -229,7 +229,7 @@ def test_bodies_stay_apart():
     np.testing.assert_array_equal(bodies, 1 * (POINTS[:, 0] == 0) + 2 * (POINTS[:, 0] == 1))
     with pytest.raises(InputError, match=r'"-x" and "\+y" share a vertex.*one box or mask'):
         rigid_bodies(POINTS, ["-x", "+y"])
-    with pytest.raises(InputError, match='"-x:y" names components, and a rigid place has all'):
+    with pytest.raises(InputError, match='a rigid place cannot name components: "-x:y"'):
         rigid_bodies(POINTS, ["-x:y"])
 
 

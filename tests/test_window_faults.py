@@ -76,11 +76,11 @@ def test_refused_value_without_effect_can_be_corrected(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("modal")
     window.document.set("modal", "thickness", "1 mm")
-    wait_until(lambda: "it does not count" in window.errors.text)
+    wait_until(lambda: "the value has no effect" in window.errors.text)
     thickness = window.properties.rows["thickness"]
     assert thickness.property("bad")
     assert thickness.editor.isEnabled()
-    assert thickness.note.text().startswith("it does not count: material is ")
+    assert thickness.note.text().startswith("the value has no effect: material is ")
     line = thickness.editor.line
     line.setFocus()
     line.selectAll()

@@ -124,7 +124,7 @@ def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     for name, value in sheet.items():
         scene.set(f"modal.{name}={value}")
     report.modes(scene)
-    (told,) = (text for text in scene.warnings if "cells resolve" in text)
+    (told,) = (text for text in scene.warnings if "not resolved by the cage's cells" in text)
     assert warning.text().split(";")[0].lower() == told.split(";")[0]
     marked = [row for row in range(20) if table.item(row, 1).text().startswith("≈")]
     assert marked[0] == 6

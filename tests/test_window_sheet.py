@@ -81,7 +81,7 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
     told = notes(window)
     assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
-    assert told["bending_rigidity"] == "no effect: the cage is no sheet"
+    assert told["bending_rigidity"] == "no effect: the cage is not a sheet"
     assert "tetrahedra" in window.modes.sheet.text()
     window.document.set("modal", "elements", "tetrahedra")
     wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field shows it

@@ -72,7 +72,7 @@ def test_researcher_compares_cages(
 
     # 5. Two dampings exclude each other.
     type_into_field(window, "response", "damping_ratio", "0.05")
-    wait_until(lambda: "both say how much is damped" in window.errors.text)
+    wait_until(lambda: "both define the damping" in window.errors.text)
     qtbot.mouseClick(window.properties.rows["alpha"].reset, LEFT)
     wait_until(lambda: settled(window))
     assert window.errors.text == ""

@@ -22,9 +22,9 @@ from spacemap_vtk.mechanics.boundary.supports import RIGID_PLACE, default_suppor
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Parameter, Parameterised, Text
 
-_SEVERAL = '; as one string or a list; or "" for none'
-_HELD = (
-    'each with ":" and the components {} where not all are, as in "-x:yz", or a direction, as in '
+_SEVERAL = '; as one string or a list; "" for none'
+_COMPONENTS = (
+    'optionally followed by ":" and the components {}, as in "-x:yz", or by a direction, as in '
     '"-x:(0, 1, 1)"'
 )
 
@@ -48,7 +48,7 @@ class Places(Parameter[tuple[str, ...]]):
         """Convert to places in canonical form, each once, sides first."""
         texts = [value] if isinstance(value, str) else value
         if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
-            raise InputError("neither a string nor a list of strings")
+            raise InputError("must be a string or a list of strings")
         found = dict.fromkeys(str(place) for text in texts for place in self.read(text))
         rank = {side: number for number, side in enumerate(SIDES)}
         return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
@@ -62,7 +62,7 @@ class Supports(Places):
     """Places that are held."""
 
     kind = "supports"
-    form = f"{ALLOWED}, {_HELD.format('held')}{_SEVERAL}"
+    form = f"{ALLOWED}, {_COMPONENTS.format('to hold')}{_SEVERAL}"
 
 
 class RigidPlaces(Places):
@@ -77,8 +77,8 @@ class Springs(Places):
 
     what, units = "spring", SPRING_UNITS
     form = (
-        f"{ALLOWED}, {_HELD.format('that it acts along')}, and a stiffness in N/m or, of a side, "
-        f'N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
+        f"{ALLOWED}, {_COMPONENTS.format('along which it acts')}, and a stiffness in N/m, or for a "
+        f'side in N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
     )
 
 
@@ -94,34 +94,34 @@ class CageFittings(Parameterised):
 
     fixed = Supports(
         "+y",
-        "Places of the cage that cannot move: sides of its bounding box, boxes, spheres, point "
-        'masks, each in all directions or, after a colon, in those named, "-x:yz", or along one in '
-        'parentheses, "-x:(0, 1, 1)", which is a slider in the plane across it.',
-        automatic="what an object stands on, or of one that is thin what it hangs by",
+        "Places of the cage that cannot move: sides of its bounding box, boxes, spheres or point "
+        'masks. A colon and components, "-x:yz", hold only these; a direction, "-x:(0, 1, 1)", '
+        "lets the place slide in the plane across it.",
+        automatic="the bottom of an object; the top of a thin one",
     )
     rigid = RigidPlaces(
         "",
-        "Places that each move as one rigid piece, such as a batten along a side: six degrees of "
-        "freedom, less what supports hold of it. It turns by small angles.",
+        "Places that each move as one rigid body, such as a batten along a side. A body has six "
+        "degrees of freedom, less those that supports hold, and can turn by small angles only.",
     )
     springs = Springs(
         "",
-        "Springs between places of the cage and its base: N/m is the stiffness of a whole place, "
-        "shared alike by the vertices in it, N/m3 that of a side per area, an elastic foundation. "
-        'After a colon stand the directions that a spring resists: "-z:z 1e5 N/m3".',
+        "Springs between places of the cage and its base. A stiffness in N/m is shared equally by "
+        "the vertices of the place; a stiffness in N/m3 is that of a side per area (an elastic "
+        'foundation). Components or a direction after a colon limit a spring: "-z:z 1e5 N/m3".',
     )
     masses = Masses(
         "",
-        "Masses on places of the cage, each spread evenly over its volume, side or edge: "
+        "Masses at places of the cage, each spread evenly over the place: "
         '"sphere(0, 0, 0, 1 mm) 5 g".',
     )
     stiffness_factors = Text(
         "",
-        "Name of a cell array of the cage: how many times stiffer than the material each cell is.",
+        "Name of a cell array of the cage: factor on the stiffness of each cell.",
     )
     density_factors = Text(
         "",
-        "Name of a cell array of the cage: how many times denser than the material each cell is.",
+        "Name of a cell array of the cage: factor on the density of each cell.",
     )
 
     def make_fittings(
@@ -138,19 +138,18 @@ class CageFittings(Parameterised):
         )
         loose = [] if self.springs else loose_sides(vertices, fixed, mask)
         warnings = [
-            f'the side "{side}" is one vertex of the cage, or few in a line, about which it '
-            "turns freely: what is not flat there is held by a box or a sphere that catches "
-            'more, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
+            f'the side "{side}" contains only vertices in a line, about which the cage can turn '
+            'freely; use a larger box or a sphere, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
             for side in loose
         ]
         fittings = fittings._replace(
-            stiffness_factors=_factors(grid, "stiffness_factors", self.stiffness_factors),
-            mass_factors=_factors(grid, "density_factors", self.density_factors),
+            stiffness_factors=_read_factors(grid, "stiffness_factors", self.stiffness_factors),
+            mass_factors=_read_factors(grid, "density_factors", self.density_factors),
         )
         return held, fittings, warnings
 
 
-def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
+def _read_factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
     if not name:
         return None
     with naming(key):
@@ -165,7 +164,7 @@ def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
         if not good.all():
             cell = int(good.argmin())
             raise InputError(
-                f'the cell array "{name}" has {values[cell]:g} in cell {cell}',
+                f'the cell array "{name}" has the value {values[cell]:g} in cell {cell}',
                 value=name,
                 allowed="finite numbers above 0",
             )

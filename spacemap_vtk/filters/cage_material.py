@@ -27,12 +27,12 @@ from spacemap_vtk.units import GRAVITY, parse_quantity, split_quantity
 DENSITY = 300.0
 
 #: Automatic Young's modulus of an object, over its weight per area.
-_STIFFER = 16.0
+_STIFFNESS_RATIO = 16.0
 
 #: Material whose stiffness follows from the yarns of the weave in the cage.
 WOVEN = "yarns"
 #: A cloth with which yarns can be checked before the actual cloth is known.
-_ANY = Cloth(
+_SAMPLE_CLOTH = Cloth(
     drawdown=np.eye(2, dtype=bool),
     warp=Threads(diameter=1e-4, spacing=3e-4),
     weft=Threads(diameter=1e-4, spacing=3e-4),
@@ -74,8 +74,8 @@ class ShearRigidity(Real):
         if found is not None and found[1] == "gf/cm":
             number, per_radian = found[0], parse_quantity(text, self.unit)
             raise InputError(
-                "Kawabata's shear stiffness is per degree, and the unit does not say so",
-                cure=f'Write "{number:g} gf/(cm.deg)", or "{per_radian:.6g} N/m" if the figure is '
+                "the unit must name the angle, because Kawabata's shear stiffness is per degree",
+                cure=f'Write "{number:g} gf/(cm.deg)", or "{per_radian:.6g} N/m" if the value is '
                 "per radian.",
             )
         return parse_quantity(text, self.unit)
@@ -86,18 +86,18 @@ class CageMaterial(Parameterised):
 
     elements = Choice(
         "auto",
-        "What the cage is to mechanics: the solid of its tetrahedra, or the sheet that a lattice "
-        "of one layer is, whole or carved, which stretches, bends and twists as cloth does. auto: "
-        f"the sheet where the cells of such a lattice are over {SHEET_ASPECT:g} times wider than "
+        "Mechanical model of the cage: a solid of tetrahedra, or a sheet that stretches, bends and "
+        "twists as cloth does. A sheet needs a lattice of one layer, whole or carved. auto: a "
+        f"sheet if the cells of this lattice are more than {SHEET_ASPECT:g} times as wide as "
         "thick.",
         ["auto", "sheet", "tetrahedra"],
     )
     material = Choice(
         "isotropic",
-        "Kind of the cage's material: isotropic, orthotropic along the fabric, a sheet as stiff as "
-        "the yarns of the weave in it make it (see the section [yarns]), or a measured fabric, "
-        "whose moduli, ratios and density count where they are not given, and of a sheet its "
-        'bending, too (see "spacemap materials"). What is given of a sheet goes before both.',
+        "Material of the cage: isotropic; orthotropic along the fabric; yarns (a sheet whose "
+        "stiffness follows from the yarns of its weave, see the section [yarns]); or a measured "
+        'fabric (see "spacemap materials"). Other constants that are given replace those of the '
+        "yarns or the measured fabric.",
         ["isotropic", "orthotropic", WOVEN, *FABRICS],
     )
     youngs_modulus = Real(
@@ -105,21 +105,20 @@ class CageMaterial(Parameterised):
         "Young's modulus of an isotropic cage.",
         unit="Pa",
         above=0.0,
-        automatic="of an object one with which it gives way a little under its own weight",
+        automatic="for an object, a value with which it sags slightly under its own weight",
         when=_ISOTROPIC,
     )
     poissons_ratio = Real(
         0.3,
-        "Poisson's ratio of an isotropic cage. Linear tetrahedra lock as it nears 0.5, where K is "
-        "singular.",
+        "Poisson's ratio of an isotropic cage. Linear tetrahedra become too stiff near 0.5.",
         above=-1.0,
         below=0.5,
         when=_ISOTROPIC,
     )
     youngs_moduli = Vector(
         None,
-        "Young's moduli of an orthotropic cage, or in place of a measured fabric's, along the warp "
-        "(1, y), the weft (2, x) and the normal (3, z).",
+        "Young's moduli of an orthotropic cage, along the warp (1, y), the weft (2, x) and the "
+        "normal (3, z). For a measured fabric they replace its own.",
         component=Real(1.0, "", unit="Pa", above=0.0),
         labels=("E1", "E2", "E3"),
         automatic="none",
@@ -148,13 +147,13 @@ class CageMaterial(Parameterised):
         "Mass density of the cage.",
         unit="kg/m3",
         above=0.0,
-        automatic=f"{DENSITY:g} kg/m3, a measured fabric's, or of a sheet the weave's own",
+        automatic=f"{DENSITY:g} kg/m3; that of a measured fabric; for a sheet, that of the weave",
     )
     thickness = Real(
         None,
-        "What a measured fabric's stiffness per width and mass per area are divided by where the "
-        "elements are tetrahedra; at the cage's own thickness it stretches and weighs as the "
-        "fabric.",
+        "Thickness by which a measured fabric's stiffness per width and mass per area are divided "
+        "if the elements are tetrahedra. With the cage's own thickness it stretches and weighs as "
+        "the fabric does.",
         unit="m",
         above=0.0,
         plausible=(1e-6, 0.05),
@@ -165,58 +164,58 @@ class CageMaterial(Parameterised):
     tensile_rigidity = WarpAndWeft(
         Real(
             "1 kN/m",
-            "What a sheet resists stretching with, as a strip whose sides are free: force per "
-            "width over strain.",
+            "Tensile rigidity of a sheet, measured on a strip with free sides: force per width "
+            "over strain.",
             unit="N/m",
             trade="gf/cm",
             above=0.0,
         ),
-        automatic="Young's modulus times the cage's thickness, or a measured fabric's, or the "
-        "yarns'",
+        automatic="Young's modulus times the cage's thickness; that of a measured fabric or of the "
+        "yarns",
         group="Sheet",
         when=_SHEET,
     )
     shear_rigidity = ShearRigidity(
         None,
-        "What a sheet resists shear in its plane with: force per width over the angle; Kawabata's "
-        "figure is per degree, gf/(cm.deg). A woven fabric's is far less than what follows from "
-        "its tensile rigidity.",
+        "Shear rigidity of a sheet: force per width over the angle; Kawabata's values are per "
+        "degree, gf/(cm.deg). That of a woven fabric is far less than follows from its tensile "
+        "rigidity.",
         unit="N/m",
         trade="gf/cm.deg",
         above=0.0,
-        automatic="the shear modulus times the cage's thickness, or a measured fabric's, or the "
-        "yarns'; of an isotropic sheet from tensile_rigidity, where that is given",
+        automatic="the shear modulus times the cage's thickness; that of a measured fabric or of "
+        "the yarns; for an isotropic sheet from tensile_rigidity, if that is given",
         group="Sheet",
         when=_SHEET,
     )
     poissons_ratio_in_plane = Real(
         None,
-        "Poisson's ratio of a sheet: its contraction along the weft for a stretch along the warp. "
-        "That the other way is as many times larger as the weft's tensile rigidity is; bending has "
-        "the mean of both, the root of their product.",
-        automatic="the material's, in the mean of both",
+        "Poisson's ratio of a sheet: contraction along the weft for a stretch along the warp. The "
+        "ratio for a stretch along the weft follows from both tensile rigidities; bending uses the "
+        "geometric mean of the two.",
+        automatic="that of the material, as geometric mean of both directions",
         group="Sheet",
         when=_SHEET,
     )
     bending_rigidity = WarpAndWeft(
         Real(
             "10 uN.m",
-            "What a sheet resists bending with, as a strip whose sides are free: moment per width "
+            "Bending rigidity of a sheet, measured on a strip with free sides: moment per width "
             "over curvature.",
             unit="N.m",
             trade="gf.cm2/cm",
             above=0.0,
         ),
-        automatic="Young's modulus times the cube of the cage's thickness over 12, or a measured "
-        "fabric's, or the yarns'",
+        automatic="Young's modulus times the cube of the cage's thickness over 12; that of a "
+        "measured fabric or of the yarns",
         group="Sheet",
         when=_SHEET,
     )
     bending_length = WarpAndWeft(
         Real(
             "20 mm",
-            "Peirce's bending length c, in place of bending_rigidity, which is c³ times the weight "
-            "of a unit area; half the length of a strip that hangs over an edge at 41.5 degrees.",
+            "Peirce's bending length c, instead of bending_rigidity (c³ times the weight of a unit "
+            "area). It is half the length of a strip that hangs over an edge at 41.5 degrees.",
             unit="m",
             trade="cm",
             above=0.0,
@@ -229,14 +228,14 @@ class CageMaterial(Parameterised):
     )
     twisting_rigidity = Real(
         None,
-        "What a sheet resists twisting with, D66: moment per width over twice the twist. Of a "
-        "homogeneous sheet it is the root of the product of both bending rigidities over "
-        "2 (1 + Poisson's ratio).",
+        "Twisting rigidity D66 of a sheet: moment per width over twice the twist. For a "
+        "homogeneous sheet it is the geometric mean of both bending rigidities over 2 (1 + "
+        "Poisson's ratio).",
         unit="N.m",
         trade="gf.cm2/cm",
         above=0.0,
-        automatic="a measured fabric's, or the yarns', or a homogeneous sheet's, as where bending "
-        "is given",
+        automatic="that of a measured fabric or of the yarns; otherwise, or if a bending rigidity "
+        "is given, that of a homogeneous sheet",
         group="Sheet",
         when=_SHEET,
     )
@@ -246,8 +245,8 @@ class CageMaterial(Parameterised):
         unit="kg/m2",
         trade="oz/yd2",
         above=0.0,
-        automatic="density times the cage's thickness, where density is given, or a measured "
-        f"fabric's, or the weave's own, or {DENSITY:g} kg/m3 times the thickness",
+        automatic="density times the cage's thickness, if density is given; otherwise that of a "
+        f"measured fabric or of the weave, or {DENSITY:g} kg/m3 times the thickness",
         group="Sheet",
         when=_SHEET,
     )
@@ -255,8 +254,8 @@ class CageMaterial(Parameterised):
     def check_material(self, yarns: YarnParameters | YarnMechanics | None) -> None:
         """Check what can be checked without a cage; `yarns` are those of the weave in it."""
         if self.material == WOVEN and self.elements != "tetrahedra":
-            self._given()
-            self._of_yarns(_ANY, yarns)
+            self._given_constants()
+            self._yarn_stiffness(_SAMPLE_CLOTH, yarns)
             return
         self.solid_constants(1.0)
         if self.elements != "tetrahedra":
@@ -267,13 +266,13 @@ class CageMaterial(Parameterised):
         # `extent`, the cage's size along z [m], is the thickness of a measured fabric by default.
         if self.material == WOVEN:
             raise InputError(
-                "yarns make a sheet, and this cage is none",
+                "this material needs a cage that is a sheet",
                 key="material",
                 value=WOVEN,
                 cure='Set [cage] divisions such as [20, 20, 1], and elements = "sheet".',
             )
-        given = self._given()
-        return self._solid(given, given.get("thickness", extent))
+        given = self._given_constants()
+        return self._solid_material(given, given.get("thickness", extent))
 
     def sheet_stiffness(
         self,
@@ -287,14 +286,14 @@ class CageMaterial(Parameterised):
         # Figures that are not measured are those of a homogeneous plate of the cage's thickness
         # [m]. `woven` is the mass per area of the weave in the cage, which is `cloth` with `yarns`.
         # For `normal` see `homogeneous`.
-        given = self._given()
-        elasticity, density = self._solid(given, thickness)
+        given = self._given_constants()
+        elasticity, density = self._solid_material(given, thickness)
         fabric = FABRICS.get(self.material)
         mass = given.get("areal_mass", density * thickness)
         if woven is not None and fabric is None and not {"areal_mass", "density"} & given.keys():
             mass = woven
         if self.material == WOVEN:
-            own = self._of_yarns(cloth, yarns)
+            own = self._yarn_stiffness(cloth, yarns)
         elif fabric is None:
             own = homogeneous_plate(elasticity, thickness, normal)
         else:
@@ -321,8 +320,8 @@ class CageMaterial(Parameterised):
         for name in self.given:
             if why := self.idle_as(name, sheet):
                 yield (
-                    f"{self.section}.{name} does not count: {why}; "
-                    f'elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
+                    f"{self.section}.{name} has no effect: {why}; "
+                    f'elements = "{"tetrahedra" if sheet else "sheet"}" would change that'
                 )
 
     @classmethod
@@ -331,24 +330,26 @@ class CageMaterial(Parameterised):
         kind = "sheet" if sheet else "tetrahedra"
         if kind in cls.parameter(name).when.get("elements", kind):
             return ""
-        return "the cage is a sheet" if sheet else "the cage is no sheet"
+        return "the cage is a sheet" if sheet else "the cage is not a sheet"
 
-    def _of_yarns(self, cloth: Cloth | None, yarns: YarnParameters | YarnMechanics | None) -> Plate:
+    def _yarn_stiffness(
+        self, cloth: Cloth | None, yarns: YarnParameters | YarnMechanics | None
+    ) -> Plate:
         """Return the stiffness of the sheet that the yarns of a cloth form."""
         if yarns is None:
             raise InputError(
-                "nobody has said what the yarns resist",
+                "the stiffness of the yarns is not given",
                 key="material",
                 value=WOVEN,
                 cure="Add a section [yarns] with tension and bending; in ParaView enter the "
-                'figures that "spacemap info" prints of a scene that has one.',
+                'values that "spacemap info" prints for a scene with this section.',
             )
         if cloth is None:
             raise InputError(
-                "there is no weave in the cage",
+                "this material needs a weave in the cage",
                 key="material",
                 value=WOVEN,
-                cure="Put a [weave] in it, or choose another material.",
+                cure="Add a section [weave], or choose another material.",
             )
         try:
             known = yarns.yarns(cloth) if isinstance(yarns, YarnParameters) else yarns
@@ -359,7 +360,7 @@ class CageMaterial(Parameterised):
             # The error belongs to another section than the one of this stage.
             raise InputError(f"[yarns] {error}", key="material", value=WOVEN) from None
 
-    def _given(self) -> dict[str, Any]:
+    def _given_constants(self) -> dict[str, Any]:
         """Return the given constants by name; refuse those without effect, and contradictions."""
         # In the order of _CONSTANTS, so that the reported one does not depend on the order of
         # setting.
@@ -367,22 +368,22 @@ class CageMaterial(Parameterised):
         for key, value in given.items():
             if why := self.idle(key):
                 raise InputError(
-                    f"it does not count: {why}",
+                    f"the value has no effect: {why}",
                     key=key,
                     value=value,
-                    cure=f"It counts where {self.parameter(key).counts}.",
+                    cure=f"It has an effect where {self.parameter(key).counts}.",
                 )
         for key, other in (("bending_length", "bending_rigidity"), ("areal_mass", "density")):
             if key in given and other in given:
                 raise InputError(
-                    f"{other} is given, too, and says the same of a sheet",
+                    f"{other} is given, too, and determines the same property",
                     key=key,
                     value=given[key],
                     cure=f"Leave out {other} or {key}.",
                 )
         return given
 
-    def _solid(self, given: dict[str, Any], thickness: float) -> tuple[Floats, float]:
+    def _solid_material(self, given: dict[str, Any], thickness: float) -> tuple[Floats, float]:
         """Return elasticity and density; a measured fabric is spread over the thickness."""
         own = {key: given[key] for key in (*_MODULI, "density") if key in given}
         if self.material in FABRICS:
@@ -393,7 +394,7 @@ class CageMaterial(Parameterised):
             for key in _MODULI:
                 if key not in own:
                     raise InputError(
-                        "an orthotropic material needs it",
+                        "an orthotropic material needs this value",
                         key=key,
                         allowed=self.parameter(key).allowed,
                     )
@@ -418,5 +419,5 @@ class CageMaterial(Parameterised):
         edges = vertices[elements[:, 1:4]] - vertices[elements[:, :1]]
         filled = float(np.abs(np.linalg.det(edges)).sum() / 6.0 / extent.prod())
         density = DENSITY if self.density is None else self.density
-        found = _STIFFER * density * GRAVITY * length / filled
+        found = _STIFFNESS_RATIO * density * GRAVITY * length / filled
         self.in_use = {"youngs_modulus": float(f"{found:.2g}")}

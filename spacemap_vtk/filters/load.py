@@ -72,7 +72,7 @@ class Numbers(Parameter[Any]):
     def convert(self, value: Any) -> tuple[float, ...]:
         """Convert to a tuple of checked numbers."""
         if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InputError("not a list")
+            raise InputError("must be a list of numbers")
         return tuple(self.component.convert(component) for component in value)
 
     def text(self, value: Any) -> str:
@@ -86,11 +86,11 @@ class Numbers(Parameter[Any]):
 
 
 class Load(Parameterised):
-    """Something that acts on a cage: a pressure, a force, a moving base …, and its time function.
+    """Act on a cage with a pressure, a force, a moving base …, multiplied by a time function.
 
     A load has exactly one of ``pressure``, ``traction``, ``force``, ``array``, ``gravity``,
-    ``base_acceleration`` and ``base_displacement``; the first two act ``on`` a side, a force acts
-    ``at`` a point. Its time function multiplies it.
+    ``base_acceleration`` and ``base_displacement``. The first two act ``on`` a side, a force acts
+    ``at`` a point.
 
     Examples
     --------
@@ -102,63 +102,66 @@ class Load(Parameterised):
 
     section = "response.loads"
 
-    pressure = Real(None, "Pressure on a side; a positive one pushes into the cage.", unit="Pa")
+    pressure = Real(None, "Pressure on a side; a positive value pushes into the cage.", unit="Pa")
     follower = Flag(
-        False, "A pressure stays normal to its side as that turns, which takes [transient]."
+        False, "Keep a pressure normal to its side as the side turns; needs [transient]."
     )
     traction = Vector(None, "Force per area of a side.", component=Real(0.0, "", unit="Pa"))
     force = Vector(None, "Force on a vertex.", component=Real(0.0, "", unit="N"))
     array = Text("", "Name of a point array of the cage: a force in N on each vertex.")
     gravity = Vector(
         None,
-        "Acceleration of gravity, beside that of the response.",
+        "Acceleration of gravity, in addition to that of the response.",
         component=Real(0.0, "", unit="m/s2"),
     )
     base_acceleration = Vector(
         None,
-        "Acceleration of all supports together; displacements are relative to them.",
+        "Common acceleration of all supports; displacements are relative to the supports.",
         component=Real(0.0, "", unit="m/s2"),
     )
     base_displacement = Vector(
         None,
-        "Displacement of all supports together; displacements include it.",
+        "Common displacement of all supports; displacements include it.",
         component=Real(0.0, "", unit="m"),
     )
     on = Choice("", "Side of the cage's bounding box.", ["", *SIDES])
     at = Vector(
-        None, "The force acts on the vertex nearest to it.", component=Real(0.0, "", unit="m")
+        None,
+        "Point of a force, which acts on the nearest vertex.",
+        component=Real(0.0, "", unit="m"),
     )
     time = Choice(
         "step",
-        "Factor over time: 1 from start on; 1 for a length; from 0 to 1; linear between points; "
-        "sin(2πft + phase); linear between points, repeated.",
+        "Factor over time. step: 1 from start on; pulse: 1 for a length; ramp: from 0 to 1; table: "
+        "linear between points; harmonic: sin(2πft + phase); periodic: a repeated table.",
         list(TIME_KEYS),
     )
-    start = Real(None, "When it begins.", unit="s", minimum=0.0)
-    length = Real(None, "How long a pulse lasts.", unit="s", above=0.0)
-    rise = Real(None, "How long a ramp rises.", unit="s", above=0.0)
+    start = Real(None, "Time at which the load begins.", unit="s", minimum=0.0)
+    length = Real(None, "Duration of a pulse.", unit="s", above=0.0)
+    rise = Real(None, "Rise time of a ramp.", unit="s", above=0.0)
     times = Numbers(
-        "Times of a table, counted from start; a time given twice is a jump. Where the first is "
-        "above 0, the first value holds from start up to it already: begin with a value of 0 for a "
-        "load that sets in later. The last is the period of a periodic one.",
+        "Times of a table, relative to start; a time given twice is a jump. If the first time is "
+        "above 0, the first value also holds from start to that time. The last time of a periodic "
+        "load is its period.",
         component=Real(0.0, "", unit="s", minimum=0.0),
     )
     values = Numbers(
-        "Factor at each of the times; after the last time of a table its value stays.",
+        "Factor at each time; after the last time, a table keeps its last value.",
         component=Real(0.0, ""),
     )
     file = FilePath(
         None,
-        "Times in s and factors from a text file (.csv) of two columns, in place of times and "
-        "values.",
+        "Text file (.csv) with two columns, times in s and factors; replaces times and values.",
     )
     frequency = Real(None, "Frequency of a harmonic load.", unit="1/s", above=0.0)
     phase = Real(
         None,
-        "Phase of a harmonic load, in degrees where no unit is given; 90 degrees make a cosine.",
+        "Phase of a harmonic load, in degrees unless it has a unit; 90 degrees give a cosine.",
         unit="deg",
     )
-    steady = Flag(False, "A harmonic or periodic load has been going on for ever.")
+    steady = Flag(
+        False, "Let a harmonic or periodic load act for ever, so that the response is steady."
+    )
 
     _sealed = False
 
@@ -167,16 +170,16 @@ class Load(Parameterised):
         given = [name for name in ACTIONS if getattr(self, name) not in (None, "")]
         if len(given) != 1:
             raise InputError(
-                f"it has {' and '.join(given) or 'nothing that acts'}",
+                f"the load has {' and '.join(given) or 'no action'}",
                 allowed="exactly one of " + ", ".join(ACTIONS),
             )
         self._action = given[0]
         if self.follower and self.action != "pressure":
             raise InputError(
-                f"a {self.action} keeps its direction",
+                "only a pressure can follow its side",
                 key="follower",
                 value=True,
-                cure="Leave it out, or give a pressure.",
+                cure="Leave out follower, or give a pressure.",
             )
         self._check_place()
         self._check_time()
@@ -184,7 +187,7 @@ class Load(Parameterised):
             (self.times, self.values) if self.file is None else registry.read(self.file, "table")
         )
         try:
-            self._function = self._made()
+            self._function = self._make_function()
         except InputError as error:
             if self.file is not None:
                 error.key, error.message = "file", f"{error.message}, in {self.file}"
@@ -210,8 +213,8 @@ class Load(Parameterised):
                     f"a {self.action} needs a place", key=key, allowed=self.parameter(key).allowed
                 )
             if key != wanted and there:
-                place = f'its place is "{wanted}"' if wanted else "it acts on all of the cage"
-                raise InputError(f'a {self.action} has no "{key}": {place}', key=key)
+                place = f'needs "{wanted}"' if wanted else "acts on the whole cage"
+                raise InputError(f'a {self.action} cannot have "{key}": it {place}', key=key)
 
     def _check_time(self) -> None:
         needed, possible = TIME_KEYS[self.time]
@@ -219,19 +222,21 @@ class Load(Parameterised):
             there = getattr(self, key) not in (None, False)
             if key in needed and self.file is not None:
                 if there:
-                    raise InputError("they come from a file already", key=key)
+                    raise InputError("is already given by file", key=key)
             elif key in needed and not there:
                 raise InputError(
-                    f'time = "{self.time}" needs it', key=key, allowed=self.parameter(key).allowed
+                    f'time = "{self.time}" needs this value',
+                    key=key,
+                    allowed=self.parameter(key).allowed,
                 )
             if there and key not in needed + possible:
                 raise InputError(
-                    f'time = "{self.time}" has no such value',
+                    f'time = "{self.time}" does not use this value',
                     key=key,
                     allowed=", ".join(needed + possible),
                 )
 
-    def _made(self) -> TimeFunction:
+    def _make_function(self) -> TimeFunction:
         start, (times, values) = self.start or 0.0, self._points
         if self.time == "periodic":
             return time_functions.periodic(times, values, steady=self.steady)
@@ -251,7 +256,7 @@ class Load(Parameterised):
             raise InputError(
                 "a load cannot be changed",
                 key=name,
-                cure="Assign a new list of loads to the response",
+                cure="Assign a new list of loads instead",
             )
         super().__setattr__(name, value)
 
@@ -298,11 +303,11 @@ class Loads(Parameter[tuple[Load, ...]]):
     def convert(self, value: Any) -> tuple[Load, ...]:
         """Convert to checked loads."""
         if isinstance(value, str):
-            value = _from_text(value)
+            value = _parse_text(value)
         if isinstance(value, (Load, Mapping)):
             value = [value]
         if not isinstance(value, Iterable):
-            raise InputError("not a list of loads")
+            raise InputError("must be a list of loads")
         loads = []
         for number, item in enumerate(value):
             if isinstance(item, Load):
@@ -315,7 +320,7 @@ class Loads(Parameter[tuple[Load, ...]]):
                     raise
             else:
                 raise InputError(
-                    "this is no load",
+                    "this is not a load",
                     key=f"[{number}]",
                     value=item,
                     allowed=f"a table with one of {', '.join(ACTIONS)}",
@@ -349,7 +354,7 @@ class Loads(Parameter[tuple[Load, ...]]):
 
 
 class DeadLoads(Loads):
-    """Loads that are there for ever."""
+    """Loads that are constant in time."""
 
     actions = DEAD_ACTIONS
     timed = False
@@ -360,18 +365,18 @@ class DeadLoads(Loads):
         for number, load in enumerate(loads):
             if load.follower:
                 raise InputError(
-                    "a dead load keeps its direction",
+                    "a dead load cannot follow its side",
                     key=f"[{number}].follower",
                     value=True,
-                    cure="Leave it out, or put it into [[transient.loads]].",
+                    cure="Leave out follower, or move the load to [[transient.loads]].",
                 )
             if load.action not in DEAD_ACTIONS or load.time != "step" or load.start is not None:
                 raise InputError(
-                    "a dead load is there for ever, and moves no base",
+                    "a dead load must be constant and cannot move the base",
                     key=f"[{number}]",
                     value=load.action if load.action not in DEAD_ACTIONS else load.time,
-                    allowed=f"one of {', '.join(DEAD_ACTIONS)}, and no time",
-                    cure="Put what changes into [[response.loads]], gravity into modal.gravity.",
+                    allowed=f"one of {', '.join(DEAD_ACTIONS)}, without time or start",
+                    cure="Use [[response.loads]] for other loads, and modal.gravity for gravity.",
                 )
         return loads
 
@@ -419,7 +424,7 @@ def load_vectors(
     return vectors
 
 
-def _from_text(text: str) -> Any:
+def _parse_text(text: str) -> Any:
     try:
         return parse_toml(f"value = {text or '[]'}")["value"]
     except ValueError as error:

@@ -74,16 +74,16 @@ class DampingPairs(Parameter[Any]):
     def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
         """Convert to two pairs of floats, the lower frequency first."""
         if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InputError("not a list of pairs")
+            raise InputError("must be a list of two pairs")
         pairs = []
         for pair in value:
             numbers = tuple(pair) if isinstance(pair, Iterable) else ()
             if isinstance(pair, str) or len(numbers) != 2:
-                raise InputError("not a list of pairs")
+                raise InputError("must be a list of two pairs")
             frequency, ratio = numbers
             pairs.append((_FREQUENCY.convert(frequency), _RATIO.convert(ratio)))
         if len(pairs) != 2:
-            raise InputError(f"{len(pairs)} pairs in place of 2")
+            raise InputError(f"must be two pairs, not {len(pairs)}")
         return tuple(sorted(pairs))
 
     def text(self, value: Any) -> str:
@@ -95,7 +95,7 @@ class DampingRatio(Series):
     """A damping ratio for all modes, one for each, or the name of a text file of ratios."""
 
     each = (
-        "one for each mode from the first on, the last for all that follow; or the name of a text "
+        "one for each mode, in order, the last also for all higher modes; or the name of a text "
         "file with one ratio in each line"
     )
 
@@ -125,72 +125,73 @@ class LoadParameters(Parameterised):
 
     alpha = Real(
         None,
-        "Damping proportional to mass; slows every mode alike.",
+        "Damping proportional to mass; damps all modes at the same rate.",
         unit="1/s",
         minimum=0.0,
-        automatic=f"{DEFAULT_ALPHA:g} 1/s, or none where damping_ratio or damping_pairs is given",
+        automatic=f"{DEFAULT_ALPHA:g} 1/s; 0 if damping_ratio or damping_pairs is given",
         when=_RAYLEIGH,
     )
     beta = Real(
         0.0,
-        "Damping proportional to stiffness; stills the high modes.",
+        "Damping proportional to stiffness; damps mainly the high modes.",
         unit="s",
         minimum=0.0,
         when=_RAYLEIGH,
     )
     damping_ratio = DampingRatio(
-        Real(0.0, "Damping ratio of the modes, in place of alpha and beta.", minimum=0.0),
-        automatic="alpha and beta damp",
+        Real(0.0, "Damping ratio of the modes, instead of alpha and beta.", minimum=0.0),
+        automatic="alpha and beta are used",
     )
     damping_pairs = DampingPairs(
         None,
-        "Two pairs of frequency and damping ratio, from which alpha and beta are made.",
-        automatic="alpha and beta damp",
+        "Two pairs of frequency and damping ratio, from which alpha and beta are computed.",
+        automatic="alpha and beta are used",
     )
     gravity = Vector(
         None,
-        "Acceleration of gravity, there from t = 0 on. A cage with modal.gravity goes on under "
-        "that where this is automatic; where it hangs and this is another, it moves by the "
-        "difference.",
+        "Acceleration of gravity from t = 0 on. If automatic, a cage with modal.gravity keeps that "
+        "value. A hanging cage moves by the difference between the two.",
         component=Real(0.0, "", unit="m/s2"),
-        automatic="9.80665 m/s2 down: along -z, or as the object says, or what the cage hangs by",
+        automatic="modal.gravity, if it is given; otherwise 9.80665 m/s2 down (along -z, or as the "
+        "object defines it)",
     )
-    loads = Loads((), "What else acts on the cage, each with its time function.")
+    loads = Loads((), "Further loads on the cage, each with its time function.")
     initial = Choice(
         "rest",
-        "State at t = 0: undeformed, or already hanging at rest under the loads.",
+        "State at t = 0: undeformed, or in equilibrium under the loads.",
         ["rest", "equilibrium"],
     )
     initial_velocity = Vector(
         (0.0, 0.0, 0.0),
-        "Velocity at t = 0 of all that is not fixed.",
+        "Velocity at t = 0, except where the cage is fixed.",
         component=Real(0.0, "", unit="m/s"),
     )
     initial_velocity_array = Text(
-        "", "Name of a point array of the cage: velocities in m/s at t = 0, added to the others."
+        "",
+        "Name of a point array of the cage: velocities at t = 0 in m/s, added to the others.",
     )
     initial_displacement = Vector(
         (0.0, 0.0, 0.0),
-        "Displacement at t = 0 of all that is not fixed, added to the initial state.",
+        "Displacement at t = 0, except where the cage is fixed; added to the initial state.",
         component=Real(0.0, "", unit="m"),
     )
     initial_displacement_array = Text(
-        "", "Name of a point array of the cage: displacements in m at t = 0, added to the others."
+        "",
+        "Name of a point array of the cage: displacements at t = 0 in m, added to the others.",
     )
     stress = Flag(True, "Compute strain and stress of each tetrahedron.")
     energy = Flag(True, "Compute kinetic, strain and dissipated energy, and external work.")
     duration = Real(
         10.0,
-        "Length of the time range reported to players; any later time can be asked for too.",
+        "Length of the time range that is offered to players; later times are possible, too.",
         unit="s",
         above=0.0,
     )
     frames = Integer(
         101,
-        "Number of time steps, evenly from 0 to the duration, that players and writers of other "
-        "programs are offered; any time in between can be asked for too. 0 offers the range "
-        "alone, of which ParaView writes one time. The frames of a scene's own film are those of "
-        "its animation.",
+        "Number of evenly spaced time steps from 0 to the duration that are offered to other "
+        "programs; times in between are possible, too. With 0 only the range is offered, and "
+        "ParaView writes one time. A film of a scene has the frames of its animation instead.",
         minimum=0,
         maximum=100_000,
     )
@@ -208,11 +209,11 @@ class LoadParameters(Parameterised):
         ways += [name for name in ("alpha", "beta") if ways and self._contradicts(name)]
         if len(ways) > 1:
             raise InputError(
-                f"{ways[0]} and {ways[1]} both say how much is damped",
+                f"{ways[0]} and {ways[1]} both define the damping",
                 key=ways[0],
                 value=getattr(self, ways[0]),
                 cure=f"Leave out {ways[0]} or {ways[1]}"
-                + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
+                + (f" (or set {ways[1]} = 0)." if ways[1] in ("alpha", "beta") else "."),
             )
         if not ways:
             return Damping(DEFAULT_ALPHA if self.alpha is None else self.alpha, self.beta)
@@ -267,22 +268,24 @@ class LoadParameters(Parameterised):
 
     def initial_fields(self, grid: vtkUnstructuredGrid) -> tuple[Floats, Floats]:
         """Return what is added to displacement and velocity at t = 0, both (V, 3)."""
-        displacement = self._start(
+        displacement = self._initial_field(
             grid, self.initial_displacement, "displacement", self.initial_displacement_array
         )
-        velocity = self._start(grid, self.initial_velocity, "velocity", self.initial_velocity_array)
+        velocity = self._initial_field(
+            grid, self.initial_velocity, "velocity", self.initial_velocity_array
+        )
         return displacement, velocity
 
     def warnings_of_far_loads(self, modes: CageModes) -> list[str]:
         """Return a warning for each load that acts at a point outside the cage."""
         return [
-            f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
-            "on the vertex nearest to it"
+            f"loads[{number}] acts at a point {distance:.3g} m away from the cage; it is applied "
+            "to the nearest vertex"
             for number, load in enumerate(self.loads)
             if load.at is not None and (distance := modes.distance_outside(load.at))
         ]
 
-    def _start(
+    def _initial_field(
         self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
     ) -> Floats:
         field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))

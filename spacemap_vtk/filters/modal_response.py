@@ -36,19 +36,18 @@ from spacemap_vtk.parameters import Flag
 
 
 class ModalResponse(LoadParameters, Stage):
-    """Move a cage by its vibration modes, at any time, without stepping.
+    """Move a cage by its vibration modes, at any time, without time steps.
 
-    The motion is a sum of closed-form responses of single oscillators, one for each mode: under-,
-    critically and overdamped and rigid ones. Gravity is a step at t = 0; other loads each have
-    their own time function. A residual vector for each load makes the static response exact,
-    whatever number of modes is kept.
+    The motion is a sum of closed-form responses, one for each mode, for any damping. Gravity acts
+    from t = 0 on; other loads each have their own time function. A residual vector for each load
+    makes the static response exact for any number of modes.
 
     The output has the point arrays ``displacement``, ``velocity`` and ``acceleration``; the cell
     arrays ``strain`` and ``stress`` (mean of each tetrahedron, in the axes of the fabric: x weft,
     y warp, z normal; VTK's order xx, yy, zz, xy, yz, xz) and ``von_mises``; and the field arrays
     ``modal_coordinates``, ``kinetic_energy``, ``strain_energy``, ``dissipated_energy`` and
-    ``external_work`` (J, in coordinates relative to a moving base), of which the last is the sum
-    of the three before.
+    ``external_work`` (J, in coordinates relative to a moving base). External work is the sum of
+    the other three energies.
 
     Notes
     -----
@@ -73,16 +72,16 @@ class ModalResponse(LoadParameters, Stage):
     provides: ClassVar = {**MOTION_ARRAYS, "modal_coordinates": Provided("field")}
 
     residual_vectors = Flag(
-        True, "Add to the modes what they miss of the static response to each load."
+        True, "Add a residual vector for each load, which makes the static response exact."
     )
 
     _modes: ModesReader | None = None
-    _kept_motion: tuple[tuple[int, int], Response] | None = None
+    _last_motion: tuple[tuple[int, int], Response] | None = None
 
     @property
     def motion(self) -> Response | None:
         """The motion as of the last update; None before the first."""
-        return None if self._kept_motion is None else self._kept_motion[1]
+        return None if self._last_motion is None else self._last_motion[1]
 
     def check(self) -> None:
         """Check damping and loads."""
@@ -90,10 +89,10 @@ class ModalResponse(LoadParameters, Stage):
         for number, load in enumerate(self.loads):
             if load.follower:
                 raise InputError(
-                    "what follows a surface that turns is no part of a linear motion",
+                    "a linear motion does not support follower pressures",
                     key=f"loads[{number}].follower",
                     value=True,
-                    cure="Leave it out, or take [transient] in place of [response].",
+                    cure="Leave out follower, or use [transient] instead of [response].",
                 )
 
     def run(
@@ -106,17 +105,17 @@ class ModalResponse(LoadParameters, Stage):
         modes = self._modes.read(grid)
         # The motion is the same for all requested times.
         key = grid.GetMTime(), self.GetMTime()
-        if self._kept_motion is None or self._kept_motion[0] != key:
-            self._kept_motion = key, self._response(grid, modes)
-        motion = self._kept_motion[1]
+        if self._last_motion is None or self._last_motion[0] != key:
+            self._last_motion = key, self._make_response(grid, modes)
+        motion = self._last_motion[1]
         state = motion.modal.at_time(time)
         displacement, velocity, acceleration = motion.at_time(time, state)
         for text in motion.warnings:
             self.warn(text)
         if lost := motion.count_lost_phases(time, state):
             self.warn(
-                f"so many periods have passed that nobody knows where in theirs {lost} modes are, "
-                "for want of digits of their frequencies; take an earlier time, or damp them"
+                f"the phases of {lost} modes are lost in rounding after so many periods; use an "
+                "earlier time, or more damping"
             )
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
@@ -125,15 +124,14 @@ class ModalResponse(LoadParameters, Stage):
         if angle > TRUSTED_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
-                "linear motion is not reliable, with or without [rotation]: use [transient] in "
-                "place of [response], or let the cage hang under the load ([modal] gravity, "
-                "dead_loads)"
+                "linear motion is not reliable, with or without [rotation]; use [transient] instead "
+                "of [response], or let the cage hang under the load ([modal] gravity, dead_loads)"
             )
         elif angle > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees, and a "
-                "linear model stretches what turns: add a section [rotation] (RotationStrain), or "
-                "lower the load"
+                "linear motion stretches parts that turn; add a section [rotation] "
+                "(RotationStrain), or lower the load"
             )
         model = modes.model
         if not self.turned and (
@@ -150,13 +148,12 @@ class ModalResponse(LoadParameters, Stage):
             energies = motion.energy(time, state)
             if np.isnan(energies.work):
                 self.warn(
-                    "so many periods have passed that the work of the loads is not added up: "
-                    "dissipated_energy and external_work are not a number; take an earlier time, "
-                    "or longer periods"
+                    "dissipated_energy and external_work are not a number, because the loads have "
+                    "too many periods to sum their work; use an earlier time, or longer periods"
                 )
             add_energies(output, energies)
 
-    def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
+    def _make_response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
         self.check()
         displacement, velocity = self.initial_fields(grid)
         made = Response(

@@ -69,26 +69,25 @@ Solution = tuple[Floats, Floats, Floats]
 
 
 class ModalSolver(CageMaterial, CageFittings, Stage):
-    """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
+    """Compute the lowest vibration modes of a cage of tetrahedra: K s = λ M s.
 
-    Modes are kept: another modulus or density only scales them, and what was solved once is read
-    from the user's cache folder (see `spacemap_vtk.cache`) the next time.
+    Modes are kept: another modulus or density only scales them. Modes that were computed before are
+    read from the user's cache folder (see `spacemap_vtk.cache`).
 
     Notes
     -----
     Equations (9) to (15) of Furukawa, Kitagawa and Shimizu; the volume in (9) needs its absolute
-    value. The modes are mass-normalised; none is missed, which the inertia of K - μM proves.
+    value. The modes are mass-normalised. None is missing, as the inertia of K - μM proves.
 
     Point arrays of the output: ``fixed`` is 1 where a vertex is held in some direction,
-    ``fixed_components`` tells along which axes, ``fixed_directions`` along which others (Σ n nᵀ);
-    ``rigid_body`` numbers the pieces that move as one, from 1 on; ``spring_stiffness`` (N/m) and
-    ``point_mass`` (kg) are what is fitted there, as are the cell arrays ``stiffness_factor`` and
-    ``density_factor``; ``nodal_mass`` (kg) are the row sums of M. Its field array
-    ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding. Of a sheet the
-    measures in force are field arrays, too, named as the parameters: ``bending_length`` and so on,
-    in SI, of two values that of the warp first. Of a cage with a field array ``filled``, as
-    TetraCage makes it round an object's surface, modulus and density are those shares of what is
-    given: it weighs as much as what it encloses.
+    ``fixed_components`` gives the held axes, ``fixed_directions`` other held directions (Σ n nᵀ);
+    ``rigid_body`` numbers the rigid bodies from 1; ``spring_stiffness`` (N/m) and ``point_mass``
+    (kg) are those of springs and masses; ``nodal_mass`` (kg) contains the row sums of M. Cell
+    arrays: ``stiffness_factor`` and ``density_factor``. The field array ``eigenvalue_rounding``
+    estimates the share of each eigenvalue that is rounding. For a sheet its constants are field
+    arrays, too, named as the parameters (``bending_length`` …), in SI, with the value of the warp
+    first. If a cage has a field array ``filled``, as TetraCage makes it around an object's surface,
+    modulus and density are multiplied by it, so that the cage weighs as much as its content.
 
     Examples
     --------
@@ -121,47 +120,47 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     mass = Choice(
         "consistent",
-        "Mass matrix: consistent with the elements' shape functions, or lumped on the vertices.",
+        "Mass matrix: consistent with the elements' shape functions, or lumped at the vertices.",
         ["consistent", "lumped"],
     )
     modes = Integer(
         30,
-        "Number of modes, the lowest first; at most as many as there are degrees of freedom.",
+        "Number of modes, from the lowest on; at most the number of degrees of freedom.",
         minimum=1,
         maximum=100_000,
     )
     gravity = Vector(
         (0.0, 0.0, 0.0),
-        "Gravity under which the cage hangs before anything moves, in the large: modes are those "
-        "about that equilibrium.",
+        "Gravity under which the cage hangs before it moves, with any deformation; the modes are "
+        "those about this equilibrium.",
         component=Real(0.0, "", unit="m/s2"),
         group="Hung",
     )
     dead_loads = DeadLoads(
         (),
-        "Pressures, tractions, forces and arrays under which it hangs, too; they keep their "
-        "directions, and have no time.",
+        "Pressures, tractions, forces and arrays under which the cage hangs, in addition to "
+        "gravity; their directions and sizes are constant.",
         group="Hung",
     )
     hang = Flag(
         True,
-        "Whether it hangs under gravity and dead_loads, where these are given; off, they stay, and "
-        "it begins undeformed.",
+        "Let the cage hang under gravity and dead_loads, if they are given; otherwise it starts "
+        "undeformed.",
         group="Hung",
     )
 
     #: Keeps parts alive that are found by content: other supports or materials reuse them.
     _model: Model | None = None
     #: Digest, and the last solution, for unit modulus and density.
-    _kept: tuple[str, Solution] | None = None
+    _last_modes: tuple[str, Solution] | None = None
     #: Digest, number and density of the modes in the output's arrays, and these arrays.
     _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
     #: Digest of the last model, and the locking of its tetrahedra.
     _locking: tuple[str, Locking] | None = None
     #: The undeformed model of a hanging cage; then the digest of the last equilibrium, its
     #: displacement, and the share of the load at which the cage buckled.
-    _rest: Model | None = None
-    _hangs: tuple[str, Sequence[Floats]] | None = None
+    _undeformed: Model | None = None
+    _last_equilibrium: tuple[str, Sequence[Floats]] | None = None
     _stored: float = -math.inf
     #: Stiffness of the yarns; of a stage, a copy of its parameters. That stage may be below this
     #: one, and a pipeline with a reference cycle is never freed.
@@ -209,12 +208,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         followed = self._followed and self._followed()
         self._followed = weakref.ref(value) if isinstance(value, Stage) else None
         if isinstance(value, Stage) and value is not followed:
-            value.AddObserver("ModifiedEvent", _follower(self))
+            value.AddObserver("ModifiedEvent", _make_observer(self))
         self._use_yarns(value)
 
     def _use_yarns(self, yarns: YarnParameters | YarnMechanics | None) -> None:
         """Store the stiffness of yarns; run again if it has changed and has an effect."""
-        before, now = _numbers_of(self._yarns), _numbers_of(yarns)
+        before, now = _settings_of(self._yarns), _settings_of(yarns)
         if len(before) == len(now) and all(map(np.array_equal, before, now)):
             return
         if isinstance(yarns, YarnParameters):
@@ -238,7 +237,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)
         for text in warnings:
             self.warn(text)
-        sheet = self._sheet(vertices, elements)
+        sheet = self._find_sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers
         material: Floats | Plate
         if sheet is None:
@@ -246,7 +245,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             elasticity, density = self.solid_constants(extent)
             material, density = filled * elasticity, filled * density
         else:
-            material, mass = self._plate(grid, sheet)
+            material, mass = self._sheet_and_mass(grid, sheet)
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         terms = [energy_terms.make_term(recipe, vertices, elements) for recipe in self._terms]
@@ -257,9 +256,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             load = self._dead_load(grid, model)
             if load.any() or any(term.forces(vertices).any() for term in terms):
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
-                self._rest, rest = model, self._hung(model, load, layers)
+                self._undeformed, rest = model, self._equilibrium(model, load, layers)
                 self._model = model = Model(*made, rest, fittings, terms)
-        eigenvalues, shapes, rounding = self._solved(model, layers)
+        eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
         attach(output, model, self.gravity)
@@ -278,7 +277,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if sheet is not None:
             return
         if self.material in FABRICS and self.youngs_moduli is None:
-            self._warn_of_thickness(FABRICS[self.material].plate, extent)
+            self._warn_of_thickness(FABRICS[self.material].plate_thickness, extent)
         self._warn_of_stiffness(model)
         if linear:
             self._warn_of_volume(model.elasticity)
@@ -296,17 +295,19 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         DataSheet or None
             None if the cage is a solid.
         """
-        sheet = self._sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
+        sheet = self._find_sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
             return None
-        return data_sheet(*self._plate(grid, sheet))
+        return data_sheet(*self._sheet_and_mass(grid, sheet))
 
-    def _plate(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
+    def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""
         cloth = cloth_of(grid) if self.material == WOVEN else None
-        return self.sheet_stiffness(sheet.thickness, sheet.normal, _woven(grid), cloth, self._yarns)
+        return self.sheet_stiffness(
+            sheet.thickness, sheet.normal, _woven_mass(grid), cloth, self._yarns
+        )
 
-    def _sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
+    def _find_sheet(self, vertices: Floats, elements: Ints) -> Layer | None:
         """Return the sheet as which the cage is modelled; None for a solid."""
         if self.elements == "tetrahedra":
             return None
@@ -315,10 +316,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             return found if found is not None and found.aspect > SHEET_ASPECT else None
         if found is None:
             raise InputError(
-                "a sheet is what a lattice of one layer is, and the cage is none",
+                "the cage cannot be a sheet: it is not a lattice of one layer",
                 key="elements",
                 value=self.elements,
-                cure="Set [cage] divisions such as [20, 20, 1], and order = 1; or elements = "
+                cure="Set [cage] divisions such as [20, 20, 1] and order = 1, or set elements = "
                 '"tetrahedra".',
             )
         return found
@@ -346,7 +347,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             total += cage.vertex_forces(vector)
         return total
 
-    def _hung(self, model: Model, load: Floats, layers: float) -> Floats:
+    def _equilibrium(self, model: Model, load: Floats, layers: float) -> Floats:
         """Return the displacement to the equilibrium [m], (V, 3), from disk or solved."""
         digest = digest_of(model.digest, load / model.modulus)
 
@@ -364,14 +365,17 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 model, load, lambda share: self.report(share, "hanging"), allow
             )
 
-        if self._hangs is None or self._hangs[0] != digest:
+        if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
             processes = self._processes
-            self._hangs = digest, solve() if processes is None else processes.from_first(solve)
-        found, critical = self._hangs[1]
+            self._last_equilibrium = (
+                digest,
+                solve() if processes is None else processes.from_first(solve),
+            )
+        found, critical = self._last_equilibrium[1]
         if not math.isnan(critical[0]):
             self.warn(
-                f"the cage buckles at {critical[0]:.3g} of the load that it hangs under; of two "
-                "sides alike, rounding chooses the one that it folds to"
+                f"the cage buckles at {critical[0]:.3g} of the load under which it hangs; if it "
+                "can fold to either of two sides, rounding chooses one"
             )
         return found
 
@@ -389,12 +393,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         )
         return model.modes(count, lambda share: self.report(share, "modes"))
 
-    def _solved(self, model: Model, layers: float) -> Solution:
+    def _load_or_solve_modes(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density, from memory, from disk or solved."""
         count, digest = min(self.modes, model.pencil.size), model.digest
 
         def solve() -> Solution:
-            found = _read(digest, count, len(model.points))
+            found = _read_modes(digest, count, len(model.points))
             if found is None:
                 begun = clock.perf_counter()
                 found = self._solve(model, count, layers)
@@ -407,21 +411,25 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
         # Never return the first of more modes: they differ by rounding, and the result must be the
         # same, to the bit, as when the modes are solved anew.
-        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1][0]) != count
+        missing = (
+            self._last_modes is None
+            or self._last_modes[0] != digest
+            or len(self._last_modes[1][0]) != count
+        )
         processes = self._processes
         if processes is not None and processes.largest([missing])[0]:
             values, shapes, rounding = processes.from_first(solve)
-            self._kept = digest, (values, shapes, rounding)
+            self._last_modes = digest, (values, shapes, rounding)
         elif missing:
-            self._kept = digest, solve()
-        assert self._kept is not None
+            self._last_modes = digest, solve()
+        assert self._last_modes is not None
         self.report(1.0, "modes")
-        return self._kept[1]
+        return self._last_modes[1]
 
     def _mode_arrays(self, shapes: Floats, density: float) -> list[vtkDataArray]:
         """Return the mode shapes as VTK arrays: the same objects for the same modes."""
-        assert self._kept is not None
-        modes = self._kept[0], len(shapes), density
+        assert self._last_modes is not None
+        modes = self._last_modes[0], len(shapes), density
         if self._arrays is None or self._arrays[0] != modes:
             scaled = shapes / math.sqrt(density)
             made = [to_array(shape, MODE_NAME.format(k)) for k, shape in enumerate(scaled)]
@@ -435,11 +443,11 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             lower = "lower" if times > 1 else "raise"
             times = max(times, 1 / times)
             self.warn(
-                f"a cage {format_quantity(float(f'{extent:.3g}'), 'm')} thick that stretches as "
-                f"{self.material} bends {times:.2g} times too {softly}: {self.material} bends as "
-                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}; set [modal] elements = "
-                f'"sheet", which keeps both, or {lower} youngs_moduli and shear_moduli '
-                f"{times:.2g} times if bending matters more"
+                f"a cage {format_quantity(float(f'{extent:.3g}'), 'm')} thick that stretches like "
+                f"{self.material} bends {times:.2g} times too {softly} ({self.material} bends like "
+                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}); set [modal] elements "
+                f'= "sheet", or {lower} youngs_moduli and shear_moduli {times:.2g} times to bend '
+                "correctly"
             )
 
     def _warn_of_rounding(self, rounding: Floats) -> None:
@@ -451,12 +459,15 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             f"mode {poor[0] + 1}" if len(poor) == 1 else f"modes {poor[0] + 1} to {poor[-1] + 1}"
         )
         digits = int(-math.log10(worst))
-        told = f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} hold"
+        verb = "is" if digits == 1 else "are"
+        loss = (
+            f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} {verb} correct"
+        )
         if worst > LOST:
-            told = f"the frequency of {which} is lost in rounding, no digit of it holds"
+            loss = f"the frequency of {which} is lost in rounding"
         self.warn(
-            f"{told}: the cage resists bending by so much less than stretching; take a thicker "
-            "cage, fewer divisions or more modes, whose higher ones tell the lowest apart"
+            f"{loss}, because the cage is much softer in bending than in stretching; use a thicker "
+            "cage, fewer divisions or more modes"
         )
 
     def _warn_of_stiffness(self, model: Model) -> None:
@@ -469,39 +480,42 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             return
         sheet = proportions_of(model.points, model.cells)
         linear = model.cells.shape[1] == 4
-        off = {"bend": bending} if linear else {}
+        factors = {"bend": bending} if linear else {}
         if twist > BENDS_ALIKE:
-            off["twist"] = twist
-        fine = f"no cell wider than {TWISTS_WELL} thicknesses "
+            factors["twist"] = twist
+        fine = f"cells no wider than {TWISTS_WELL} thicknesses "
         fine += f"({format_quantity(float(f'{TWISTS_WELL * sheet.thickness:.3g}'), 'm')})"
         if len(sheet.long) == 1:  # a bar
             cure = "set [cage] order = 2 (quadratic tetrahedra)"
         else:
             cure = 'set [modal] elements = "sheet" with [cage] divisions = [nx, ny, 1]'
             cure += f", or [cage] order = 2 with {fine}" if linear else f", order = 1, or {fine}"
-        too_stiff = [f"{what}s about {_rounded(times)} times" for what, times in off.items()]
-        too_high = " and ".join(_rounded(math.sqrt(times)) for times in off.values())
+        too_stiff = [
+            f"{what}s about {_format_factor(times)} times" for what, times in factors.items()
+        ]
+        too_high = " and ".join(_format_factor(math.sqrt(times)) for times in factors.values())
         self.warn(
             f"the cage {' and '.join(too_stiff)} too stiffly: its "
             f"{'linear' if linear else 'quadratic'} tetrahedra are "
-            f"{sheet.width / sheet.thickness:.2g} times as wide as the cage is thick, and such "
-            f"modes about {too_high} times too high in frequency; {cure}"
+            f"{sheet.width / sheet.thickness:.2g} times as wide as the cage is thick; these modes "
+            f"are about {too_high} times too high in frequency; {cure}"
         )
 
     def _warn_of_volume(self, elasticity: Floats) -> None:
         ratio = equivalent_poissons_ratio(elasticity)
         if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
-            alike = self.material == "isotropic"
+            isotropic = self.material == "isotropic"
+            kind = "a " if isotropic else "an equivalent "
+            parameter = "poissons_ratio to 0.45" if isotropic else "poissons_ratios"
             self.warn(
-                "linear tetrahedra lock in volume "
-                + ("at" if alike else "where a material keeps its volume as one with")
-                + f" a Poisson's ratio of {ratio:.4g}, and are too stiff; set [cage] order = 2 "
-                "(quadratic tetrahedra), or lower " + ("it to 0.45" if alike else "poissons_ratios")
+                f"linear tetrahedra are too stiff at {kind}Poisson's ratio of {ratio:.4g} "
+                "(volumetric locking); set [cage] order = 2 (quadratic tetrahedra), or lower "
+                f"{parameter}"
             )
 
 
 def load_or_solve_equilibrium(
-    model: Model, load: Floats, tell: Progress, allow: Callable[[], object] = lambda: None
+    model: Model, load: Floats, progress: Progress, allow: Callable[[], object] = lambda: None
 ) -> list[Floats]:
     """Return the equilibrium of a body under dead loads, from disk or solved.
 
@@ -511,7 +525,7 @@ def load_or_solve_equilibrium(
         The body, undeformed.
     load : ndarray of float64, shape (3V,)
         Forces on the vertices [N].
-    tell : callable
+    progress : callable
         Receives the share that is done.
     allow : callable, optional
         Called before solving; may raise to prevent it.
@@ -526,17 +540,17 @@ def load_or_solve_equilibrium(
     if entry is not None and np.isfinite(entry["displacement"]).all():
         return list(entry.values())
     allow()
-    displacement, share = model.solve_equilibrium(load, tell)
+    displacement, share = model.solve_equilibrium(load, progress)
     critical = np.array([math.nan if share is None else share])
     cache.store(key, displacement=displacement, critical=critical)
     return [displacement, critical]
 
 
-def _numbers_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
+def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
     return list(yarns.settings.values()) if isinstance(yarns, YarnParameters) else yarns or ()
 
 
-def _follower(solver: ModalSolver) -> Callable[[Any, str], None]:
+def _make_observer(solver: ModalSolver) -> Callable[[Any, str], None]:
     """Return an observer of the stage that a solver follows; it does not keep the solver alive."""
     known = weakref.ref(solver)
 
@@ -548,18 +562,18 @@ def _follower(solver: ModalSolver) -> Callable[[Any, str], None]:
     return follow
 
 
-def _woven(grid: vtkUnstructuredGrid) -> float | None:
+def _woven_mass(grid: vtkUnstructuredGrid) -> float | None:
     """Return the mass per area [kg/m²] of the weave in a cage; None if there is no weave."""
     mass = grid.GetFieldData().GetArray("areal_mass")
     return None if mass is None else float(mass.GetValue(0))
 
 
-def _rounded(times: float) -> str:
+def _format_factor(times: float) -> str:
     """Format a number with two digits, without an exponent while it is short."""
     return f"{float(f'{times:.2g}'):.7g}"
 
 
-def _read(digest: str, count: int, vertices: int) -> Solution | None:
+def _read_modes(digest: str, count: int, vertices: int) -> Solution | None:
     """Read modes from disk; None if they are missing or invalid."""
     entry = cache.load(f"modes-{digest}-{count}", **_STORED)
     if entry is None or not all(np.isfinite(array).all() for array in entry.values()):

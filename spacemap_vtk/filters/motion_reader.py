@@ -26,20 +26,20 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
 #: Steps whose displacement is kept. Interpolation needs two; more help when time goes back.
-_HELD = 8
+_MAX_STEPS = 8
 
 
 class MotionReader(Stage):
     """Read a mesh that moves over time, in place of ModalSolver and ModalResponse.
 
-    The mesh is that of the first step, split into tetrahedra where it is not of them; the motion is
-    linear in time between steps, and stands still before the first and after the last.
+    The mesh is that of the first step; other cells are split into tetrahedra. The motion is linear
+    in time between steps, and constant before the first and after the last.
 
     Notes
     -----
-    The mesh may be a .pvd collection, a series of .vtu or .vtk files (``step_*.vtu``, with times
-    where the files hold a field ``TimeValue``, or a ParaView ``.series`` file), a .vtkhdf file, or
-    Exodus. CalculiX's results come as .pvd from ccx2paraview, with the array ``U``.
+    The file may be a .pvd collection, a series of .vtu or .vtk files (``step_*.vtu``, with times
+    from a field ``TimeValue`` or from a ParaView ``.series`` file), a .vtkhdf file, or Exodus.
+    ccx2paraview converts CalculiX's results to .pvd, with the array ``U``.
 
     Examples
     --------
@@ -54,7 +54,9 @@ class MotionReader(Stage):
     provides: ClassVar = {"displacement": Provided("point", "m")}
 
     file = FilePath(
-        None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"
+        None,
+        "Time series of a volume mesh: one file, or several, as in step_*.vtu.",
+        automatic="no file",
     )
     array = Text(
         "displacement",
@@ -62,11 +64,11 @@ class MotionReader(Stage):
         when={"moving_points": (False,)},
     )
     moving_points = Flag(
-        False, "Take the displacement from the coordinates, which move, and not from an array."
+        False, "Read the displacement from the coordinates of the points instead of an array."
     )
     scale = Real(
         1.0,
-        "Factor on all lengths: 0.001 for a result that counts in millimetres.",
+        "Factor on all lengths: 0.001 for a result in millimetres.",
         above=0.0,
     )
 
@@ -82,25 +84,25 @@ class MotionReader(Stage):
         """Return the times of the first and the last step."""
         if self.file is None:
             return None  # ParaView asks before its user can choose a file; `run` refuses
-        times = self._series().times
+        times = self._open_series().times
         return times[0], times[-1]
 
     def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
         """Return the times of all steps."""
-        return [] if self.file is None else self._series().times
+        return [] if self.file is None else self._open_series().times
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Interpolate between the two steps around `time`."""
-        series = self._series()
-        volume = self._mesh(series)
+        series = self._open_series()
+        volume = self._read_mesh(series)
         times = series.times
         after = bisect_right(times, time)
         if after == 0 or after == len(times) or times[after - 1] == time:
-            displacement = self._displacement(series, max(after - 1, 0))
+            displacement = self._step_displacement(series, max(after - 1, 0))
         else:
             share = (time - times[after - 1]) / (times[after] - times[after - 1])
-            displacement = (1.0 - share) * self._displacement(series, after - 1)
-            displacement += share * self._displacement(series, after)
+            displacement = (1.0 - share) * self._step_displacement(series, after - 1)
+            displacement += share * self._step_displacement(series, after)
         for note in volume.notes:
             self.warn(note)
         # Do not pass on arrays of the first step: at any other time they would be stale.
@@ -108,9 +110,9 @@ class MotionReader(Stage):
         output.SetCells(VTK_TETRA, volume.grid.GetCells())
         add_array(output.GetPointData(), "displacement", displacement)
 
-    def _series(self) -> MeshSeries:
+    def _open_series(self) -> MeshSeries:
         if self.file is None:
-            raise InputError("no file is named", key="file", allowed=describe_motion_files())
+            raise InputError("no file is given", key="file", allowed=describe_motion_files())
         state = self.file, written(self.file)
         if self._opened is None or self._opened[0] != state:
             self._first = None
@@ -118,7 +120,7 @@ class MotionReader(Stage):
                 self._opened = state, open_series(self.file)
         return self._opened[1]
 
-    def _mesh(self, series: MeshSeries) -> Volume:
+    def _read_mesh(self, series: MeshSeries) -> Volume:
         key = self.array, self.moving_points, self.scale
         if self._first is None or self._first[0] != key:
             self._steps.clear()
@@ -132,22 +134,22 @@ class MotionReader(Stage):
             self._first = key, volume, Connectivity(data), rest
         return self._first[1]
 
-    def _displacement(self, series: MeshSeries, step: int) -> Floats:
+    def _step_displacement(self, series: MeshSeries, step: int) -> Floats:
         if step not in self._steps:
-            if len(self._steps) >= _HELD:
+            if len(self._steps) >= _MAX_STEPS:
                 del self._steps[next(iter(self._steps))]
-            self._steps[step] = self._read(series, step)
+            self._steps[step] = self._read_displacement(series, step)
         return self._steps[step]
 
-    def _read(self, series: MeshSeries, step: int) -> Floats:
+    def _read_displacement(self, series: MeshSeries, step: int) -> Floats:
         assert self._first is not None
         _, volume, cells, rest = self._first
         where = f"{series.file}, step {step} (t = {series.times[step]:g} s)"
         data: vtkPointSet = series.read(step)
         if not isinstance(data, vtkUnstructuredGrid) or not cells.matches(data):
             raise GeometryError(
-                f"{where}: its cells are not those of the first step",
-                cure="Only a mesh whose topology stays can move a cage; remesh or cut the series.",
+                f"{where}: its cells differ from those of the first step",
+                cure="Use a series whose mesh does not change, or cut the series.",
             )
         if self.moving_points:
             moved = points_of(data).astype(np.float64)

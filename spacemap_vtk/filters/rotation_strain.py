@@ -28,19 +28,19 @@ _RATES = ("velocity", "acceleration")
 class RotationStrain(Stage):
     """Rebuild a cage's shape from the rotation and strain of each element of a linear motion.
 
-    A linear motion stretches what it turns: a strip that swings by 45 degrees grows by 23 %. Here
-    each element is turned by the rotation that the motion means, and strained by its strain, and
-    the vertices go where that fits best; held ones stay where the motion has them. A cage that
-    hangs is turned about where it hangs. Time stays free: a cage is factorised once.
+    A linear motion stretches parts that turn: a strip that swings by 45 degrees grows by 23 %. Here
+    each element is rotated and strained as the linear motion intends, and the vertices are fitted
+    to the elements by least squares. Held vertices keep their positions. A hanging cage is rotated
+    from its equilibrium. Any time can be evaluated; a cage is factorised once.
 
-    Put it behind any mover. The point arrays ``displacement``, ``velocity`` and ``acceleration``
-    of the output are those of the rebuilt shape, ``linear_displacement`` is as it came. Strain and
-    stress are the motion's own, in axes that turn with the fabric.
+    It follows any mover. The point arrays ``displacement``, ``velocity`` and ``acceleration`` of
+    the output are those of the rebuilt shape; ``linear_displacement`` is that of the input. Strain
+    and stress are those of the input, in axes that turn with the fabric.
 
-    It takes out the stretch, but not the error of the loads' effect: a linear motion answers its
-    loads too strongly where it turns. A clamped strip that turns by 37 degrees is wrong by 5 % of
-    its length, by 115 degrees by 51 %; from 35 degrees on a warning says so. TransientResponse, or
-    a cage that hangs under the load (gravity and dead_loads of ModalSolver), has no such limit.
+    The stretch is removed, but a linear motion also responds too strongly to its loads where it
+    turns. A clamped strip that turns by 37 degrees is wrong by 5 % of its length, by 115 degrees by
+    51 %; there is a warning from 35 degrees on. TransientResponse, or a cage that hangs under the
+    load (gravity and dead_loads of ModalSolver), does not have this limit.
 
     Notes
     -----
@@ -52,7 +52,7 @@ class RotationStrain(Stage):
     >>> from spacemap_vtk import ModalResponse, RotationStrain, connect
     >>> turned = connect(ModalResponse(), RotationStrain())
     >>> turned.parameter("fixed").automatic
-    'what the cage is fixed by'
+    'the supports of the cage'
     """
 
     section = "rotation"
@@ -67,9 +67,9 @@ class RotationStrain(Stage):
 
     fixed = Supports(
         None,
-        "Places that stay where a motion from a file has them; a cage of ModalSolver knows its "
-        "own.",
-        automatic="what the cage is fixed by",
+        "Places that keep their motion, for a motion from a file; a cage of ModalSolver has its "
+        "own supports.",
+        automatic="the supports of the cage",
     )
 
     _kept: tuple[tuple[int, ...], RotationCoordinates] | None = None
@@ -78,15 +78,18 @@ class RotationStrain(Stage):
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Rebuild the shape at the time of the input."""
-        self._turn(False)  # another consumer of those stages may not have a RotationStrain
+        self._mark_upstream(False)  # another consumer of those stages may not have a RotationStrain
         output.ShallowCopy(inputs[0])
         linear = self.rebuild(output)
-        kernel, moved = self._kernel(output), array_of(output.GetPointData(), "displacement", "")
+        kernel, moved = (
+            self._coordinates(output),
+            array_of(output.GetPointData(), "displacement", ""),
+        )
         if kernel.largest_rotation(linear) > TRUSTED_ROTATION:
             # The text names no angle: with it, each frame of a film would give a new warning.
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
-                "rebuilt shape is not reliable: use [transient] in place of [response], or let the "
+                "rebuilt shape is not reliable; use [transient] instead of [response], or let the "
                 "cage hang under the load ([modal] gravity, dead_loads)"
             )
         if text := inversion_warning(points_of(output), moved, elements_of(output), kernel.surface):
@@ -112,8 +115,8 @@ class RotationStrain(Stage):
             If the cage has no displacement.
         """
         data = cage.GetPointData()
-        owner = "RotationStrain (put a mover before it)"
-        kernel = self._kernel(cage)
+        owner = "RotationStrain (it must follow a mover)"
+        kernel = self._coordinates(cage)
         given = array_of(data, "displacement", owner)
         hung = array_of(data, "equilibrium", owner) if data.HasArray("equilibrium") else 0.0
         linear = np.asarray(given, np.float64) - hung
@@ -143,20 +146,20 @@ class RotationStrain(Stage):
         angle, strain : float
             As for `RotationCoordinates.largest_rotation_and_strain`.
         """
-        return self._kernel(cage).largest_rotation_and_strain(linear)
+        return self._coordinates(cage).largest_rotation_and_strain(linear)
 
     def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         super()._request_update_extent(in_info, out_info)
-        self._turn(True)
+        self._mark_upstream(True)
 
-    def _turn(self, turned: bool) -> None:
+    def _mark_upstream(self, turned: bool) -> None:
         """Tell the stages above whether they run for this stage."""
         for stage in self.upstream():
             if isinstance(stage, Stage):
                 if self.role in stage.excludes:
                     raise InputError(
-                        "what is stepped turns without being stretched, and needs no "
-                        "RotationStrain",
+                        "[rotation] cannot follow [transient], whose motion has no artificial "
+                        "stretch",
                         cure="Leave out the section [rotation].",
                     )
                 stage.turned = turned
@@ -168,7 +171,7 @@ class RotationStrain(Stage):
         linear = next((stage.motion for stage in above if stage.motion is not None), None)
         return None if linear is None or self._kept is None else self._kept[1].motion(linear)
 
-    def _kernel(self, grid: vtkUnstructuredGrid) -> RotationCoordinates:
+    def _coordinates(self, grid: vtkUnstructuredGrid) -> RotationCoordinates:
         """Return the object that rebuilds shapes of a cage, factorised once for each cage."""
         data = grid.GetPointData()
         # At a new time only displacements are new arrays; those that the kernel needs stay.

@@ -42,21 +42,21 @@ _CHUNK, _PAUSE = 512, 5.0
 
 
 class TransientResponse(LoadParameters, Stage):
-    """Move a cage by steps of its nonlinear equations of motion, however far it turns.
+    """Move a cage by time steps of its nonlinear equations of motion, for any rotation.
 
-    Loads, damping and start are those of ModalResponse. Strains are Green's, so that turning
-    stretches nothing and tension stiffens; a large swing takes the time that it takes. Each state
-    is computed once, and kept in memory and in the user's cache folder: a later time goes on from
-    the last one, any time between two is interpolated. A pipeline that is stopped goes on from
-    where it was.
+    Loads, damping and initial state are those of ModalResponse. Strains are Green's strains, so
+    rotations cause no stretch, and tension adds stiffness. Each state is computed once and kept in
+    memory and in the user's cache folder. Later times continue from the last state; times between
+    two states are interpolated. A run that was stopped continues from its last state.
 
-    The output has the arrays of ModalResponse but its modal coordinates; strain and stress are in
-    axes that turn with the fabric.
+    The output has the arrays of ModalResponse except the modal coordinates. Strain and stress are
+    in axes that turn with the fabric.
 
     Notes
     -----
-    Two-stage Gauss collocation of positions, rates and strains is of fourth order and keeps energy
-    at any step. beta damps rates of strain, which about an unstrained state is Rayleigh damping.
+    Two-stage Gauss collocation of positions, rates and strains is of fourth order and conserves
+    energy for any step. beta damps rates of strain; about an unstrained state this is Rayleigh
+    damping.
 
     Examples
     --------
@@ -75,26 +75,26 @@ class TransientResponse(LoadParameters, Stage):
 
     held = Supports(
         "",
-        "Places that are held up to t = 0, too, where nothing is deformed: under the loads the "
-        "cage hangs by these and by what it is fixed to, and is then let go.",
+        "Places that are held, undeformed, until t = 0, in addition to the supports. The motion "
+        "starts from the equilibrium under the loads, when these places are released.",
     )
     tolerance = Real(
         1e-4,
-        "Error after ten periods of what moves, as a share of how far the cage has moved, however "
-        "little that is; steps are as long as it lets them be.",
+        "Largest error after ten periods, as a share of the largest displacement; it determines "
+        "the length of the steps.",
         above=0.0,
     )
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
 
     _modes: ModesReader | None = None
-    _kept_motion: tuple[str, SteppedMotion] | None = None
-    _known: tuple[int, int] | None = None
+    _last_motion: tuple[str, SteppedMotion] | None = None
+    _last_key: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
 
     @property
     def motion(self) -> SteppedMotion | None:
         """The motion as of the last update; None before the first."""
-        return None if self._kept_motion is None else self._kept_motion[1]
+        return None if self._last_motion is None else self._last_motion[1]
 
     def check(self) -> None:
         """Check damping, loads and initial state."""
@@ -102,21 +102,21 @@ class TransientResponse(LoadParameters, Stage):
         for number, load in enumerate(self.loads):
             if load.steady:
                 raise InputError(
-                    "what has been going on for ever has no start that steps could begin with",
+                    "time stepping does not support steady loads, because they have no start",
                     key=f"loads[{number}].steady",
                     value=True,
-                    cure="Leave it out; with damping the motion becomes steady by itself.",
+                    cure="Leave out steady; with damping, the motion becomes steady by itself.",
                 )
-            if load.follower and self._settled and load.function.value(0.0) != 0.0:
+            if load.follower and self._starts_at_rest and load.function.value(0.0) != 0.0:
                 raise InputError(
-                    "the state at rest is found for loads that keep their direction",
+                    "the initial equilibrium does not support follower pressures",
                     key=f"loads[{number}].follower",
                     value=True,
-                    cure='Let it begin later (start = "1 ms"), or leave out held and initial.',
+                    cure='Start the load later (start = "1 ms"), or leave out held and initial.',
                 )
         if self.held and self.initial != "rest":
             raise InputError(
-                "held places and initial both say where it starts",
+                "held and initial both define the initial state",
                 key="held",
                 value=" ".join(self.held),
                 cure='Leave out held, or initial = "equilibrium".',
@@ -128,17 +128,17 @@ class TransientResponse(LoadParameters, Stage):
         """Step to `time`, or look it up; before t = 0 the cage is at rest in its initial state."""
         grid = inputs[0]
         key = grid.GetMTime(), self.GetMTime()
-        if self._kept_motion is None or self._known != key:
+        if self._last_motion is None or self._last_key != key:
             if self._modes is None:
                 self._modes = ModesReader()
-            self._prepare(grid, self._modes.read(grid))
-            self._known = key
-        assert self._kept_motion is not None
-        digest, motion = self._kept_motion
+            self._make_motion(grid, self._modes.read(grid))
+            self._last_key = key
+        assert self._last_motion is not None
+        digest, motion = self._last_motion
         try:
             motion.step_until(max(time, 0.0), lambda share: self.report(share, "stepping"))
         finally:
-            self._store(digest, motion)
+            self._store_states(digest, motion)
         displacement, velocity, acceleration = motion.at_time(time)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
@@ -153,10 +153,10 @@ class TransientResponse(LoadParameters, Stage):
             add_energies(output, motion.energies(np.array([time]))[0])
 
     @property
-    def _settled(self) -> bool:
+    def _starts_at_rest(self) -> bool:
         return bool(self.held) or self.initial == "equilibrium"
 
-    def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
+    def _make_motion(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
         """Make the motion, unless everything that it depends on is unchanged."""
         # This imports scipy's solvers, which listing the parameters does not need.
         from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
@@ -166,8 +166,8 @@ class TransientResponse(LoadParameters, Stage):
             self.warn(text)
         model, vectors = modes.model, self.load_vectors(grid, modes)
         displacement, velocity = self.initial_fields(grid)
-        if self._settled:
-            displacement += self._hung(grid, modes, vectors)
+        if self._starts_at_rest:
+            displacement += self._equilibrium(grid, modes, vectors)
         elif model.displacement is not None:
             displacement += model.displacement
         ratios = [modes.eigenvalues, modes.shapes] if np.any(self.damping.ratio) else []
@@ -191,10 +191,10 @@ class TransientResponse(LoadParameters, Stage):
             *ratios,
             displacement,
             velocity,
-            self._settled,
+            self._starts_at_rest,
             *map(float, numbers),
         )
-        if self._kept_motion is not None and self._kept_motion[0] == digest:
+        if self._last_motion is not None and self._last_motion[0] == digest:
             return
         motion = SteppedMotion(
             modes,
@@ -202,17 +202,17 @@ class TransientResponse(LoadParameters, Stage):
             damping,
             displacement=displacement,
             velocity=velocity,
-            settled=self._settled,
+            settled=self._starts_at_rest,
             tolerance=self.tolerance,
             max_step=self.max_step,
         )
-        self._kept_motion = digest, motion
+        self._last_motion = digest, motion
         self._stored = 0, 0.0
-        if kept := _read(digest):
+        if kept := _read_states(digest):
             motion.resume(np.concatenate(kept))
             self._stored = len(motion.states), 0.0
 
-    def _hung(
+    def _equilibrium(
         self, grid: vtkUnstructuredGrid, modes: CageModes, vectors: list[LoadVector]
     ) -> Floats:
         """Return the displacement at rest under the loads at t = 0 [m], (V, 3)."""
@@ -244,7 +244,7 @@ class TransientResponse(LoadParameters, Stage):
         )
         return found if model.displacement is None else found + model.displacement
 
-    def _store(self, digest: str, motion: SteppedMotion) -> None:
+    def _store_states(self, digest: str, motion: SteppedMotion) -> None:
         """Store the states computed since the last time on disk."""
         (count, last), rows, now = self._stored, motion.states, clock.monotonic()
         if len(rows) == count or (now - last < _PAUSE and len(rows) // _CHUNK == count // _CHUNK):
@@ -255,7 +255,7 @@ class TransientResponse(LoadParameters, Stage):
         self._stored = len(rows), now
 
 
-def _read(digest: str) -> list[Floats]:
+def _read_states(digest: str) -> list[Floats]:
     """Read the states on disk, entry by entry."""
     found: list[Floats] = []
     while not found or len(found[-1]) == _CHUNK:

@@ -53,10 +53,10 @@ class Fittings(NamedTuple):
 
 
 #: Faces of a hexahedron with corners x + 2y + 4z, each with its corners in cyclic order; and edges.
-_BLOCK_FACES = np.array(
+_HEXAHEDRON_FACES = np.array(
     [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]]
 )
-_BLOCK_EDGES = np.array(
+_HEXAHEDRON_EDGES = np.array(
     [[k, k | bit] for bit in (1, 2, 4) for k in range(8) if not k & bit], dtype=np.int64
 )
 
@@ -135,9 +135,9 @@ def spring_stiffness(
             share = traction_forces(len(points), pressed, [1.0])[:, 0, None, None]
         else:
             raise InputError(
-                f'the spring "{place}" is per area, and only a side has one',
+                f'the spring "{place}" has a stiffness per area, which needs a side',
                 value=str(place),
-                allowed=f"one of {', '.join(SIDES)}, or the place's whole stiffness in N/m",
+                allowed=f"one of {', '.join(SIDES)}, or the stiffness of the whole place in N/m",
             )
         total += place.value * share * along
     return total
@@ -181,7 +181,7 @@ def _solids_faces_edges(
     blocks, size = find_hexahedra(cells), volumes(points, cells)
     if blocks is not None:
         size = size.reshape(len(blocks), -1).sum(axis=1)
-        parts = (blocks, blocks[:, _BLOCK_FACES], blocks[:, _BLOCK_EDGES])
+        parts = (blocks, blocks[:, _HEXAHEDRON_FACES], blocks[:, _HEXAHEDRON_EDGES])
         shares = [np.full(count, 1 / count) for count in (8, 4, 2)]
         corners = 4
     else:
@@ -196,16 +196,16 @@ def _solids_faces_edges(
         shares = [reference_element(cells.shape[1]).lumps, on_face, on_line]
     solids = inside[parts[0]].all(axis=1)
     yield parts[0][solids], size[solids, None] * shares[0]
-    faces = _once(parts[1], inside)
+    faces = _select_unique(parts[1], inside)
     out = points[faces[:, :corners]] - points[faces[:, :1]]
     areas = np.linalg.norm(np.cross(out[:, 1:-1], out[:, 2:]).sum(axis=1), axis=1) / 2
     yield faces, areas[:, None] * shares[1]
-    lines = _once(parts[2], inside)
+    lines = _select_unique(parts[2], inside)
     lengths = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
     yield lines, lengths[:, None] * shares[2]
 
 
-def _once(groups: Ints, inside: Bools) -> Ints:
+def _select_unique(groups: Ints, inside: Bools) -> Ints:
     """Select the groups of vertices, (…, n), that lie inside, each group once."""
     groups = groups.reshape(-1, groups.shape[-1])
     groups = groups[inside[groups].all(axis=1)]

@@ -31,7 +31,7 @@ class FollowerPressure(EnergyTerm):
     conservative = False
 
     def __init__(self, faces: Ints) -> None:
-        self.nodes, self._table = faces, _table(faces.shape[1])
+        self.nodes, self._triple_products = faces, _triple_products(faces.shape[1])
 
     @property
     def digest(self) -> str:
@@ -44,24 +44,24 @@ class FollowerPressure(EnergyTerm):
 
     def forces(self, positions: Floats) -> Floats:
         """Compute the outward forces that hold the wall against the pressure, (V, 3)."""
-        pushed, rows = self._forces(positions[self.nodes]).reshape(-1, 3), self.nodes.ravel()
+        pushed, rows = self._face_forces(positions[self.nodes]).reshape(-1, 3), self.nodes.ravel()
         count = len(positions)
         return np.stack([np.bincount(rows, pushed[:, i], count) for i in range(3)], axis=1)
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute the derivatives of each face's forces by its nodes, (f, 3 k, 3 k)."""
-        arms = 2 * np.einsum("abc,fbi->faci", self._table, positions[self.nodes])
+        arms = 2 * np.einsum("abc,fbi->faci", self._triple_products, positions[self.nodes])
         found = np.einsum("jik,faci->fajck", _CROSS, arms)
         return np.asarray(found.reshape(len(arms), 3 * arms.shape[1], -1))
 
-    def _forces(self, x: Floats) -> Floats:
+    def _face_forces(self, x: Floats) -> Floats:
         """Compute f_a of faces with nodes at x, (f, k, 3) both."""
-        arms = np.einsum("abc,fbi->faci", self._table, x)
+        arms = np.einsum("abc,fbi->faci", self._triple_products, x)
         return np.cross(arms, x[:, None]).sum(axis=2)
 
 
 @cache
-def _table(nodes: int) -> Floats:
+def _triple_products(nodes: int) -> Floats:
     """Compute t of a face with the given number of nodes."""
     if nodes == 4:
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -71,7 +71,7 @@ def find_side_faces(points: Floats, cells: Ints, side: str, sheet: bool = False)
     outer = flat[first[count == 1]]
     if len(outer) == 0:
         raise InputError(
-            f"the cage has no face in its side {side}",
+            f"the cage has no flat face on its side {side}",
             key="on",
             value=side,
             cure="Choose a side where the cage is flat",
@@ -89,14 +89,14 @@ def find_side_faces(points: Floats, cells: Ints, side: str, sheet: bool = False)
     if sheet:
         # By triangles, vertices with many of them would carry more load than those with few, which
         # causes waves in a sheet of low bending stiffness.
-        nodes, areas = _faces(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
+        nodes, areas = _join_triangles(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
         out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
         around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
         whole = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
     return SideFaces(nodes, areas, normal, whole)
 
 
-def _faces(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
+def _join_triangles(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:
     """Join pairs of triangles to the faces of hexahedra, (f, 4), and add their areas."""
     order = np.argsort(owner, kind="stable")
     both = np.sort(nodes[order].reshape(-1, 6), axis=1)

@@ -33,7 +33,7 @@ ALLOWED = (
 )
 
 #: Units in which a quantity is written, the smallest first, in addition to the SI unit.
-_HANDY = {"kg": ("mg", "g", "kg")}
+_DISPLAY_UNITS = {"kg": ("mg", "g", "kg")}
 
 #: Largest distance of a vertex from its place, as a share of the mesh's diagonal.
 _TOLERANCE = 1e-6
@@ -67,19 +67,19 @@ class Place(NamedTuple):
     def __str__(self) -> str:
         text = self.shape
         if self.numbers:
-            text += _listed(self.numbers)
+            text += _format_tuple(self.numbers)
         elif self.name:
             text += f"({self.name})"
         if self.direction:
-            text += ":" + _listed(self.direction)
+            text += ":" + _format_tuple(self.direction)
         elif self.components != "xyz":
             text += ":" + self.components
         if not self.unit:
             return text
-        units = _HANDY.get(self.unit, (self.unit,))
+        units = _DISPLAY_UNITS.get(self.unit, (self.unit,))
         fitting = [n for n in units if self.value >= UNITS[self.unit][n]]
         unit = fitting[-1] if fitting else units[0]
-        return f"{text} {_shortest(self.value / UNITS[self.unit][unit])} {unit}"
+        return f"{text} {_format_number(self.value / UNITS[self.unit][unit])} {unit}"
 
 
 def parse_places(
@@ -117,24 +117,24 @@ def parse_places(
             return found
         match = _PLACE.match(text, at)
         if match is None:
-            raise InputError(f'"{text[at:].strip()}" is no {what}')
+            raise InputError(f'"{text[at:].strip()}" is not a {what}')
         side, shape, inner, held = match.groups()
         if held and whole:
             raise InputError(
-                f'"{match[0]}" names components, and a {what} has all', cure='Leave out ":…"'
+                f'a {what} cannot name components: "{match[0]}"', cure='Leave out ":…"'
             )
         name, numbers = "", tuple[float, ...]()
         if shape == "mask":
             name = inner.strip()
             if not name:
-                raise InputError("mask() names no point array")
+                raise InputError("mask() must name a point array")
         elif shape is not None:
-            numbers = _numbers(shape, inner)
-        place = Place(shape or side, numbers, name, *_held(held or "xyz"))
+            numbers = _parse_lengths(shape, inner)
+        place = Place(shape or side, numbers, name, *_parse_components(held or "xyz"))
         at = match.end()
         if units:
             quantity = _QUANTITY.match(text, at)
-            value, unit = _quantity(match[0], quantity, units)
+            value, unit = _parse_quantity(match[0], quantity, units)
             place = place._replace(value=value, unit=unit)
             at = at if quantity is None else quantity.end()
         found.append(place)
@@ -144,14 +144,14 @@ def find_vertices(
     vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Bools:
     """Find the vertices in a place, (V,), or for a mask the components, (V, 3); raise if none."""
-    found = _inside(vertices, place, masks)
+    found = _is_inside(vertices, place, masks)
     if not found.any():
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         raise InputError(
-            f'the {what} "{place}" catches no vertex of the cage',
+            f'the {what} "{place}" contains no vertex of the cage',
             value=str(place),
-            allowed="a place that holds a vertex; the cage reaches from "
-            f"{_triple(low)} to {_triple(high)} m",
+            allowed="a place with at least one vertex; the cage extends from "
+            f"{_format_point(low)} to {_format_point(high)} m",
         )
     return found
 
@@ -164,10 +164,10 @@ def directions(
     if place.direction:
         if found.ndim == 2:
             raise InputError(
-                f'the point array "{place.name}" tells components apart, and "{place}" names a '
+                f'the point array "{place.name}" has three components, so "{place}" cannot name a '
                 "direction",
                 value=str(place),
-                cure="Take a point array of one component",
+                cure="Use a point array with one component",
             )
         normal = np.array(place.direction) / np.linalg.norm(place.direction)
         return np.where(found[:, None, None], np.outer(normal, normal), 0.0)
@@ -175,7 +175,7 @@ def directions(
     return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
 
 
-def _inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
+def _is_inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     # Relative to the mesh, so that the unit of length does not matter.
     tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
@@ -197,17 +197,17 @@ def _inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
         raise InputError(
             f'the point array "{place.name}" has {mask.size // max(len(mask), 1)} components',
             value=str(place),
-            allowed="one component, or three",
+            allowed="one or three components",
         )
     return mask
 
 
-def _numbers(shape: str, inner: str) -> tuple[float, ...]:
+def _parse_lengths(shape: str, inner: str) -> tuple[float, ...]:
     parts = inner.split(",")
     names = ("x0", "x1", "y0", "y1", "z0", "z1") if shape == "box" else ("x", "y", "z", "radius")
     if len(parts) != len(names):
         raise InputError(
-            f"{shape}({inner}) has {len(parts)} lengths",
+            f"{shape}({inner}) has {len(parts)} values",
             allowed=f"{shape}({', '.join(names)}), each in m or with its unit",
         )
     try:
@@ -227,7 +227,7 @@ def _numbers(shape: str, inner: str) -> tuple[float, ...]:
     return numbers
 
 
-def _held(text: str) -> tuple[str, tuple[float, ...]]:
+def _parse_components(text: str) -> tuple[str, tuple[float, ...]]:
     """Parse components, or a direction that is not along an axis."""
     if not text.startswith("("):
         return "".join(c for c in "xyz" if c in text), ()
@@ -236,12 +236,14 @@ def _held(text: str) -> tuple[str, tuple[float, ...]]:
     except ValueError:
         direction = ()
     if len(direction) != 3 or not np.isfinite(direction).all() or not any(direction):
-        raise InputError(f"{text} is no direction", allowed="(x, y, z), not all of them 0")
+        raise InputError(f"{text} is not a direction", allowed="(x, y, z), not all 0")
     along = [c for c, share in zip("xyz", direction, strict=True) if share]
     return (along[0], ()) if len(along) == 1 else ("", direction)
 
 
-def _quantity(place: str, match: re.Match[str] | None, units: Sequence[str]) -> tuple[float, str]:
+def _parse_quantity(
+    place: str, match: re.Match[str] | None, units: Sequence[str]
+) -> tuple[float, str]:
     """Parse a value above 0 and find its SI unit from the unit in the text."""
     given = "" if match is None else match[0].strip()
     for unit in units:
@@ -252,19 +254,20 @@ def _quantity(place: str, match: re.Match[str] | None, units: Sequence[str]) -> 
         if match is not None and match[2] and 0 < value < float("inf"):
             return value, unit
     raise InputError(
-        f'"{place}" has no quantity' if not given else f'"{place}": {given} is no quantity for it',
-        allowed="a number above 0 with a unit of " + ", ".join(n for u in units for n in UNITS[u]),
+        f'"{place}" has no value' if not given else f'"{place}" has an invalid value: {given}',
+        allowed="a number above 0 with one of the units "
+        + ", ".join(n for u in units for n in UNITS[u]),
     )
 
 
-def _listed(numbers: Sequence[float]) -> str:
-    return "(" + ", ".join(map(_shortest, numbers)) + ")"
+def _format_tuple(numbers: Sequence[float]) -> str:
+    return "(" + ", ".join(map(_format_number, numbers)) + ")"
 
 
-def _shortest(number: float) -> str:
+def _format_number(number: float) -> str:
     """Format a number that reads back as the same, except for rounding such as in "0.1 um"."""
     return f"{number:.14g}"
 
 
-def _triple(values: Floats) -> str:
+def _format_point(values: Floats) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

@@ -67,7 +67,7 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
             held |= found & [axis in support.components for axis in "xyz"]
     if held.all():
         raise InputError(
-            "every vertex of the cage is held, nothing can move",
+            "all vertices of the cage are fixed, so nothing can move",
             value=" ".join(texts),
             cure="Fix fewer sides, or divide the cage more finely.",
         )
@@ -216,7 +216,7 @@ def rigid_bodies(
             raise InputError(
                 f'the {RIGID_PLACE}s "{parsed[shared - 1]}" and "{place}" share a vertex',
                 value=str(place),
-                allowed="places apart from each other; one box or mask over both makes one body",
+                allowed="places without common vertices; one box or mask over both makes one body",
             )
         body[found] = number
     return body

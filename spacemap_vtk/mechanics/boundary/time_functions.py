@@ -145,7 +145,7 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
     InputError
         If there are not as many values as times, or the times descend or start before 0.
     """
-    t, v = _checked_table(times, values)
+    t, v = _check_table(times, values)
     spans = np.diff(t)
     # A jump is a piece of zero length: it is left out, and the next piece starts with its value.
     lasts = np.append(spans > 0, True)
@@ -183,12 +183,12 @@ def periodic(
     InputError
         If the times and values are not a valid table, do not start at 0, or have no length.
     """
-    t, v = _checked_table(times, values)
+    t, v = _check_table(times, values)
     if t[0] != 0.0 or t[-1] <= 0.0:
         raise InputError(
-            f"a period from {t[0]:g} s to {t[-1]:g} s",
+            f"the times extend from {t[0]:g} s to {t[-1]:g} s",
             key="times",
-            allowed="times from 0 to the period, which is above 0",
+            allowed="times from 0 s to the period, which must be above 0 s",
         )
     spans = np.diff(t)
     whole = spans > 0
@@ -217,15 +217,17 @@ def harmonic(frequency: float, phase: float = 0.0, *, steady: bool = False) -> S
     return Sine(2 * math.pi * frequency, phase, steady)
 
 
-def _checked_table(times: Sequence[float], values: Sequence[float]) -> tuple[Floats, Floats]:
+def _check_table(times: Sequence[float], values: Sequence[float]) -> tuple[Floats, Floats]:
     t, v = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.ndim != 1 or t.shape != v.shape or len(t) == 0:
         raise InputError(
-            f"{t.size} times and {v.size} values", key="values", allowed="one value for each time"
+            f"{t.size} times and {v.size} values are given",
+            key="values",
+            allowed="one value for each time",
         )
     for key, numbers in (("times", t), ("values", v)):
         if not np.isfinite(numbers).all():
-            raise InputError(f"{key} that are no finite numbers", key=key, allowed="finite numbers")
+            raise InputError(f"{key} must be finite numbers", key=key)
     if t[0] < 0 or (np.diff(t) < 0).any():
-        raise InputError("the times descend", key="times", allowed="ascending times from 0 s on")
+        raise InputError("times must ascend from 0 s on", key="times")
     return t, v

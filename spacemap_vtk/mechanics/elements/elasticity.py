@@ -74,7 +74,7 @@ def nodal_mass(
         volume = volume * factors
     shape = reference_element(nodes.shape[1])
     share = shape.lumps if lumped else shape.products.sum(axis=1)
-    return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
+    return density * _sum_by_index(nodes, np.outer(volume, share), len(np.asarray(points)))
 
 
 def assemble(
@@ -108,8 +108,8 @@ def assemble(
             gradients[:, 3 * k + m] = np.bincount(
                 slot, (term if nodes == 4 else term @ slopes).ravel()
             )
-    products = _summed(slot, np.outer(heavy, shape.products), len(pair))
-    lumps = _summed(tetrahedra, np.outer(heavy, shape.lumps), count)
+    products = _sum_by_index(slot, np.outer(heavy, shape.products), len(pair))
+    lumps = _sum_by_index(tetrahedra, np.outer(heavy, shape.lumps), count)
     return Assembly(indptr, pair % count, gradients, products, lumps)
 
 
@@ -135,6 +135,6 @@ def mass_matrix(assembly: Assembly, density: float, lumped: bool = False) -> csr
     return sp.kron(sp.csr_matrix(parts, shape=(count, count)), sp.identity(3), format="csr")
 
 
-def _summed(places: Ints, values: Floats, count: int) -> Floats:
+def _sum_by_index(places: Ints, values: Floats, count: int) -> Floats:
     """Sum the values at each of the given numbers."""
     return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)

@@ -61,8 +61,8 @@ def inversion_warning(
         else (len(surface.quads), "cells of the sheet")
     )
     return (
-        f"{count} of {total} {kind} are turned inside out, and so is what lies in them; lower the "
-        "loads or make the cage stiffer"
+        f"{count} of {total} {kind} are turned inside out, and so is the object inside them; lower "
+        "the loads or make the cage stiffer"
     )
 
 

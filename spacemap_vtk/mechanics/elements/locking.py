@@ -28,10 +28,10 @@ _DEGREE, _MODES = 7, 5
 
 #: Edges of a tetrahedron, and the largest number of held edges that are examined.
 _EDGES = list(itertools.combinations(range(4), 2))
-_MOST_EDGES = 500
+_MAX_EDGES = 500
 
 #: Limit of the factors; above it float64 would no longer resolve the softer motions.
-_STIFFEST = 1e11
+_MAX_FACTOR = 1e11
 
 
 class Locking(NamedTuple):
@@ -154,22 +154,22 @@ def estimate_locking(
     corners, linear = tetrahedra[:, :4], tetrahedra.shape[1] == 4
     if not sheet.long or not (linear or len(sheet.long) == 2):
         return Locking(1.0, 1.0)
-    plate = _Plate(vertices, corners, sheet.normal)
-    kept = _compressible(elasticity)
+    plate = _CurvedSheet(vertices, corners, sheet.normal)
+    kept = _limit_poissons_ratio(elasticity)
     factors = [plate.times(kept, axis, axis) if linear else 1.0 for axis in sheet.long]
     if len(sheet.long) == 1:
         return Locking(max(*factors, 1.0), 1.0)
     if linear:
         factors.append(plate.times(elasticity, *sheet.long))
     else:
-        factors.append(1.0 + _varying_twist(vertices, held, sheet, plate, kept))
+        factors.append(1.0 + _twist_excess(vertices, held, sheet, plate, kept))
     with blas_threads.use_one_thread():
         ritz = _Ritz(vertices, corners, held, sheet)
-        stiffer = ritz.stiffer(_plane(elasticity, sheet.long), np.maximum(factors, 1.0))
+        stiffer = ritz.stiffer(_plane_stress(elasticity, sheet.long), np.maximum(factors, 1.0))
     return Locking(max(float(stiffer.min()), 1.0), max(float(stiffer.max()), 1.0))
 
 
-def _compressible(elasticity: Floats) -> Floats:
+def _limit_poissons_ratio(elasticity: Floats) -> Floats:
     """Lower the Poisson's ratios of a material to those for which the estimate is valid."""
     ratio = equivalent_poissons_ratio(elasticity)
     if ratio <= _RATIO:
@@ -179,7 +179,7 @@ def _compressible(elasticity: Floats) -> Floats:
     return np.linalg.inv(compliance)
 
 
-class _Plate:
+class _CurvedSheet:
     """Sheet of linear tetrahedra whose vertices move as those of a curved plate."""
 
     def __init__(self, vertices: Floats, corners: Ints, normal: int) -> None:
@@ -215,11 +215,11 @@ class _Plate:
         axes = [axis for axis in range(3) if axis != self._normal]
         place = axes.index(first) if first == other else 2
         size = 1 if first == other else 4  # γ² = 4 ε²
-        plate = float(_plane(elasticity, axes)[place, place])
+        plate = float(_plane_stress(elasticity, axes)[place, place])
         return energy / (size * plate * self._second_moment)
 
 
-def _plane(elasticity: Floats, axes: list[int]) -> Floats:
+def _plane_stress(elasticity: Floats, axes: list[int]) -> Floats:
     """Compute the elasticity in plane stress, (3, 3): along two axes, and in shear."""
     rows = [*axes, VOIGT[axes[0], axes[1]]]
     return np.linalg.inv(np.linalg.inv(elasticity)[np.ix_(rows, rows)])
@@ -250,7 +250,7 @@ class _Ritz:
         pairs = pairs[np.lexsort(pairs.T[::-1])]
         pairs = pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
         pairs = np.concatenate([pairs, np.repeat(np.flatnonzero(any_held)[:, None], 2, axis=1)])
-        pairs = pairs[:: 1 + len(pairs) // _MOST_EDGES]
+        pairs = pairs[:: 1 + len(pairs) // _MAX_EDGES]
         share = np.linspace(0, 1, 5)[:, None, None]
         places = (1 - share) * vertices[pairs[:, 0]] + share * vertices[pairs[:, 1]]
         places = 2 * (places.reshape(-1, 3) - low) / extent - 1
@@ -283,7 +283,7 @@ class _Ritz:
         elastic = eigenvalues > 1e-9 * eigenvalues[-1]  # a free sheet also has rigid motions
         modes = modes[:, elastic] / np.sqrt(eigenvalues[elastic])
         # With the limited factors float64 still resolves the softer motions.
-        factors = np.minimum(factors, _STIFFEST)
+        factors = np.minimum(factors, _MAX_FACTOR)
         moduli *= [factors[0], factors[1], 1.0, factors[2]]
         stiffness = modes.T @ np.einsum("k,kij->ij", moduli, self._squares) @ modes
         return 1 / np.diag(np.linalg.inv(stiffness))[:_MODES]
@@ -303,8 +303,8 @@ def _polynomials(places: Floats, derivative: int) -> Floats:
     return np.array(values.T, dtype=np.float64)
 
 
-def _varying_twist(
-    vertices: Floats, held: Bools, sheet: Proportions, plate: _Plate, elasticity: Floats
+def _twist_excess(
+    vertices: Floats, held: Bools, sheet: Proportions, plate: _CurvedSheet, elasticity: Floats
 ) -> float:
     """Estimate by how much the factor of quadratic tetrahedra in twist exceeds 1."""
     # See the notes of `estimate_locking`.

@@ -38,18 +38,14 @@ def isotropic(youngs_modulus: float, poissons_ratio: float) -> Floats:
     """
     if not (np.isfinite(youngs_modulus) and youngs_modulus > 0):
         raise InputError(
-            "the material has no positive stiffness",
-            key="youngs_modulus",
-            value=youngs_modulus,
-            allowed="above 0 Pa",
+            "Young's modulus must be above 0 Pa", key="youngs_modulus", value=youngs_modulus
         )
     check_limits("youngs_modulus", youngs_modulus, "Pa")
     if not -1 < poissons_ratio < 0.5:
         raise InputError(
-            "no stable, compressible solid has this ratio",
+            "Poisson's ratio must be above -1 and below 0.5",
             key="poissons_ratio",
             value=poissons_ratio,
-            allowed="above -1 and below 0.5",
             cure="Use 0.49 for a nearly incompressible material",
         )
     shear = youngs_modulus / (2 * (1 + poissons_ratio))
@@ -99,30 +95,26 @@ def orthotropic(
     >>> round(float(1 / np.linalg.inv(stiff)[0, 0]))
     2000000
     """
-    stretch = _three("youngs_moduli", youngs_moduli, "E1, E2, E3 in Pa")
-    shear = _three("shear_moduli", shear_moduli, "G12, G13, G23 in Pa")
-    ratio = _three("poissons_ratios", poissons_ratios, "ν12, ν13, ν23")
+    stretch = _check_three("youngs_moduli", youngs_moduli, "E1, E2, E3 in Pa")
+    shear = _check_three("shear_moduli", shear_moduli, "G12, G13, G23 in Pa")
+    ratio = _check_three("poissons_ratios", poissons_ratios, "ν12, ν13, ν23")
     for key, values in (("youngs_moduli", stretch), ("shear_moduli", shear)):
         if not (values > 0).all():
-            raise InputError(
-                "the material has no positive stiffness",
-                key=key,
-                value=values.tolist(),
-                allowed="three moduli above 0 Pa",
-            )
+            raise InputError("all three moduli must be above 0 Pa", key=key, value=values.tolist())
         check_limits(key, values.tolist(), "Pa")
     pairs = ((0, 1), (0, 2), (1, 2))
     for (i, j), nu in zip(pairs, ratio, strict=True):
         bound = float(np.sqrt(stretch[i] / stretch[j]))
         if not abs(nu) < bound:
             raise InputError(
-                f"no stable solid has ν{i + 1}{j + 1} = {nu:g} with E{i + 1} = {stretch[i]:g} Pa "
+                f"ν{i + 1}{j + 1} = {nu:g} is not possible with E{i + 1} = {stretch[i]:g} Pa "
                 f"and E{j + 1} = {stretch[j]:g} Pa",
                 key="poissons_ratios",
                 value=ratio.tolist(),
                 allowed=f"ν{i + 1}{j + 1} between -{bound:.4g} and {bound:.4g}, "
                 f"sqrt(E{i + 1}/E{j + 1})",
-                cure=f"νij/Ei = νji/Ej: was ν{j + 1}{i + 1} given in place of ν{i + 1}{j + 1}?",
+                cure=f"νij/Ei = νji/Ej: check that ν{j + 1}{i + 1} was not given instead of "
+                f"ν{i + 1}{j + 1}.",
             )
     # Scaled by sqrt(Ei Ej), the compliance has ones on its diagonal. The test for positive
     # definiteness is then safe from rounding, however different the moduli are.
@@ -132,11 +124,11 @@ def orthotropic(
         scaled[i, j] = scaled[j, i] = -nu * root[j] / root[i]
     if np.linalg.eigvalsh(scaled)[0] <= 1e-9:
         raise InputError(
-            "no stable solid has these three ratios together",
+            "these three Poisson's ratios are not possible together",
             key="poissons_ratios",
             value=ratio.tolist(),
             allowed="1 - ν12ν21 - ν23ν32 - ν13ν31 - 2ν21ν32ν13 above 0, with νji = νij Ej/Ei",
-            cure="Lower them",
+            cure="Lower the ratios",
         )
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = np.linalg.inv(scaled) * np.outer(root, root)
@@ -185,15 +177,15 @@ def check_limits(key: str, values: float | list[float], unit: str) -> None:
     """Refuse constants so large or small that float64 cannot hold the results."""
     if not (np.min(values) >= LIMITS[0] and np.max(values) <= LIMITS[1]):
         raise InputError(
-            "too large or too small to calculate with",
+            "out of range for double precision",
             key=key,
             value=values,
             allowed=f"{LIMITS[0]:g} to {LIMITS[1]:g} {unit}",
         )
 
 
-def _three(key: str, values: Sequence[float], allowed: str) -> Floats:
+def _check_three(key: str, values: Sequence[float], allowed: str) -> Floats:
     result = np.asarray(values, dtype=np.float64)
     if result.shape != (3,) or not np.isfinite(result).all():
-        raise InputError("not three numbers", key=key, value=values, allowed=allowed)
+        raise InputError("must be three finite numbers", key=key, value=values, allowed=allowed)
     return result

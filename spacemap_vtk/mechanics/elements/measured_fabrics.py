@@ -26,21 +26,20 @@ SOURCE = (
 
 #: Assumptions where the source gives no value.
 ASSUMPTIONS = (
-    "the first of the table's six sets of constants, that at no strain: cloth stiffens as it is "
-    "stretched, and a linear model cannot",
-    "force per width = constant times Green's strain, the shear's in tensor measure, as in the "
-    "paper; ARCSim itself doubles all of them, which makes frequencies in the plane 1.41 times "
-    "higher",
-    "where the table has a negative C12 (knits, by up to 15 N/m) it is taken as 0, as ARCSim does: "
-    "a pulled fabric would grow wider",
-    "direction 1 of the table is the weft (of a knit: the courses): denim stretches more along its "
-    "weft, which has the elastane",
-    "across the thickness E3 = sqrt(E1 E2), G13 = G23 = G12, ν13 = ν23 = 0: none was measured",
-    "no thickness was measured: of tetrahedra, moduli and density are those per width and area, "
+    "the constants are the first of six sets in the table, for zero strain; real cloth stiffens as "
+    "it is stretched, a linear model does not",
+    "force per width = constant times Green's strain, with the shear in tensor measure, as in the "
+    "paper; ARCSim doubles all constants, which makes in-plane frequencies 1.41 times higher",
+    "a negative C12 in the table (knits, up to 15 N/m) is set to 0, as in ARCSim; otherwise a "
+    "pulled fabric would grow wider",
+    "direction 1 of the table is the weft (for a knit: the courses), because denim stretches more "
+    "along its weft, which contains the elastane",
+    "across the thickness E3 = sqrt(E1 E2), G13 = G23 = G12, ν13 = ν23 = 0; none was measured",
+    "the thickness was not measured: for tetrahedra, stiffness per width and mass per area are "
     "divided by modal.thickness",
-    "of a sheet, bending along one direction does nothing along the other (D12 = 0), as in ARCSim: "
-    "then D66 follows from the bias, whose B45 = (D11 + D22 + 2 D12 + 4 D66)/4",
-    "a sheet keeps its thickness, and its normals stay upright",
+    "for a sheet, bending along one direction has no effect along the other (D12 = 0), as in "
+    "ARCSim; D66 follows from the bias, B45 = (D11 + D22 + 2 D12 + 4 D66)/4",
+    "for a sheet, the thickness is constant and normals stay upright",
 )
 
 
@@ -101,10 +100,9 @@ class MeasuredFabric(NamedTuple):
         """Compute the solid that represents the fabric at a given thickness."""
         if not THINNEST <= thickness <= THICKEST:
             raise InputError(
-                "a fabric's constants are spread over a thickness",
+                f"the thickness must be between {THINNEST:g} m and {THICKEST:g} m",
                 key="thickness",
                 value=thickness,
-                allowed=f"{THINNEST:g} to {THICKEST:g} m",
             )
         c11, c12, c22, c33 = self.stiffness
         c12 = max(c12, 0.0)
@@ -122,7 +120,7 @@ class MeasuredFabric(NamedTuple):
 
 #: Name in the source and product of each fabric. The source has a tenth one (navy-sparkle-sweat, a
 #: sweater), whose C22 at no strain, 3 N/m, is an eightieth of that at the next strain.
-_SOLD = {
+_SAMPLES = {
     "denim": ("11oz-black-denim", "jeans, 99 % cotton, 1 % elastane"),
     "trousers": ("royal-target", "trousers, 65 % cotton, 35 % polyester"),
     "tablecloth": ("white-dots-on-blk", "tablecloth, polyester"),
@@ -147,13 +145,13 @@ swimsuit   0.204  47.971176   6.834521 104.615456  60.773663  60.237942  58.8032
 """
 
 
-def _fabrics() -> Iterator[tuple[str, MeasuredFabric]]:
+def _parse_table() -> Iterator[tuple[str, MeasuredFabric]]:
     for name, *words in map(str.split, _MEASURED.strip().splitlines()):
         mass, c11, c12, c22, c33 = map(float, words[:5])
         along, askew, across = (float(f"{word}e-6") for word in words[5:])
         bending = along, askew, across
-        yield name, MeasuredFabric(*_SOLD[name], mass, (c11, c12, c22, c33), bending)
+        yield name, MeasuredFabric(*_SAMPLES[name], mass, (c11, c12, c22, c33), bending)
 
 
 #: Fabrics by name.
-FABRICS = dict(_fabrics())
+FABRICS = dict(_parse_table())

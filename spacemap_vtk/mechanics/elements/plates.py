@@ -107,13 +107,11 @@ def homogeneous_plate(elasticity: Floats, thickness: float, normal: int = 2) -> 
     (1000, 83.333333)
     """
     if not (np.isfinite(thickness) and thickness > 0):
-        raise InputError(
-            "no plate is as thick", key="thickness", value=thickness, allowed="above 0 m"
-        )
+        raise InputError("the thickness must be above 0 m", key="thickness", value=thickness)
     first, second = (normal + 1) % 3, (normal + 2) % 3
     compliance = np.linalg.inv(elasticity)
-    plane = _inverse(compliance, [first, second, VOIGT[first, second]])
-    across = _inverse(compliance, [VOIGT[first, normal], VOIGT[second, normal]])
+    plane = _invert_block(compliance, [first, second, VOIGT[first, second]])
+    across = _invert_block(compliance, [VOIGT[first, normal], VOIGT[second, normal]])
     return Plate(
         plane * thickness,
         plane * thickness**3 / 12,
@@ -181,8 +179,8 @@ def apply_measurements(
     mean = (
         None if ratio is None else _mean_ratio(ratio, *(tensile or strip_stiffness(plate.membrane)))
     )
-    stretched = _along_fabric(plate.membrane, tensile, shear, mean)
-    bent = _along_fabric(plate.bending, bending, twisting, mean)
+    stretched = _replace_stiffness(plate.membrane, tensile, shear, mean)
+    bent = _replace_stiffness(plate.bending, bending, twisting, mean)
     if tensile is None and bending is None:
         return replace(plate, membrane=stretched, bending=bent)
     return Plate(stretched, bent)
@@ -260,7 +258,7 @@ def strip_stiffness(stiffness: Floats) -> tuple[float, float]:
     return float(warp), float(weft)
 
 
-def _along_fabric(
+def _replace_stiffness(
     own: Floats, along: Sequence[float] | None, sheared: float | None, ratio: float | None
 ) -> Floats:
     """Replace those values of a (3, 3) stiffness that are given."""
@@ -283,18 +281,18 @@ def _mean_ratio(ratio: float, warp: float, weft: float) -> float:
     bound = float(np.sqrt(warp / weft))
     if not 1 - (ratio / bound) ** 2 > 1e-9:
         raise InputError(
-            f"no stable sheet has it with {warp:.6g} N/m along the warp and {weft:.6g} N/m along "
-            "the weft",
+            f"this ratio is not possible with {warp:.6g} N/m along the warp and {weft:.6g} N/m "
+            "along the weft",
             key="poissons_ratio_in_plane",
             value=ratio,
-            allowed=f"between -{bound:.4g} and {bound:.4g}, the root of warp over weft",
-            cure="It is the contraction along the weft for a stretch along the warp: was that "
-            "along the warp given?",
+            allowed=f"between -{bound:.4g} and {bound:.4g}, the square root of warp over weft",
+            cure="Give the contraction along the weft for a stretch along the warp, not the "
+            "reverse.",
         )
     return ratio / bound
 
 
-def _inverse(matrix: AnyFloats, rows: list[int]) -> Floats:
+def _invert_block(matrix: AnyFloats, rows: list[int]) -> Floats:
     """Invert a symmetric block of a matrix; the result is symmetric to the last digit."""
     found = np.linalg.inv(matrix[np.ix_(rows, rows)])
     return (found + found.T) / 2

@@ -204,19 +204,23 @@ def sheet_strains(
     # Factor from δ to the director d = 2 δ/h.
     scale = 2.0 / surface.thickness(points)
     director = scale[surface.quads]
-    along, area = _axes(z, _GAUSS, surface.normal)
+    along, area = _local_axes(z, _GAUSS, surface.normal)
     stiff = 1.0 if factors is None else factors[:, None]
     mid_shear = [
-        product_form(_wide(np.broadcast_to(slope, z.shape[:2]), 0), _wide(value * director, 4))
+        product_form(
+            _extend_to_nodes(np.broadcast_to(slope, z.shape[:2]), 0),
+            _extend_to_nodes(value * director, 4),
+        )
         for value, slope in (
-            (_shape(at), _slopes(at)[0 if number < 2 else 1]) for number, at in enumerate(_MIDDLES)
+            (_shape_functions(at), _shape_slopes(at)[0 if number < 2 else 1])
+            for number, at in enumerate(_MIDDLES)
         )
     ]
     forms = np.zeros((len(z), 4, 8, 8, 8))
     for q, (xi, eta) in enumerate(_GAUSS):
-        slope = along[:, q] @ _slopes(_GAUSS[q])  # (E, 2, 4): derivatives along the axes
-        p = [_wide(slope[:, i], 0) for i in range(2)]
-        d = [_wide(slope[:, i] * director, 4) for i in range(2)]
+        slope = along[:, q] @ _shape_slopes(_GAUSS[q])  # (E, 2, 4): derivatives along the axes
+        p = [_extend_to_nodes(slope[:, i], 0) for i in range(2)]
+        d = [_extend_to_nodes(slope[:, i] * director, 4) for i in range(2)]
         for i in range(2):
             forms[:, q, i] = product_form(p[i], p[i]) / 2
             forms[:, q, 3 + i] = product_form(p[i], d[i])
@@ -238,15 +242,15 @@ def sheet_strains(
     rows = np.arange(count, 2 * count)[:, None]
     # Membrane and shear stiffness grow with the thickness, bending stiffness with its cube.
     taper = surface.relative_thickness(points, plate)[surface.quads]
-    there = taper @ np.stack([_shape(at) for at in _GAUSS]).T
+    there = taper @ np.stack([_shape_functions(at) for at in _GAUSS]).T
     weights = there[..., None] ** np.array([1, 1, 1, 3, 3, 3, 1, 1])
     weights *= (area * stiff)[..., None]
-    corners = _axes(z, _CORNERS, surface.normal)[1] * stiff * taper
+    corners = _local_axes(z, _CORNERS, surface.normal)[1] * stiff * taper
     share = np.bincount(surface.quads.ravel(), corners.ravel(), count)
     thick = (scale**2).reshape(-1, 1, 1, 1, 1)
     return [
-        _unstrained(nodes, forms, weights[..., None] * stiffness, nodal),
-        _unstrained(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
+        _strains_from(nodes, forms, weights[..., None] * stiffness, nodal),
+        _strains_from(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
     ]
 
 
@@ -256,8 +260,8 @@ def assemble_sheet_mass(
     """Assemble the mass matrix of a sheet: ∫ N_a N_b h of the mid-points, and that of δ."""
     # The mass of δ is a third of that of p, because x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
-    area = _axes(surface.to_nodes(points)[surface.quads], _GAUSS, surface.normal)[1]
-    shapes = np.stack([_shape(at) for at in _GAUSS])
+    area = _local_axes(surface.to_nodes(points)[surface.quads], _GAUSS, surface.normal)[1]
+    shapes = np.stack([_shape_functions(at) for at in _GAUSS])
     volume = area * (surface.thickness(points)[surface.quads] @ shapes.T)
     if factors is not None:
         volume = volume * factors[:, None]
@@ -297,19 +301,19 @@ def free_sheet_motions(
         alike &= (bodies[upper] == 0) & (bodies[lower] == 0)
     turned = None if normals is None else normals[both]
     nodal = free_motions(surface.to_nodes(points), held[both], turned)
-    nodal = nodal[:, alike[_first(nodal) % len(alike)]]
+    nodal = nodal[:, alike[_first_nodes(nodal) % len(alike)]]
     if alike.all():
         return nodal
     pair = np.empty(len(points), dtype=np.int64)
     pair[upper] = pair[lower] = np.arange(len(alike))
     ends = free_motions(points, held, normals, bodies)
-    ends = ends[:, ~alike[pair[_first(ends)]]]
+    ends = ends[:, ~alike[pair[_first_nodes(ends)]]]
     found = hstack([nodal, 2**0.5 * surface.node_matrix() @ ends], format="csc")
     found.sort_indices()
-    return found[:, np.argsort(_first(found), kind="stable")]
+    return found[:, np.argsort(_first_nodes(found), kind="stable")]
 
 
-def _first(basis: csc_matrix) -> Ints:
+def _first_nodes(basis: csc_matrix) -> Ints:
     """Return the first node of each column."""
     return np.asarray(basis.indices[basis.indptr[:-1]] // 3, dtype=np.int64)
 
@@ -344,9 +348,9 @@ def frame_matrix(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Float
     from scipy.sparse import csr_matrix
 
     z, count = surface.to_nodes(points)[surface.quads], len(surface.pairs)
-    along, area = _axes(z, _GAUSS, surface.normal)
-    slopes = np.stack([_slopes(at) for at in _GAUSS])
-    shapes = np.stack([_shape(at) for at in _GAUSS])
+    along, area = _local_axes(z, _GAUSS, surface.normal)
+    slopes = np.stack([_shape_slopes(at) for at in _GAUSS])
+    shapes = np.stack([_shape_functions(at) for at in _GAUSS])
     director = shapes * (2.0 / surface.thickness(points))[surface.quads][:, None]
     values = np.concatenate([along @ slopes, director[:, :, None]], axis=2)
     columns = np.stack([surface.quads, surface.quads, surface.quads + count], axis=1)
@@ -365,38 +369,38 @@ class SheetGradient:
     def __init__(
         self, points: Floats, surface: MidSurface, displacement: Floats | float = 0.0
     ) -> None:
-        self._legs, self._surface = frame_matrix(points, surface)[0], surface
-        left, _, right = np.linalg.svd(self._columns(points + displacement))
+        self._frames, self._surface = frame_matrix(points, surface)[0], surface
+        left, _, right = np.linalg.svd(self._frames_of(points + displacement))
         self._inverse = (left @ right).swapaxes(1, 2)
 
     def evaluate(self, displacement: Floats) -> Floats:
         """Compute the gradients of a displacement, (3, 3, points)."""
-        return (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
+        return (self._frames_of(displacement) @ self._inverse).transpose(1, 2, 0)
 
-    def _columns(self, vertices: Floats) -> Floats:
-        legs: Floats = (self._legs @ self._surface.to_nodes(vertices)).reshape(-1, 3, 3)
+    def _frames_of(self, vertices: Floats) -> Floats:
+        legs: Floats = (self._frames @ self._surface.to_nodes(vertices)).reshape(-1, 3, 3)
         return legs.swapaxes(1, 2)
 
 
-def _unstrained(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
+def _strains_from(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
     """Make strains that are zero in the given shape."""
     bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
     return Strains(nodes, forms, bare.strains_and_gradients(nodal)[0], stiffness)
 
 
-def _shape(at: Floats) -> Floats:
+def _shape_functions(at: Floats) -> Floats:
     """Evaluate the four bilinear shape functions at a point (ξ, η)."""
     return (1 + _CORNERS * at).prod(axis=1) / 4
 
 
-def _slopes(at: Floats) -> Floats:
+def _shape_slopes(at: Floats) -> Floats:
     """Evaluate the derivatives of the shape functions along ξ and η, (2, 4)."""
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 
-def _axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
+def _local_axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
     """Compute ∂(ξ, η)/∂(axes 1 and 2), (E, q, 2, 2), and the area that belongs to each point."""
-    tangents = np.stack([_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
+    tangents = np.stack([_shape_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
     upward = np.cross(tangents[:, :, 0], tangents[:, :, 1])
     area: Floats = np.linalg.norm(upward, axis=2)
     upward /= area[..., None]
@@ -414,7 +418,7 @@ def _axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
     return turn, area
 
 
-def _wide(values: Floats, start: int) -> Floats:
+def _extend_to_nodes(values: Floats, start: int) -> Floats:
     """Extend values of four mid-points (start 0) or directors (4) to all eight nodes."""
     result = np.zeros((len(values), 8))
     result[:, start : start + 4] = values

@@ -36,7 +36,7 @@ _DEFINITE = 1e-9
 MAX_ROTATION = 0.5
 
 #: Smallest rotation that is not zero; it avoids a division by zero.
-_LEAST_TURN = float(np.finfo(np.float64).tiny)
+_MIN_ROTATION = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Strains(EnergyTerm):
     def remove_compression(self, stress: Floats) -> Floats:
         """Keep only the stresses, (E, Q, s), with which K is positive definite at any shape."""
         # Compression is removed, and so are stresses of strains whose form is indefinite.
-        return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
+        return np.where(self._can_stabilise, np.maximum(stress, 0.0), 0.0)
 
     def strain_changes(self, gradients: Floats, move: Floats) -> Floats:
         """Compute G Δz of a move (V, 3), (E, Q, s)."""
@@ -130,8 +130,8 @@ class Strains(EnergyTerm):
         """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
-        squares = self.second_order_strains(move)[0][self._stabilises]
-        return MAX_ROTATION / max(_LEAST_TURN, float(np.sqrt(2 * squares.max(initial=0.0))))
+        squares = self.second_order_strains(move)[0][self._can_stabilise]
+        return MAX_ROTATION / max(_MIN_ROTATION, float(np.sqrt(2 * squares.max(initial=0.0))))
 
     def tangent_with_stress(
         self, stress: Floats, gradients: Floats, others: Floats | None = None
@@ -176,7 +176,7 @@ class Strains(EnergyTerm):
         return seen
 
     @cached_property
-    def _stabilises(self) -> Bools:
+    def _can_stabilise(self) -> Bools:
         """Strains whose tensile stress adds to the stiffness."""
         values = np.linalg.eigvalsh(self.forms)
         return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
@@ -204,12 +204,12 @@ class StrainState(TermState):
         """Forces Σ σ G [N], (V, 3)."""
         return self.kind.sum_forces(self.stress, self.gradients, self._count)
 
-    def tangent(self, firm: float = 0.0, carried: Floats | None = None) -> Floats:
-        """Compute the tangent, with the carried stress if one is given."""
-        # `firm` is the share that is removed of stresses that do not pull. If all of it is removed,
+    def tangent(self, removed: float = 0.0, predicted: Floats | None = None) -> Floats:
+        """Compute the tangent, with the predicted stress if one is given."""
+        # `removed` is the share of compressive stresses that is removed. If all of it is removed,
         # the tangent is definite.
-        stress = self.stress if carried is None else carried
-        stress = stress + firm * (self.kind.remove_compression(stress) - stress)
+        stress = self.stress if predicted is None else predicted
+        stress = stress + removed * (self.kind.remove_compression(stress) - stress)
         return self.kind.tangent_with_stress(stress, self.gradients)
 
     def predict(self, move: Floats, curve: Floats | None = None) -> Floats:

@@ -49,15 +49,19 @@ def check_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[Floats, Ints]:
         )
     if not np.issubdtype(cells.dtype, np.integer):
         raise GeometryError(f"tetrahedra are of type {cells.dtype}", allowed="integers")
-    _refuse(~np.isfinite(vertices).all(axis=1), "points", "have a coordinate that is not finite")
+    _raise_if_any(
+        ~np.isfinite(vertices).all(axis=1), "points", "have a coordinate that is not finite"
+    )
     outside = ((cells < 0) | (cells >= len(vertices))).any(axis=1)
-    _refuse(outside, "tetrahedra", f"name a vertex beyond the {len(vertices)} there are")
+    _raise_if_any(
+        outside, "tetrahedra", f"refer to a vertex that does not exist (there are {len(vertices)})"
+    )
     cells = cells.astype(np.int64, copy=False)
     if cells.shape[1] == 10:
         ends = vertices[cells[:, EDGES]]
         off = vertices[cells[:, 4:]] - ends.mean(axis=2)
         length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-        _refuse(
+        _raise_if_any(
             (np.linalg.norm(off, axis=2) > STRAIGHT * length).any(axis=1),
             "tetrahedra",
             "are curved",
@@ -74,7 +78,7 @@ def edges_and_volumes(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]
     six_edges = np.concatenate([edges, edges - edges[:, [1, 2, 0]]], axis=1)
     longest = np.sqrt((six_edges**2).sum(axis=2).max(axis=1))
     # Not "volume <= …", which is false for NaN: edges that overflow or vanish must not pass.
-    _refuse(
+    _raise_if_any(
         ~(six_volumes > FLAT * longest**3),
         "tetrahedra",
         "are flat",
@@ -83,7 +87,7 @@ def edges_and_volumes(points: Floats, tetrahedra: Ints) -> tuple[Floats, Floats]
     return edges, six_volumes / 6
 
 
-def _refuse(
+def _raise_if_any(
     bad: ArrayLike, things: str, what: str, cure: str = "Repair the mesh of the cage"
 ) -> None:
     which = np.flatnonzero(bad)
@@ -161,13 +165,13 @@ def _integral(*factors: int) -> float:
     return 6 * math.prod(map(math.factorial, powers)) / math.factorial(3 + len(factors))
 
 
-def _linear() -> Element:
+def _linear_element() -> Element:
     products = np.array([[_integral(a, b) for b in range(4)] for a in range(4)])
     eye = np.eye(4)
     return Element(products, np.einsum("ai,bj->ijab", eye, eye), np.full(4, 0.25))
 
 
-def _quadratic() -> Element:
+def _quadratic_element() -> Element:
     forms = np.zeros((10, 4, 4))
     for a in range(4):  # 2 L_a² - L_a Σ L
         forms[a, a, a] = 2.0
@@ -185,7 +189,7 @@ def _quadratic() -> Element:
     return Element(products, slopes, lumps)
 
 
-_ELEMENTS = {4: _linear(), 10: _quadratic()}
+_ELEMENTS = {4: _linear_element(), 10: _quadratic_element()}
 
 
 def add_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:

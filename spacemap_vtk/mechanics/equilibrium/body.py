@@ -39,7 +39,7 @@ class Body:
         self.terms, self.basis, self.start = terms, basis.tocsr(), start
         #: Factor of each term.
         self.factors = np.ones(len(terms))
-        self._across = self.basis.T
+        self._transposed = self.basis.T
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
@@ -85,11 +85,13 @@ class Body:
         return self.factors * np.array([state.energy for state in states])
 
     def tangent(
-        self, states: list[TermState], carried: Sequence[Any] | None = None, firm: float = 0.0
+        self, states: list[TermState], predicted: Sequence[Any] | None = None, removed: float = 0.0
     ) -> sp.csr_matrix:
         """Assemble the tangent K, see `TermState.tangent`."""
-        carried = [None] * len(states) if carried is None else carried
-        blocks = [state.tangent(firm, each) for state, each in zip(states, carried, strict=True)]
+        predicted = [None] * len(states) if predicted is None else predicted
+        blocks = [
+            state.tangent(removed, each) for state, each in zip(states, predicted, strict=True)
+        ]
         for number in np.flatnonzero(self.factors != 1.0):
             blocks[number] = self.factors[number] * blocks[number]
         return self.assemble(blocks)
@@ -103,7 +105,7 @@ class Body:
 
     def reduce_forces(self, nodal: Floats) -> Floats:
         """Compute Tᵀ f of nodal forces (V, 3)."""
-        return self._across @ nodal.ravel()
+        return self._transposed @ nodal.ravel()
 
     def node_moves(self, q: Floats) -> Floats:
         """Compute the move T q of the nodes, (V, 3)."""
@@ -121,7 +123,7 @@ class Body:
         """Factorise a positive definite matrix; return its solver."""
         self.report()
         self.steps += 1
-        solve = factorise(self._shifted(matrix), lambda: self._analysis, self.report).solve
+        solve = factorise(self._add_shift(matrix), lambda: self._analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
     def factorise_definite(self, matrix: sp.csr_matrix) -> Solve:
@@ -145,7 +147,7 @@ class Body:
                 options={"SymmetricMode": True},
             ).solve
         except RuntimeError as error:
-            raise SolverError("the matrix of a step is singular") from error
+            raise SolverError("the tangent of this step is singular") from error
 
         def solved(right: Floats) -> Floats:
             result = np.empty_like(right)
@@ -159,7 +161,7 @@ class Body:
     ) -> tuple[float, Floats, Solve]:
         """Find the lowest eigenvalue of a pencil, its vector, and the solver of `definite`."""
         solve, size = self.factorise_definite(definite), matrix.shape[0]
-        definite = self._shifted(definite)
+        definite = self._add_shift(definite)
         if size <= _DENSE:
             values, vectors = la.eigh(matrix.toarray(), definite.toarray(), subset_by_index=[0, 0])
             return float(values[0]), vectors[:, 0], solve
@@ -182,7 +184,7 @@ class Body:
             )
         except ArpackError as error:
             raise SolverError(
-                f"the lowest eigenvalue of a stiffness was not found: {error}",
+                f"the lowest eigenvalue of the tangent was not found: {error}",
                 cure="Look for badly shaped tetrahedra in the cage",
             ) from error
         return float(values[0]) + 1.0, vectors[:, 0], solve
@@ -201,7 +203,7 @@ class Body:
         """Report the progress; the callback may raise an exception to stop."""
         self._progress(1.0 - float(np.exp(-self.steps / 40)))
 
-    def _shifted(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+    def _add_shift(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
         return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
 
 

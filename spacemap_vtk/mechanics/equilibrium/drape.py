@@ -45,7 +45,7 @@ def shadow_area(points: Floats, triangles: Ints, direction: ArrayLike, lines: in
     """
     light = np.asarray(direction, dtype=np.float64)
     if not light.any():
-        raise InputError("light of no direction casts no shadow")
+        raise InputError("the direction of the light must not be zero")
     # In the SVD of the light's direction, the last two rows span the plane across it.
     plane = np.linalg.svd(light[None])[2][1:]
     corners = (points @ plane.T)[triangles]
@@ -111,6 +111,6 @@ def drape_coefficient(shadow: float, cloth: float, disc: float) -> float:
     """
     if not cloth > disc >= 0.0:
         raise InputError(
-            "no cloth hangs over the disc", value=disc, allowed=f"less than {cloth:.4g} m²"
+            "the disc must be smaller than the cloth", value=disc, allowed=f"below {cloth:.4g} m²"
         )
     return (shadow - disc) / (cloth - disc)

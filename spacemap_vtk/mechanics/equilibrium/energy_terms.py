@@ -184,16 +184,16 @@ class TermState:
         """Gradient ∂W/∂z [N], (V, 3)."""
         return self.term.forces(self._positions)
 
-    def tangent(self, firm: float = 0.0, carried: Any = None) -> Floats:
+    def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
         """Compute the second derivatives of each element, (E, 3 n, 3 n)."""
-        # `firm` is the share of the negative curvature that is removed: with 1 no matrix is
-        # indefinite. `carried` is the result of `predicted` from the step before.
+        # `removed` is the share of the negative curvature that is removed: with 1 no matrix is
+        # indefinite. `predicted` is the result of `predict` in the step before.
         blocks = self.term.tangent(self._positions)
-        if firm == 0.0 or not blocks.size:
+        if removed == 0.0 or not blocks.size:
             return blocks
         values, vectors = np.linalg.eigh(blocks)
         negative = (vectors * np.minimum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
-        return np.asarray(blocks - firm * negative)
+        return np.asarray(blocks - removed * negative)
 
     def predict(self, move: Floats, curve: Floats | None = None) -> Any:
         """Predict data for the tangent after a move and a curve; None: it uses the new state."""
@@ -294,7 +294,7 @@ def check_recipe(recipe: Mapping[str, Any]) -> None:
         signature.bind(None, None, **values)
     except TypeError as error:
         raise InputError(
-            f'a term of the kind "{kind}" cannot be made: {error}',
+            f'a term of kind "{kind}" cannot be made: {error}',
             value=dict(recipe),
             allowed=", ".join(["kind", *list(signature.parameters)[2:]]),
         ) from None

@@ -33,28 +33,32 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermStat
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.ndarrays import Floats, Progress
 
-#: A state is in equilibrium if the unbalanced forces are at most the share RESIDUAL of the load; or
-#: if a further step would lower the energy by at most the share DECREMENT, because forces have no
-#: more correct digits then.
-RESIDUAL, DECREMENT = 1e-8, 1e-18
-
-#: A state is also in equilibrium if OFTEN steps in a row would each lower the energy by less than
-#: the share LOST, and by no less than half of the smallest decrease before. Only rounding is left
-#: then, as with tetrahedra that are much thinner than wide.
-LOST, OFTEN = 1e-6, 3
+#: A state is in equilibrium if the unbalanced forces are at most this share of the load …
+MAX_RESIDUAL = 1e-8
+#: … or if a further step would lower the energy by at most this share, because forces have no more
+#: correct digits then …
+MAX_DECREASE = 1e-18
+#: … or if MAX_STALLED steps in a row would each lower the energy by less than the share STALLED,
+#: and by no less than half of the smallest decrease before. Only rounding is left then, as with
+#: tetrahedra that are much thinner than wide.
+STALLED = 1e-6
+MAX_STALLED = 3
 
 #: Share of the largest admissible step below which the next tangent is made closer to the exact
 #: one.
 NEAR = 0.3
 
-#: Line search: LEVEL is the share of the steepest slope that may be left at the end of a step,
-#: NOISE the rounding error of the total energy as a share of the sum of absolute energies, and
-#: TRIALS the largest number of lengths.
-LEVEL, NOISE, TRIALS = 0.1, 1e-13, 40
+#: Line search: share of the steepest slope that may be left at the end of a step.
+MAX_SLOPE = 0.1
+#: Line search: rounding error of the total energy, as a share of the sum of absolute energies.
+ENERGY_ROUNDING = 1e-13
+#: Line search: largest number of lengths that are tried.
+MAX_TRIALS = 40
 
-#: A tangent that lacks less than the share EXACT of the stresses that do not pull is made exact.
-#: SOFT is the share that is left out first if the exact tangent is indefinite.
-EXACT, SOFT = 0.02, 0.1
+#: A tangent that lacks less than this share of the compressive stresses is made exact.
+EXACT = 0.02
+#: Share of these stresses that is removed first if the exact tangent is indefinite.
+FIRST_REMOVED = 0.1
 
 #: Number of steps without a new least energy, after which every step has to lower the energy.
 PATIENCE = 25
@@ -68,13 +72,15 @@ ROUNDING = 1e-14
 
 #: Up to this share of the largest admissible step, the tangent is assumed to change in proportion
 #: to the load.
-STRAIGHT = 0.2
+PROPORTIONAL = 0.2
 
-#: Number of steps after which a smaller share of the load is tried, and the least such share.
-ATTEMPT, LEAST = 400, 1 / 64
+#: Number of steps after which a smaller share of the load is tried.
+MAX_STEPS = 400
+#: Smallest share of the load that is tried.
+MIN_SHARE = 1 / 64
 
 #: Largest share of a load in directions that nothing resists; in a balanced load it is rounding.
-FREE = 0.01
+MAX_UNRESISTED = 0.01
 
 
 class Equilibrium(NamedTuple):
@@ -107,36 +113,36 @@ def find_equilibrium(
     # not suffice.
     with blas_threads.use_one_thread():
         body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
-        acting = -body.reduce_forces(np.sum([load.forces(start) for load in loads], axis=0))
-        if body.unresisted_share(acting) > FREE:
+        load = -body.reduce_forces(np.sum([term.forces(start) for term in loads], axis=0))
+        if body.unresisted_share(load) > MAX_UNRESISTED:
             raise InputError(
-                "nothing holds the cage, or a part of it, against the load",
-                cure="Hold a side or a corner of it, or take the load away",
+                "the cage, or a part of it, is not held against the load",
+                cure="Fix a side or a corner of it, or remove the load",
             )
-        z, residual, reached, step = start, 0.0, 0.0, 1.0
+        z, residual, solved_share, step = start, 0.0, 0.0, 1.0
         critical: float | None = None
-        while reached < 1.0:
-            share = min(1.0, reached + step)
-            search = _Search(body, len(loads), z, reached, share)
-            found = search.run(min(steps, body.steps + ATTEMPT))
+        while solved_share < 1.0:
+            share = min(1.0, solved_share + step)
+            search = _Search(body, len(loads), z, solved_share, share)
+            found = search.run(min(steps, body.steps + MAX_STEPS))
             critical = search.critical if critical is None else critical
             if found is not None:
-                z, residual, reached, step = *found, share, 2 * step
+                z, residual, solved_share, step = *found, share, 2 * step
                 continue
             step /= 2
-            if step < LEAST or body.steps >= steps:
-                raise _unsolved(body.steps, reached, critical)
+            if step < MIN_SHARE or body.steps >= steps:
+                raise _no_equilibrium(body.steps, solved_share, critical)
     if progress is not None:
         progress(1.0)
     return Equilibrium(z, body.steps, residual, critical)
 
 
-def _unsolved(steps: int, reached: float, critical: float | None) -> SolverError:
-    buckled = "" if critical is None else f", and it buckles at {critical:.3g} of it"
+def _no_equilibrium(steps: int, solved_share: float, critical: float | None) -> SolverError:
+    buckled = "" if critical is None else f", and the cage buckles at {critical:.1%} of it"
     return SolverError(
-        f"no stable equilibrium was found in {steps} steps: {reached:.3g} of the load is borne"
-        f"{buckled}",
-        cure="Lower the load, hold more of the cage, or make it stiffer",
+        f"no stable equilibrium was found in {steps} steps: it was found for {solved_share:.1%} "
+        f"of the load{buckled}",
+        cure="Lower the load, fix more of the cage, or make it stiffer",
     )
 
 
@@ -148,117 +154,131 @@ class _Search:
         #: Number of loads; they are the first terms of the body.
         self._loads = loads
         body.factors[:loads] = share
-        self._z, self._best, self._least, self._since = start, start, np.inf, 0
+        self._z, self._best, self._least_energy, self._steps_since_least = start, start, np.inf, 0
         #: Expected decrease of energy in the last step; the smallest such decrease recently; and
         #: the number of steps in a row that did not clearly go below it.
-        self._won, self._lowest, self._often = np.inf, np.inf, 0
-        #: Share of the negative curvature that is left out of the tangent.
-        self._firm = 1.0
-        #: Whether each step has to lower the energy. If not, `_carried` holds the prediction of the
-        #: last step.
-        self._careful = False
-        self._carried: list[Any] | None = None
+        self._expected_decrease, self._smallest_decrease, self._stalled_steps = np.inf, np.inf, 0
+        #: Share of the compressive stresses (negative curvature) that the tangent leaves out.
+        self._removed_share = 1.0
+        #: Whether each step has to lower the energy. If not, `_predictions` holds the prediction of
+        #: the last step.
+        self._must_descend = False
+        self._predictions: list[Any] | None = None
         #: Positions that were evaluated last, and the terms there.
-        self._known: tuple[Floats, list[TermState]] | None = None
+        self._last_evaluation: tuple[Floats, list[TermState]] | None = None
         #: Share of the load at which the direct path becomes unstable.
         self.critical: float | None = None
 
     def run(self, limit: int) -> tuple[Floats, float] | None:
         """Find the state and its residual; None if it needs more steps than the limit."""
-        body, full = self._body, 0.0
+        body, load_norm = self._body, 0.0
         while body.steps < limit:
-            states = self._at(self._z)
+            states = self._evaluate(self._z)
             force, energies = body.forces(states), body.energies(states)
             energy, size = float(energies.sum()), float(abs(energies).sum())
-            left = float(np.linalg.norm(force))
-            full = full or self._applied(states) or left or 1.0
+            unbalanced = float(np.linalg.norm(force))
+            load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
             settled = (
-                left <= RESIDUAL * full or self._won <= DECREMENT * size or self._often >= OFTEN
+                unbalanced <= MAX_RESIDUAL * load_norm
+                or self._expected_decrease <= MAX_DECREASE * size
+                or self._stalled_steps >= MAX_STALLED
             )
-            if self._astray(energy, size, settled):
+            if self._return_if_astray(energy, size, settled):
                 continue
-            if settled or self._firm < EXACT or self._won <= EARLY * size:
-                self._firm = 0.0
-            own = settled or self._careful
-            matrix = body.tangent(states, None if own else self._carried, self._firm)
+            if settled or self._removed_share < EXACT or self._expected_decrease <= EARLY * size:
+                self._removed_share = 0.0
+            own = settled or self._must_descend
+            matrix = body.tangent(states, None if own else self._predictions, self._removed_share)
+            is_definite = self._removed_share == 1.0
             try:
-                solve = (body.factorise_definite if self._firm == 1.0 else body.factorise)(matrix)
+                solve = body.factorise_definite(matrix) if is_definite else body.factorise(matrix)
             except SolverError:
-                if self._firm > 0.0:
-                    self._firm = min(1.0, 3.0 * self._firm)
+                if self._removed_share > 0.0:
+                    self._removed_share = min(1.0, 3.0 * self._removed_share)
                     continue
-                self._firm = SOFT
-                found = settled or self._won <= EARLY * size
-                if not (found and not self._left(states, matrix) and settled):
+                self._removed_share = FIRST_REMOVED
+                found = settled or self._expected_decrease <= EARLY * size
+                if not (found and not self._leave_unstable_state(states, matrix) and settled):
                     continue
             if settled and body.admits(self._z):
-                return self._z, left / full
-            if settled and self._careful:
+                return self._z, unbalanced / load_norm
+            if settled and self._must_descend:
                 return None
             if settled:  # long steps have turned something over that short steps cannot turn back
-                self._go_back(self._start)
+                self._restart(self._start)
                 continue
             q = -solve(force)
-            self._won = -float(q @ force)
-            self._often = self._often + 1 if self._won < LOST * size and self._firm == 0.0 else 0
-            if self._won < self._lowest / 2 or self._often == 0:
-                self._lowest, self._often = self._won, 0
-            self._step(states, q)
+            self._expected_decrease = -float(q @ force)
+            self._count_stalled_steps(size)
+            self._make_step(states, q)
         return None
 
-    def _at(self, z: Floats) -> list[TermState]:
-        if self._known is None or self._known[0] is not z:
-            self._known = z, self._body.evaluate(z)
-        return self._known[1]
+    def _count_stalled_steps(self, size: float) -> None:
+        """Count the steps in a row that lower the energy by rounding only."""
+        stalled = self._expected_decrease < STALLED * size and self._removed_share == 0.0
+        if stalled and self._expected_decrease >= self._smallest_decrease / 2:
+            self._stalled_steps += 1
+        else:
+            self._smallest_decrease, self._stalled_steps = self._expected_decrease, 0
 
-    def _applied(self, states: list[TermState]) -> float:
+    def _evaluate(self, z: Floats) -> list[TermState]:
+        if self._last_evaluation is None or self._last_evaluation[0] is not z:
+            self._last_evaluation = z, self._body.evaluate(z)
+        return self._last_evaluation[1]
+
+    def _load_norm(self, states: list[TermState]) -> float:
         """Compute the norm of the loads."""
         forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
         return self._share * float(np.linalg.norm(self._body.reduce_forces(forces)))
 
-    def _astray(self, energy: float, size: float, settled: bool) -> bool:
+    def _return_if_astray(self, energy: float, size: float, settled: bool) -> bool:
         """Go back to the state of least energy if the search leads away from it."""
-        self._since = 0 if energy < self._least - 1e-9 * abs(self._least) else self._since + 1
-        if energy < self._least:
-            self._least, self._best = energy, self._z
-        worse = settled and energy > self._least + 1e-9 * size
-        if self._careful or not (worse or self._since > PATIENCE):
+        self._steps_since_least += 1
+        if energy < self._least_energy - 1e-9 * abs(self._least_energy):
+            self._steps_since_least = 0
+        if energy < self._least_energy:
+            self._least_energy, self._best = energy, self._z
+        worse = settled and energy > self._least_energy + 1e-9 * size
+        if self._must_descend or not (worse or self._steps_since_least > PATIENCE):
             return False
-        self._go_back(self._best)
+        self._restart(self._best)
         return True
 
-    def _go_back(self, z: Floats) -> None:
+    def _restart(self, z: Floats) -> None:
         """Start again at the given positions, with steps that lower the energy."""
-        self._z, self._best, self._least, self._since = z, z, np.inf, 0
-        self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
+        self._z, self._best, self._least_energy, self._steps_since_least = z, z, np.inf, 0
+        self._must_descend, self._stalled_steps = True, 0
+        self._removed_share, self._expected_decrease = 1.0, np.inf
 
-    def _step(self, states: list[TermState], q: Floats) -> None:
+    def _make_step(self, states: list[TermState], q: Floats) -> None:
         """Make a step, and choose the next tangent."""
         move = self._body.node_moves(q)
         most = self._body.largest_step(self._z, move)
-        if self._careful:
-            length = self._fall(q, np.zeros_like(q), min(2.0, most))[0]
+        if self._must_descend:
+            length = self._search_line(q, np.zeros_like(q), min(2.0, most))[0]
             near = length > 0.5
         else:
             length, near = min(1.0, most), NEAR * most > 1.0
-        self._firm = self._firm / 3 if near else 1.0
+        self._removed_share = self._removed_share / 3 if near else 1.0
         move = length * move
-        self._carried = [state.predict(move) for state in states]
-        self._z = self._moved_to(self._z + move)
+        self._predictions = [state.predict(move) for state in states]
+        self._z = self._reuse_if_equal(self._z + move)
 
-    def _moved_to(self, z: Floats) -> Floats:
+    def _reuse_if_equal(self, z: Floats) -> Floats:
         """Return the positions; the array that was evaluated last if they are equal to it."""
-        return z if self._known is None or (self._known[0] != z).any() else self._known[0]
+        if self._last_evaluation is None or (self._last_evaluation[0] != z).any():
+            return z
+        return self._last_evaluation[0]
 
-    def _left(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
+    def _leave_unstable_state(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
         """Leave a state of indefinite tangent; return whether it is indefinite beyond rounding."""
         body = self._body
-        value, q, solve = body.lowest_eigenpair(matrix, body.tangent(states, firm=1.0))
-        self._won = np.inf
+        value, q, solve = body.lowest_eigenpair(matrix, body.tangent(states, removed=1.0))
+        self._expected_decrease = np.inf
         if value > -ROUNDING * float(abs(q) @ (abs(matrix) @ abs(q))):
             return False
         straight = self._z - self._start
-        if self.critical is None and body.largest_step(self._start, straight) * STRAIGHT > 1.0:
+        if self.critical is None and body.largest_step(self._start, straight) * PROPORTIONAL > 1.0:
             stable = body.tangent(body.evaluate(self._start))
             way = -1.0 / body.lowest_eigenpair(matrix - stable, stable)[0]
             self.critical = self._before + (self._share - self._before) * way
@@ -270,22 +290,22 @@ class _Search:
         # Bending must not stretch the sheet, so the path is curved: z + a Δz + a² w (Koiter 1945).
         there, back = (body.forces(body.evaluate(self._z + side * move)) for side in (1.0, -1.0))
         bend = -solve((there + back) / 2 - body.forces(states))
-        length, energy = self._fall(q, bend, 1.0)
-        other, lower = self._fall(-q, bend, 1.0)
+        length, energy = self._search_line(q, bend, 1.0)
+        other, lower = self._search_line(-q, bend, 1.0)
         length = -other if lower < energy else length
         move, curve = length * move, length**2 * body.node_moves(bend)
-        self._carried = [state.predict(move, curve) for state in states]
+        self._predictions = [state.predict(move, curve) for state in states]
         self._z = self._z + move + curve
         return True
 
-    def _fall(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
+    def _search_line(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
         """Find how far, up to `most`, the energy falls along a q + a² bend, and its value there."""
         # The only assumption about the energy is that its slope along the path is continuous.
         body, z = self._body, self._z
         move, curve = body.node_moves(q), body.node_moves(bend)
 
         def trial(length: float) -> tuple[float, float, float]:
-            states = self._at(z + length * move + length**2 * curve if length else z)
+            states = self._evaluate(z + length * move + length**2 * curve if length else z)
             energies = body.energies(states)
             slope = float(body.forces(states) @ (q + 2 * length * bend))
             return float(energies.sum()), float(abs(energies).sum()), slope
@@ -299,15 +319,15 @@ def search_line(
     """Find a length, up to `most`, at which a function stops falling, and its value there."""
     # For a length, `trial` returns the value, the sum of the absolute terms of the value, and the
     # slope. The slope at zero is negative, or zero at a maximum. The search ends at the first
-    # length where at most the share LEVEL of the steepest slope is left.
+    # length where at most the share MAX_SLOPE of the steepest slope is left.
     first, _, slope = trial(0.0)
     low, high = (0.0, slope), (0.0, 0.0)
     steepest, length = -slope, min(1.0, most)
-    for _ in range(TRIALS):
+    for _ in range(MAX_TRIALS):
         value, size, slope = trial(length)
-        falls = value <= first + NOISE * size
+        falls = value <= first + ENERGY_ROUNDING * size
         steepest = max(steepest, -slope)
-        if falls and (abs(slope) < LEVEL * steepest or (slope <= 0.0 and length == most)):
+        if falls and (abs(slope) < MAX_SLOPE * steepest or (slope <= 0.0 and length == most)):
             return length, value
         if falls and slope <= 0.0:
             low = length, slope

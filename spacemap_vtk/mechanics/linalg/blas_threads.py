@@ -14,9 +14,9 @@ from functools import cache
 from typing import Any
 
 #: Number of multiplications from which several threads are faster than one.
-_MANY = 1e9
+_MIN_WORK = 1e9
 #: Threads of each library when it was found; later calls may see an already limited number.
-_at_first: dict[str, int] = {}
+_initial_threads: dict[str, int] = {}
 
 
 def use_one_thread() -> AbstractContextManager[Any]:
@@ -27,18 +27,18 @@ def use_one_thread() -> AbstractContextManager[Any]:
     context manager
         Results in it do not depend on the number of cores, except within `use_threads_for`.
     """
-    pools = find_thread_pools(_has_scipys())
+    pools = find_thread_pools(_has_scipy_blas())
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
 def use_threads_for(work: float) -> AbstractContextManager[Any]:
     """Return a context, inside that of `use_one_thread`, that shares a large block by threads."""
-    pools = find_thread_pools(_has_scipys()) if work > _MANY else None
-    return nullcontext() if pools is None else _lifted(pools[1])
+    pools = find_thread_pools(_has_scipy_blas()) if work > _MIN_WORK else None
+    return nullcontext() if pools is None else _lift_limit(pools[1])
 
 
 @contextmanager
-def _lifted(pool: dict[Any, int]) -> Iterator[None]:
+def _lift_limit(pool: dict[Any, int]) -> Iterator[None]:
     for library, most in pool.items():
         library.set_num_threads(most)
     try:
@@ -48,7 +48,7 @@ def _lifted(pool: dict[Any, int]) -> Iterator[None]:
             library.set_num_threads(1)
 
 
-def _has_scipys() -> bool:
+def _has_scipy_blas() -> bool:
     """Check whether SciPy's dense algebra is loaded; cached modes and figures do not need it."""
     return "scipy.linalg" in sys.modules
 
@@ -63,5 +63,5 @@ def find_thread_pools(with_scipys: bool) -> tuple[Any, dict[Any, int]] | None:
     # OpenBLAS only: the threads of MKL, which Pardiso brings, wait without occupying a core.
     found = ThreadpoolController().select(internal_api="openblas")
     scipys = [library for library in found.lib_controllers if "numpy.libs" not in library.filepath]
-    first = {x: _at_first.setdefault(x.filepath, x.num_threads) for x in scipys}
+    first = {x: _initial_threads.setdefault(x.filepath, x.num_threads) for x in scipys}
     return found, first

@@ -78,13 +78,13 @@ def _block_lanczos(
     basis = np.empty((size, limit), order="F")
     projected = np.zeros((limit, limit))
     start = np.random.default_rng(seed).standard_normal((size, BLOCK))
-    block = _orthonormal(start, basis[:, :0], mass)[0]
+    block = _orthonormalise(start, basis[:, :0], mass)[0]
     used, check = 0, count + BLOCK
     while used + BLOCK <= limit:
         basis[:, used : used + BLOCK] = block
         used += BLOCK
         # inverse(block) = basis @ inside + next block @ beyond
-        block, inside, beyond = _orthonormal(solve(mass @ block), basis[:, :used], mass)
+        block, inside, beyond = _orthonormalise(solve(mass @ block), basis[:, :used], mass)
         projected[:used, used - BLOCK : used] = inside
         projected[used - BLOCK : used, :used] = inside.T
         progress(1 - np.exp(-used / (3 * count + 10 * BLOCK)))
@@ -97,11 +97,11 @@ def _block_lanczos(
             return basis[:, :used] @ turn
     raise SolverError(
         f"{count} modes of {size} degrees of freedom did not converge in {used} vectors",
-        cure="Look for badly shaped tetrahedra in the cage, or ask for fewer modes",
+        cure="Look for badly shaped tetrahedra in the cage, or request fewer modes",
     )
 
 
-def _orthonormal(
+def _orthonormalise(
     block: Floats, basis: Floats, mass: sp.csr_matrix
 ) -> tuple[Floats, Floats, Floats]:
     """Split ``block = basis @ inside + result @ beyond``, with [basis, result] M-orthonormal."""

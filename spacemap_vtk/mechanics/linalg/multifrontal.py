@@ -62,7 +62,7 @@ class Analysis:
         start = np.concatenate([[0], np.cumsum(np.bincount(place[node], minlength=count))])
         #: First row and end of each front; the rows of its border; and its children.
         self.runs = [(int(start[f.first]), int(start[f.last])) for f in found]
-        self.borders = [_ranges(start[f.border], start[f.border + 1]) for f in found]
+        self.borders = [_list_ranges(start[f.border], start[f.border + 1]) for f in found]
         self.children = [f.children for f in found]
         #: Patterns that were ordered last, and the positions of their entries in that order.
         self._ordered: dict[bool, tuple[Ints, Ints, sp.csc_matrix]] = {}
@@ -129,9 +129,9 @@ class Analysis:
                 cut = int(np.searchsorted(where, last))
                 at = place[where]
                 assert update is not None
-                _add(pivot, at[:cut], at[:cut], update[:cut, :cut])
-                _add(side, at[cut:], at[:cut], update[cut:, :cut])
-                _add(rest, at[cut:], at[cut:], update[cut:, cut:])
+                _add_at(pivot, at[:cut], at[:cut], update[:cut, :cut])
+                _add_at(side, at[cut:], at[:cut], update[cut:, :cut])
+                _add_at(rest, at[cut:], at[cut:], update[cut:, cut:])
             yield number, pivot, side, rest
 
 
@@ -147,7 +147,7 @@ class Cholesky:
             cure="Use a coarser cage.",
         )
         self._analysis = analysis
-        self._blocks: list[tuple[Floats, Floats]] = []
+        self._fundamental_fronts: list[tuple[Floats, Floats]] = []
         left: list[Floats | None] = [None] * len(analysis.runs)
         share = analysis.work
         for number, pivot, side, rest in analysis.assemble_fronts(matrix, left):
@@ -161,7 +161,7 @@ class Cholesky:
                 with blas_threads.use_threads_for(side.size * len(side)):
                     side = blas.dtrsm(1, triangle, side, side=1, lower=1, trans_a=1, overwrite_b=1)
                     left[number] = blas.dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
-            self._blocks.append((triangle, side))
+            self._fundamental_fronts.append((triangle, side))
             if progress is not None:
                 progress(float(share[number]))
 
@@ -171,19 +171,22 @@ class Cholesky:
         analysis = self._analysis
         x = np.ascontiguousarray(right[analysis.order])
         for (first, last), border, (triangle, side) in zip(
-            analysis.runs, analysis.borders, self._blocks, strict=True
+            analysis.runs, analysis.borders, self._fundamental_fronts, strict=True
         ):
-            mine = _divided(triangle, x[first:last], 1)
+            mine = _solve_triangle(triangle, x[first:last], 1)
             x[first:last] = mine
             if len(border):
-                x[border] -= _product(side, mine)
+                x[border] -= _multiply(side, mine)
         for (first, last), border, (triangle, side) in zip(
-            reversed(analysis.runs), reversed(analysis.borders), reversed(self._blocks), strict=True
+            reversed(analysis.runs),
+            reversed(analysis.borders),
+            reversed(self._fundamental_fronts),
+            strict=True,
         ):
             mine = x[first:last]
             if len(border):
-                mine = mine - _product(side, x[border], 1)
-            x[first:last] = _divided(triangle, mine, 0)
+                mine = mine - _multiply(side, x[border], 1)
+            x[first:last] = _solve_triangle(triangle, mine, 0)
         solution = np.empty_like(x)
         solution[analysis.order] = x
         return solution
@@ -200,7 +203,7 @@ def count_negative_eigenvalues(
     for number, pivot, side, rest in analysis.assemble_fronts(matrix, left):
         before, after = share[number : number + 2]
         for first in range(0, len(pivot), PANEL):
-            count += _eliminated(pivot[first:, first:], side[:, first:], rest)
+            count += _eliminate_panel(pivot[first:, first:], side[:, first:], rest)
             if progress is not None:
                 done = min(1.0, (first + PANEL) / len(pivot))
                 progress(float(before + done * (after - before)))
@@ -208,7 +211,7 @@ def count_negative_eigenvalues(
     return count
 
 
-def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
+def _eliminate_panel(pivot: Floats, side: Floats, rest: Floats) -> int:
     """Eliminate the first panel of a front in place, and count its negative eigenvalues."""
     size, whole = min(PANEL, len(pivot)), len(pivot) <= PANEL
     below = side if whole else np.concatenate([pivot[size:, :size], side[:, :size]])
@@ -221,7 +224,7 @@ def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
     for first in range(0, inside, PANEL):
         strip = slice(first, min(first + PANEL, inside))
         with blas_threads.use_threads_for(below[first:].size * PANEL):
-            change = _product(below[first:], solved[:, strip])
+            change = _multiply(below[first:], solved[:, strip])
         pivot[size + first :, size:][:, strip] -= change[: inside - first]
         side[:, size:][:, strip] -= change[inside - first :]
     if len(side):
@@ -232,17 +235,17 @@ def _eliminated(pivot: Floats, side: Floats, rest: Floats) -> int:
     return int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
 
 
-def _product(block: Floats, right: Floats, transposed: int = 0) -> Floats:
+def _multiply(block: Floats, right: Floats, transposed: int = 0) -> Floats:
     """Compute A b, or Aᵀ b; for a large block in half the time of NumPy's product."""
     return blas.dgemm(1.0, block, right, trans_a=transposed)
 
 
-def _divided(triangle: Floats, right: Floats, transposed: int) -> Floats:
+def _solve_triangle(triangle: Floats, right: Floats, transposed: int) -> Floats:
     """Compute L⁻¹ b, or L⁻ᵀ b, from the transpose of b, which is in LAPACK's order."""
     return blas.dtrsm(1.0, triangle, right.T, side=1, lower=1, trans_a=transposed).T
 
 
-def _add(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
+def _add_at(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
     """Add values at the crossings of rows and columns, by slices if both are contiguous."""
     if len(rows) == 0 or len(columns) == 0:
         return
@@ -253,7 +256,7 @@ def _add(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
         block.T[columns[:, None], rows] += values.T
 
 
-def _ranges(starts: Ints, ends: Ints) -> Ints:
+def _list_ranges(starts: Ints, ends: Ints) -> Ints:
     """List the numbers from each start up to its end, in one array."""
     sizes = ends - starts
     return np.repeat(ends - np.cumsum(sizes), sizes) + np.arange(sizes.sum())
@@ -274,7 +277,7 @@ class Front:
 
 def find_fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
     """Compute the fronts of an elimination, and its final order."""
-    parent = _tree(graph[order][:, order])
+    parent = _elimination_tree(graph[order][:, order])
     post = _postorder(parent)
     place = np.empty_like(post)
     place[post] = np.arange(len(post))
@@ -282,10 +285,10 @@ def find_fronts(graph: sp.csr_matrix, order: Ints) -> tuple[list[Front], Ints]:
     order = order[post]
     ordered = graph[order][:, order].tocsr()
     ordered.sort_indices()
-    return _merged(_blocks(ordered, parent)), order
+    return _merge_fronts(_fundamental_fronts(ordered, parent)), order
 
 
-def _tree(graph: sp.csr_matrix) -> Ints:
+def _elimination_tree(graph: sp.csr_matrix) -> Ints:
     """Compute the parent of each vertex in the elimination tree, -1 for roots."""
     starts, neighbours = graph.indptr.tolist(), graph.indices.tolist()
     parent, ancestor = [-1] * graph.shape[0], [-1] * graph.shape[0]
@@ -314,7 +317,7 @@ def _postorder(parent: Ints) -> Ints:
     return np.array(backwards[::-1], dtype=np.int64)
 
 
-def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
+def _fundamental_fronts(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
     """Find the fundamental fronts and their children; each small subtree becomes one front."""
     count = len(parent)
     size = np.ones(count, dtype=np.int64)
@@ -351,7 +354,7 @@ def _blocks(graph: sp.csr_matrix, parent: Ints) -> list[Front]:
     return found
 
 
-def _merged(found: list[Front]) -> list[Front]:
+def _merge_fronts(found: list[Front]) -> list[Front]:
     """Merge fronts into their parents if that adds few zeros."""
     kept: list[Front | None] = list(found)
     for front in found:
@@ -382,7 +385,7 @@ def _merged(found: list[Front]) -> list[Front]:
 
 
 #: Parts of at most this many vertices are not cut further.
-_SMALL = 60
+_MIN_CUT = 60
 
 
 def nested_dissection(graph: sp.csr_matrix) -> Ints:
@@ -409,11 +412,11 @@ def dissect_by_levels(graph: sp.csr_matrix) -> Ints:
     waiting = [np.arange(graph.shape[0])]
     while waiting:
         part = waiting.pop()
-        if len(part) <= _SMALL:
+        if len(part) <= _MIN_CUT:
             backwards.append(part)
             continue
         inner = graph[part][:, part]
-        level = _levels(inner, int(_levels(inner, 0).argmax()))
+        level = _distances(inner, int(_distances(inner, 0).argmax()))
         reached = level >= 0
         if not reached.all():
             waiting += [part[reached], part[~reached]]
@@ -431,7 +434,7 @@ def dissect_by_levels(graph: sp.csr_matrix) -> Ints:
     return np.concatenate(backwards[::-1])
 
 
-def _levels(graph: sp.csr_matrix, start: int) -> Ints:
+def _distances(graph: sp.csr_matrix, start: int) -> Ints:
     """Compute each vertex's distance from a start in steps, -1 if it cannot be reached."""
     order, before = csgraph.breadth_first_order(graph, start, directed=False)
     level = np.full(graph.shape[0], -1)

@@ -187,16 +187,16 @@ class CageModes:
         """
         if action.startswith("base") and not self.model.is_grounded:
             raise InputError(
-                "nothing is fixed, so there is no base to move",
+                "the base cannot move because nothing is fixed",
                 key=f"loads.{action}",
                 value=value,
                 cure='Fix the cage ([modal] fixed = "+y")',
             )
         if action == "base_displacement":
-            return LoadVector(_axes("mass", value), function, np.array(value))
+            return LoadVector(_axis_parts("mass", value), function, np.array(value))
         if action in ("gravity", "base_acceleration"):
             sign = 1.0 if action == "gravity" else -1.0
-            return LoadVector(_axes("mass", [sign * v for v in value]), function)
+            return LoadVector(_axis_parts("mass", [sign * v for v in value]), function)
         if action in ("pressure", "traction"):
             sheet = self.model.plate is not None
             where = forces.find_side_faces(self.model.points, self.model.cells, place, sheet)
@@ -207,10 +207,10 @@ class CageModes:
                     forces.traction_forces(len(self.nodal_mass), where, unit).ravel(),
                 )
             follows = (value, where.faces) if follower else ()
-            return LoadVector(_axes(place, stress), function, None, *follows)
+            return LoadVector(_axis_parts(place, stress), function, None, *follows)
         if action == "force":
             vertex = forces.nearest_vertex(self.model.points, place)
-            return LoadVector(_axes(f"vertex {vertex}", value), function)
+            return LoadVector(_axis_parts(f"vertex {vertex}", value), function)
         self._forces[f"array {place}"] = np.ravel(value)
         return LoadVector(((f"array {place}", 1.0),), function)
 
@@ -229,7 +229,7 @@ class CageModes:
         """
         total = np.zeros(self.shapes.shape[1])
         for name, size in vector.parts:
-            total += size * self._elementary(name)
+            total += size * self._elementary_force(name)
         return total
 
     def basis(
@@ -258,14 +258,14 @@ class CageModes:
             free = self.model.free
             new = [name for name in names if name not in self._statics]
             if new:
-                load = np.stack([self._elementary(name) * free for name in new], axis=1)
+                load = np.stack([self._elementary_force(name) * free for name in new], axis=1)
                 found, rounding = (statics or self.model.statics)(load)
                 self._statics.update(zip(new, found.T, strict=True))
                 self._rounding.update(zip(new, rounding.tolist(), strict=True))
             values, shapes = self.model.residual_modes(
                 self.shapes,
                 self.eigenvalues,
-                np.stack([self._elementary(name) * free for name in names], axis=1),
+                np.stack([self._elementary_force(name) * free for name in names], axis=1),
                 np.stack([self._statics[name] for name in names], axis=1),
             )
             # Only one is kept, as the basis of a large cage is large.
@@ -314,7 +314,7 @@ class CageModes:
             loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
         return loaded
 
-    def _elementary(self, name: str) -> Floats:
+    def _elementary_force(self, name: str) -> Floats:
         if name not in self._forces:
             kind, _, axis = name.rpartition(" ")
             unit = np.eye(3)[int(axis)]
@@ -327,5 +327,5 @@ class CageModes:
         return self._forces[name]
 
 
-def _axes(kind: str, vector: Sequence[float] | Floats) -> tuple[tuple[str, float], ...]:
+def _axis_parts(kind: str, vector: Sequence[float] | Floats) -> tuple[tuple[str, float], ...]:
     return tuple((f"{kind} {axis}", float(v)) for axis, v in enumerate(vector) if v != 0.0)

@@ -11,7 +11,7 @@ from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Largest distance of a pair from its line of the lattice, as a share of the lattice's extent.
-_LINE = 1e-6
+_LINE_TOLERANCE = 1e-6
 
 
 def coarsen(model: Model) -> Model | None:
@@ -32,7 +32,7 @@ def coarsen(model: Model) -> Model | None:
     surface, plate = model.pencil.surface, model.plate
     if surface is None or plate is None or model.fittings.given or model.terms:
         return None
-    grid = _grid(model.points, surface)
+    grid = _pair_grid(model.points, surface)
     if grid is None or min(grid.shape) <= 4:
         return None
     # Lines that are nearly evenly spaced: every second one if the number of cells is even.
@@ -51,10 +51,10 @@ def coarsen(model: Model) -> Model | None:
     return Model(points, cells, plate, model.density, held, model.lumped)
 
 
-def _grid(points: Floats, surface: MidSurface) -> Ints | None:
+def _pair_grid(points: Floats, surface: MidSurface) -> Ints | None:
     """Arrange the pairs of a rectangular lattice in rows and columns; None for other meshes."""
     places = surface.to_nodes(points)[: len(surface.pairs)]
-    near = _LINE * float(np.ptp(places, axis=0).max())
+    near = _LINE_TOLERANCE * float(np.ptp(places, axis=0).max())
     lines = []
     for axis in ((surface.normal + 2) % 3, (surface.normal + 1) % 3):
         order = np.argsort(places[:, axis], kind="stable")

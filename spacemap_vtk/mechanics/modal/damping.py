@@ -93,7 +93,8 @@ def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
     (first, low), (second, high) = sorted(pairs)
     if first == second:
         raise InputError(
-            f"two ratios at one frequency, {first:g} Hz", cure="Give two different frequencies"
+            f"both pairs have the same frequency, {first:g} Hz",
+            cure="Give two different frequencies",
         )
     one, two = 2 * math.pi * first, 2 * math.pi * second
     spread = two * two - one * one
@@ -102,8 +103,8 @@ def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
     if alpha < 0 or beta < 0:
         least, most = low * first / second, low * second / first
         raise InputError(
-            f"no α and β of at least 0 give {low:g} at {format_quantity(first, 'Hz')} and "
-            f"{high:g} at {format_quantity(second, 'Hz')}",
-            allowed=f"with the first, a second ratio from {least:.4g} to {most:.4g}",
+            f"damping ratios of {low:g} at {format_quantity(first, 'Hz')} and {high:g} at "
+            f"{format_quantity(second, 'Hz')} would need a negative α or β",
+            allowed=f"with the first pair, a second ratio from {least:.4g} to {most:.4g}",
         )
     return Damping(alpha, beta)

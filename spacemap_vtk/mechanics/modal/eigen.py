@@ -76,11 +76,11 @@ def solve_modes(pencil: Pencil, count: int, progress: Progress | None = None) ->
     # strains determine them (Rayleigh and Ritz). What is still lost is the share of modes outside
     # that space.
     if count < 1:
-        raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
+        raise InputError("the number of modes must be at least 1", key="count", value=count)
     report: Progress = progress or (lambda _: None)
     report(0.0)
     with blas_threads.use_one_thread():
-        eigenvalues, modes, rounding = _of_components(pencil, count, report)
+        eigenvalues, modes, rounding = _solve_components(pencil, count, report)
         # K of a rigid body is that of its springs, and has no correct digit for its free motions.
         if pencil.size > 6:
             _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
@@ -129,7 +129,9 @@ def _is_dense(dof: int, count: int) -> bool:
     return dof <= DENSE or 4 * count >= dof
 
 
-def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats, Floats, Floats]:
+def _solve_components(
+    pencil: Pencil, count: int, report: Progress
+) -> tuple[Floats, Floats, Floats]:
     """Compute λ of the lowest modes of all components, the modes, (N, n), and their rounding."""
     total = pencil.size
     rows, solved, done, top = [], [], 0, math.inf
@@ -147,9 +149,9 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
         done += component.size
         if not few:
             continue
-        modes = _of_component(component, few, part)
+        modes = _solve_component(component, few, part)
         rows.append(component.rows)
-        solved.append([found[..., :count] for found in _evaluated(component, modes)])
+        solved.append([found[..., :count] for found in _evaluate_modes(component, modes)])
         found = np.sort(np.concatenate([values for values, *_ in solved]))
         top = found[count - 1] if len(found) >= count else math.inf
     eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
@@ -165,14 +167,14 @@ def _of_components(pencil: Pencil, count: int, report: Progress) -> tuple[Floats
     return eigenvalues[lowest], modes, rounding[lowest]
 
 
-def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
+def _solve_component(component: Pencil, count: int, report: Progress) -> Floats:
     """Compute at least the lowest modes of a component."""
     size = component.size
     if size <= 6 and component.nodes is not None and component.rigid_motions.shape[1] == size:
         report(1.0)
         return component.rigid_motions  # of a rigid body that nothing holds, whose K is zero
     if not _is_dense(size, count):
-        return _counted(component, count, report)
+        return _solve_and_count(component, count, report)
     # LAPACK finds all modes in half the time of many modes: "gvd" uses divide and conquer.
     few = 4 * count < size
     try:
@@ -190,10 +192,10 @@ def _of_component(component: Pencil, count: int, report: Progress) -> Floats:
             cure="Look for badly shaped tetrahedra in the cage",
         ) from error
     report(1.0)
-    return _refined(component, modes)
+    return _refine_lowest(component, modes)
 
 
-def _refined(component: Pencil, modes: Floats) -> Floats:
+def _refine_lowest(component: Pencil, modes: Floats) -> Floats:
     """Remove from modes of a dense solver what rounding has mixed into the lowest ones."""
     # The error is a share of the highest eigenvalue, which for a sheet belongs to its thickness.
     # The lowest modes of the inverse are free of it, as factors are accurate relative to each row.
@@ -216,7 +218,7 @@ def _refined(component: Pencil, modes: Floats) -> Floats:
     return np.concatenate([low, high - low @ (low.T @ (mass @ high))], axis=1)
 
 
-def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats]:
+def _evaluate_modes(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats]:
     """Compute λ of a component's modes, ascending, the modes in this order, and their rounding."""
     # The error of the quotient φᵀKφ / φᵀMφ is the square of the mode's error, so the eigenvalues of
     # both solvers are equal up to rounding in K.
@@ -230,9 +232,9 @@ def _evaluated(component: Pencil, modes: Floats) -> tuple[Floats, Floats, Floats
         rigid[np.argsort(energy, kind="stable")[:left]] = True
         if doubtful.sum() > left:
             low = energy <= energy[doubtful].max()  # the lowest, as modes are mass-normalised
-            modes = _told_by_strains(component, modes, low, motions)
+            modes = _separate_by_strains(component, modes, low, motions)
             noise = _energies(component, modes)[1]
-            energy = np.diag(component.strain_products(_fields(component, modes)))
+            energy = np.diag(component.strain_products(_to_fields(component, modes)))
             rigid = (np.arange(len(energy)) < left) | (energy <= STRAINLESS * noise)
             # The error is of second order, and comes from modes beyond the highest one.
             share = np.divide(noise, energy, out=np.full_like(noise, np.inf), where=energy > 0)
@@ -252,12 +254,14 @@ def _energies(component: Pencil, modes: Floats) -> tuple[Floats, Floats]:
     return energy, np.einsum("nk,nk->k", size, abs(component.stiffness) @ size)
 
 
-def _fields(component: Pencil, modes: Floats) -> Floats:
+def _to_fields(component: Pencil, modes: Floats) -> Floats:
     """Convert modes of a component to displacements of all nodes, (n, V, 3)."""
     return (component.basis @ modes).T.reshape(modes.shape[1], -1, 3)
 
 
-def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: Floats) -> Floats:
+def _separate_by_strains(
+    component: Pencil, modes: Floats, lowest: Bools, motions: Floats
+) -> Floats:
     """Separate the lowest modes, which K cannot resolve, by strains; rigid modes come first."""
     # Each mode is made orthogonal only to those before it, which have less energy. A remainder of
     # low modes in a high one is harmless; a trace of a high mode in a low one is not.
@@ -269,7 +273,7 @@ def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: F
         low -= motions @ (motions.T @ (mass @ low))
     others = modes[:, ~lowest]
     both = np.concatenate([low, others], axis=1)
-    springs = component.strain_products(_fields(component, both))
+    springs = component.strain_products(_to_fields(component, both))
     if (np.diag(springs) <= 0.0).any():
         return np.concatenate([motions, both], axis=1)  # no digit of the strains is correct
     size = np.diag(springs) ** -0.5
@@ -287,7 +291,7 @@ def _told_by_strains(component: Pencil, modes: Floats, lowest: Bools, motions: F
     return la.solve_triangular(factor, both.T, lower=True).T
 
 
-def _counted(component: Pencil, count: int, report: Progress) -> Floats:
+def _solve_and_count(component: Pencil, count: int, report: Progress) -> Floats:
     """Compute slightly more than the lowest modes, and make sure that none is missing."""
     # A Krylov space can miss a mode without any sign. The inertia of K - μM cannot: the number of
     # its negative eigenvalues is the number of modes below μ. μ is placed in the widest gap after
@@ -322,9 +326,9 @@ def _counted(component: Pencil, count: int, report: Progress) -> Floats:
         if found == below:
             return vectors
     raise SolverError(
-        f"{found} modes lie below {math.sqrt(between) / (2 * math.pi):.6g} Hz, and {below} of "
-        "them were found",
-        cure="Look for badly shaped tetrahedra in the cage, or ask for more modes",
+        f"{found} modes lie below {math.sqrt(between) / (2 * math.pi):.6g} Hz, but {below} were "
+        "found",
+        cure="Look for badly shaped tetrahedra in the cage, or request more modes",
     )
 
 
@@ -348,8 +352,8 @@ def _verify(
         raise SolverError(
             f"mode {worst + 1} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
             f"{RESIDUAL:g}",
-            cure="Look for badly shaped tetrahedra in the cage and for moduli many powers of ten "
-            "apart, or ask for fewer modes",
+            cure="Look for badly shaped tetrahedra in the cage and for moduli that differ by many "
+            "powers of ten, or request fewer modes",
         )
 
 

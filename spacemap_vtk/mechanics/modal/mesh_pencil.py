@@ -104,7 +104,7 @@ class MeshPencil(Pencil):
         self.added = [VertexTerm(term, self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
-                "a sheet is what a one-layer lattice is: the cage is none",
+                "the cage cannot be a sheet: it is not a lattice of one layer",
                 key="elements",
                 value="sheet",
                 cure='Set [cage] divisions such as [20, 20, 1] and order = 1, or elements = "auto"',
@@ -119,7 +119,7 @@ class MeshPencil(Pencil):
     def assembly(self) -> Assembly:
         found = _assemblies.get(self._mesh)
         if found is None:
-            stiff, heavy = self._stiff, self.fittings.mass_factors
+            stiff, heavy = self._stiffness_factors, self.fittings.mass_factors
             if self.surface is None:
                 found = assemble(self._points, self._cells, stiff, heavy)
             else:
@@ -128,7 +128,7 @@ class MeshPencil(Pencil):
         return found
 
     @property
-    def _stiff(self) -> Floats | None:
+    def _stiffness_factors(self) -> Floats | None:
         """Stiffness factors of the tetrahedra; zero for those within a rigid body."""
         # These would add only rounding to K, which could not be distinguished from soft springs.
         factors, bodies = self.fittings.stiffness_factors, self.fittings.bodies
@@ -141,7 +141,7 @@ class MeshPencil(Pencil):
     @cached_property
     def elements(self) -> list[Strains]:
         """Strains of the elements; for a sheet those of its quadrilaterals, then of its pairs."""
-        factors = self._stiff
+        factors = self._stiffness_factors
         if self.surface is None:
             return [tetrahedron_strains(self._points, self._cells, self.material[0], factors)]
         membrane, bending, shear, thickness = self.material
@@ -152,7 +152,7 @@ class MeshPencil(Pencil):
     def other_terms(self) -> list[EnergyTerm]:
         """Springs, if there are any, and added terms."""
         found = self.fittings.springs
-        springs = [] if found is None else [self._against_base(found)]
+        springs = [] if found is None else [self._springs_to_base(found)]
         return [*springs, *self.added]
 
     @property
@@ -169,7 +169,7 @@ class MeshPencil(Pencil):
             places[len(self.surface.pairs) :] = False
         nodes = Nodes(positions, places)
         if self.other_terms:
-            alike = [(term.nodes, _alike(term.tangent(positions))) for term in self.other_terms]
+            alike = [(term.nodes, _normalise(term.tangent(positions))) for term in self.other_terms]
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
@@ -211,17 +211,19 @@ class MeshPencil(Pencil):
         if self.fittings.masses is None:
             return found
         blocks = self.fittings.masses[:, None, None] * np.eye(3)
-        return found + assemble_tangent([self._against_base(blocks)], self.nodes.positions)
+        return found + assemble_tangent([self._springs_to_base(blocks)], self.nodes.positions)
 
     @cached_property
     def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
         if self.surface is not None or self._displacement is not None:
-            return partial(_products, self.terms, self.nodes.positions)
+            return partial(_stiffness_products, self.terms, self.nodes.positions)
         solid = self._points, self._cells, self.material[0]
-        found = partial(strain_products, *solid, factors=self._stiff)
+        found = partial(strain_products, *solid, factors=self._stiffness_factors)
         if not self.other_terms:
             return found
-        return lambda fields: found(fields) + _products(self.other_terms, self._points, fields)
+        return lambda fields: (
+            found(fields) + _stiffness_products(self.other_terms, self._points, fields)
+        )
 
     def reduce_forces(self, forces: Floats) -> Floats:
         """Convert forces on the vertices (3V, m) to forces on the free coordinates (N, m)."""
@@ -232,7 +234,7 @@ class MeshPencil(Pencil):
         """Convert displacements of the vertices (3V, m) to free coordinates (N, m)."""
         if self.surface is None and self.has_plain_supports:
             return moved[self.free]
-        nodal = moved if self.surface is None else self._nodal(moved)
+        nodal = moved if self.surface is None else self._to_nodes(moved)
         return self.basis.T @ nodal
 
     def expand(self, coordinates: Floats) -> Floats:
@@ -260,7 +262,7 @@ class MeshPencil(Pencil):
         turn = self.surface.node_matrix()
         return (turn.T @ matrix @ turn).tocsr()
 
-    def _against_base(self, blocks: Floats) -> Strains:
+    def _springs_to_base(self, blocks: Floats) -> Strains:
         """Make the strains of springs (V, 3, 3) between the vertices and the base."""
         where = np.flatnonzero(blocks.any(axis=(1, 2)))
         if self.surface is None:
@@ -271,7 +273,7 @@ class MeshPencil(Pencil):
         rest = self.surface.to_nodes(self._points)
         return springs_to_base(rest, nodes[where], signs[where], blocks[where])
 
-    def _nodal(self, table: Floats) -> Floats:
+    def _to_nodes(self, table: Floats) -> Floats:
         assert self.surface is not None
         whole = table.reshape(len(self._points), 3, table.shape[1])
         return self.surface.to_nodes(whole).reshape(table.shape)
@@ -294,10 +296,10 @@ def find_or_make_pencil(
     added: Sequence[EnergyTerm] = (),
 ) -> MeshPencil:
     """Return the pencil of a mesh: the existing one if it is in use, otherwise a new one."""
-    material = [_rounded(part / modulus) for part in parts]
+    material = [_round_digits(part / modulus) for part in parts]
     for what, given in (("held", held), ("displacement", displacement)):
         if given is not None and given.shape != points.shape:
-            raise InputError(f"{what} of shape {given.shape}", allowed=f"{points.shape}")
+            raise InputError(f"{what} has shape {given.shape}", allowed=f"{points.shape}")
     weights = [
         part
         for name, factors in fittings.given.items()
@@ -330,16 +332,16 @@ def find_or_make_pencil(
     return found
 
 
-def _alike(blocks: Floats) -> Floats:
+def _normalise(blocks: Floats) -> Floats:
     """Scale matrices so that their largest entry is one; a zero matrix stays zero."""
     sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
     return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
 
 
-def _products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
+def _stiffness_products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
     return np.sum([term.stiffness_products(positions, fields) for term in terms], axis=0)
 
 
-def _rounded(matrix: Floats) -> Floats:
+def _round_digits(matrix: Floats) -> Floats:
     text = [f"{value:.{_DIGITS - 1}e}" for value in np.ravel(matrix)]
     return np.array(text, dtype=np.float64).reshape(np.shape(matrix)) + 0.0  # no -0.0

@@ -104,7 +104,7 @@ class Model:
             # for a mesh that is not a sheet the pencil raises the error
             material = keep_normals_upright(material, 1.0 if sheet is None else sheet.cell)
         self.plate = material if isinstance(material, Plate) else None
-        self.stiffness_parts = parts = _parts(material)
+        self.stiffness_parts = parts = _stiffness_parts(material)
         #: Factor of the pencil's stiffness: the largest elasticity [Pa], or for a sheet the largest
         #: membrane stiffness [N/m].
         self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
@@ -263,7 +263,9 @@ class Model:
         """
         given, size = np.asarray(forces, dtype=np.float64), self.points.size
         if given.ndim not in (1, 2) or len(given) != size:
-            raise InputError(f"forces of shape {given.shape}", allowed=f"({size},) or ({size}, m)")
+            raise InputError(
+                f"forces have shape {given.shape}", allowed=f"({size},) or ({size}, m)"
+            )
         found, rounding = self.unit_statics(given.reshape(size, -1))
         return (found / self.modulus).reshape(given.shape), rounding
 
@@ -390,7 +392,7 @@ class Model:
 
         if self.fittings.bodies is not None:
             raise InputError(
-                "a rigid place turns by small angles only, and what hangs may turn by any",
+                "a cage with a rigid place cannot hang: the place can turn by small angles only",
                 key="rigid",
                 cure="Fix the place, or leave out modal.gravity and modal.dead_loads.",
             )
@@ -480,7 +482,7 @@ class Model:
         return stress if factors is None else stress * factors[:, None]
 
 
-def _parts(material: ArrayLike | Plate) -> list[Floats]:
+def _stiffness_parts(material: ArrayLike | Plate) -> list[Floats]:
     """Return the stiffness matrices of a material: one for a solid, four for a plate."""
     if isinstance(material, Plate):
         parts = material.membrane, material.bending, material.shear, material.thickness

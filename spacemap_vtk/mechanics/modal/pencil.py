@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _HELD = 1e-11
 
 #: Weight of the turning of loads in a rigid motion: an equilibrium only has to balance to 1e-6.
-_TURNED = 1e-5
+_LOAD_ROTATION_WEIGHT = 1e-5
 
 #: A static solution is complete when a correction changes it by less than this share, in the energy
 #: norm.
@@ -34,17 +34,17 @@ _CORRECTION = 1e-14
 
 #: Largest number of conjugate gradient steps. Few eigenvalues lie below σ, and each costs about one
 #: step. More steps than this would cost about as much as factorising K again.
-_STEPS = 40
+_MAX_STEPS = 40
 
 #: Share of the shift for stretching and shearing a sheet that is suitable for its bending.
-_SOFT = 1e-3
+_BENDING_SHARE = 1e-3
 
 #: Shifts closer to zero, as shares of the largest ratio of stiffness to mass.
 _SHIFTS = (1e-14, 1e-13, 1e-12)
 
 #: If rounding is more than this share of a static solution, in the energy norm, no digit of it is
 #: correct.
-_NO_DIGIT = 0.1
+_MAX_ROUNDING = 0.1
 
 #: Relative error of float64.
 _ROUNDING = 2.0**-53
@@ -111,12 +111,12 @@ class Pencil:
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
         """K of the free coordinates."""
-        return self._reduced(self.full_stiffness)
+        return self._reduce(self.full_stiffness)
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
         """M of the free coordinates."""
-        mass = self._reduced(self.full_mass)
+        mass = self._reduce(self.full_mass)
         massless = mass.diagonal() <= 0
         if massless.any():
             raise InputError(
@@ -126,14 +126,14 @@ class Pencil:
             )
         return mass
 
-    def _reduced(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+    def _reduce(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
         basis = self.basis
         if basis.nnz == self.size and (basis.data == 1.0).all():
             return matrix[basis.indices][:, basis.indices]
         return (basis.T @ matrix @ basis).tocsr()
 
     @cached_property
-    def _parts(self) -> list[Pencil]:
+    def _connected_parts(self) -> list[Pencil]:
         """Connected parts; empty if there is only one, as a pencil must not refer to itself."""
         from scipy.sparse import csgraph
 
@@ -150,7 +150,7 @@ class Pencil:
     @property
     def components(self) -> list[Pencil]:
         """Parts that no element connects, in the order of their first rows."""
-        return self._parts or [self]
+        return self._connected_parts or [self]
 
     @cached_property
     def shift(self) -> float:
@@ -163,14 +163,14 @@ class Pencil:
             )
         from spacemap_vtk.mechanics.linalg.lanczos import choose_shift
 
-        places = self._places
+        places = self._position_coordinates
         if len(places) == self.size:
             return choose_shift(self.stiffness, self.mass)
         inner = (matrix[places][:, places] for matrix in (self.stiffness, self.mass))
-        return _SOFT * choose_shift(*inner)
+        return _BENDING_SHARE * choose_shift(*inner)
 
     @cached_property
-    def _places(self) -> Ints:
+    def _position_coordinates(self) -> Ints:
         """Coordinates of positions, not of half thicknesses; all coordinates if there are none."""
         # Half thicknesses are so stiff for their mass that everything else is slow in comparison.
         # They hardly move if a sheet bends, and a factor is accurate relative to each row's size.
@@ -181,10 +181,10 @@ class Pencil:
         return np.flatnonzero(alone) if alone.any() else np.arange(self.size)
 
     @property
-    def _fastest(self) -> float:
+    def _largest_ratio(self) -> float:
         """Largest ratio of stiffness to mass among the coordinates of positions."""
         ratio = self.stiffness.diagonal() / self.mass.diagonal()
-        return float(ratio[self._places].max())
+        return float(ratio[self._position_coordinates].max())
 
     def lower_shift(self) -> bool:
         """Move σ closer to zero, for modes that do not converge; return whether it has moved."""
@@ -245,7 +245,7 @@ class Pencil:
                 rows = component.rows
                 mine = rigid[rows]
                 mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
-                result[rows], share = _solved(component, forces[rows], mine)
+                result[rows], share = _solve_component(component, forces[rows], mine)
                 rounding = np.maximum(rounding, share)
         return result, rounding
 
@@ -257,7 +257,7 @@ class Pencil:
         # The vertices alone decide this. Energy cannot: if a thin clamped sheet turns about its
         # edge, the energy is below rounding in K.
         if self.nodes is None:
-            raise InputError("rigid motions need the vertices", key="points")
+            raise InputError("rigid motions cannot be computed without the vertices", key="points")
         touched = np.unique(self.basis.indices)
         # Within a rigid body K is zero and connects no nodes.
         near = np.unique(np.concatenate([touched, self.full_stiffness[touched].indices]) // 3)
@@ -273,11 +273,11 @@ class Pencil:
         motions = share
         if len(held) or loads.any():
             # the SVD is of the small triangle, as there may be many rows
-            rows = np.concatenate([held, _TURNED * loads, np.zeros((6, 6))])
+            rows = np.concatenate([held, _LOAD_ROTATION_WEIGHT * loads, np.zeros((6, 6))])
             triangle = la.qr(rows, mode="r")[0][:6]
             _, moved, turn = la.svd(triangle)
             motions = motions @ turn[moved <= _HELD * np.sqrt(max(len(held), 1))].T
-        if motions.shape[1] and len(self._places) == self.size:
+        if motions.shape[1] and len(self._position_coordinates) == self.size:
             motions = la.orth(motions)
         elif motions.shape[1]:
             # Linear combinations of the motions lose no digit of small half thicknesses.
@@ -290,14 +290,14 @@ class Pencil:
         return la.solve_triangular(factor, motions.T, lower=True).T
 
 
-def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, Floats]:
+def _solve_component(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, Floats]:
     """Solve for static displacements, (n, m), and estimate their shares of rounding, (m,)."""
     # The factors computed for the modes suffice unless many eigenvalues lie below σ. In the bending
     # of a thin sheet many do, and K is factorised again with a shift closer to zero.
     solve = component.factors.solve
     u, settled = _conjugate_gradients(component, solve, forces, rigid)
     if not settled:
-        solve = _near_zero(component).solve
+        solve = _factorise_near_zero(component).solve
         u, _ = _conjugate_gradients(component, solve, forces, rigid)
     # Errors are the remaining residual, and the rounding of each entry of K. Rounding is given
     # random signs, as a strict bound would be a hundred times too pessimistic.
@@ -314,20 +314,20 @@ def _solved(component: Pencil, forces: Floats, rigid: Floats) -> tuple[Floats, F
     share = np.sqrt(np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0))
     if rigid.size:  # under a force that only accelerates the body the solution is rounding
         share[energy <= _CORRECTION * np.einsum("nm,nm->m", forces, solve(forces))] = 0.0
-    if (share > _NO_DIGIT).any():
+    if (share > _MAX_ROUNDING).any():
         raise SolverError(
-            "no digit of a static solution is left by rounding",
-            cure="Take a coarser cage, or a thicker one; look for badly shaped tetrahedra, and "
-            "for parts of the cage that hang by an edge or a vertex alone",
+            "no digit of a static solution is correct, due to rounding",
+            cure="Use a coarser or thicker cage; look for badly shaped tetrahedra, and for parts "
+            "of the cage that are connected only by an edge or a vertex",
         )
     return u, share
 
 
-def _near_zero(component: Pencil) -> Factors:
+def _factorise_near_zero(component: Pencil) -> Factors:
     """Factorise K + σM with the least σ that keeps it positive definite in float64."""
     from spacemap_vtk.mechanics.linalg.factors import factorise
 
-    ratio = component._fastest
+    ratio = component._largest_ratio
     for share in _SHIFTS:
         try:
             return factorise(
@@ -351,7 +351,7 @@ def _conjugate_gradients(
     floor = np.einsum("nm,nm->m", forces, solve(forces)) if rigid.size else 0.0
     u = np.zeros_like(residual)
     direction, before = None, np.ones(residual.shape[1])
-    for _ in range(_STEPS):
+    for _ in range(_MAX_STEPS):
         better = solve(residual)
         better -= rigid @ (pushed.T @ better)
         missing = np.einsum("nm,nm->m", residual, better)
@@ -384,7 +384,7 @@ def require_columns(basis: sp.csc_matrix) -> sp.csc_matrix:
     """Return the basis; raise InputError if it has no columns."""
     if basis.shape[1] == 0:
         raise InputError(
-            "every vertex of the cage is fixed, nothing can vibrate",
+            "all vertices of the cage are fixed, so nothing can vibrate",
             cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
         )
     return basis

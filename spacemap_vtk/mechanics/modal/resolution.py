@@ -81,8 +81,7 @@ def describe_unresolved_modes(errors: Sequence[float]) -> str:
     Returns
     -------
     str
-        For example "modes 7 to 20 are shorter than the cage's cells resolve: …", without a full
-        stop.
+        For example "modes 7 to 20 are not resolved by the cage's cells: …", without a full stop.
     """
     large = {number: error for number, error in enumerate(errors, 1) if error > UNRESOLVED}
     if not large:
@@ -92,8 +91,8 @@ def describe_unresolved_modes(errors: Sequence[float]) -> str:
     if len(large) <= last - first:
         which = f"{len(large)} of the modes {first} to {last} are"
     return (
-        f"{which} shorter than the cage's cells resolve: frequencies are about "
-        f"{min(large.values()):.0%} too high and more"
+        f"{which} not resolved by the cage's cells: frequencies are at least about "
+        f"{min(large.values()):.0%} too high"
     )
 
 

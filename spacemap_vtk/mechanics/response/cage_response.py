@@ -32,13 +32,13 @@ from spacemap_vtk.ndarrays import Floats, Ints
 #: A warning is given if rounding is more than this share of a static shape.
 ROUNDING = 1e-4
 #: Value of h t after which a free vibration has decayed, to 1e-3.
-_STILL = 7.0
+_DECAYED = 7.0
 
 #: Share of the movable mass that the kept modes should hold along a loaded axis.
 ENOUGH = 0.9
 
 #: Number of frequencies that are computed together; one at a time, Python's overhead dominates.
-_TOGETHER = 256
+_BLOCK = 256
 
 
 @runtime_checkable
@@ -135,11 +135,11 @@ class Response(Motion):
         lost = int((modes.eigenvalue_rounding > LOST).sum())
         if equilibrium and lost:
             raise InputError(
-                f"rounding leaves no digit of {lost} of the cage's modes, and so none of its shape "
-                "at rest",
+                f"the shape at rest cannot be computed: {lost} of the cage's modes are lost in "
+                "rounding",
                 key="initial",
                 value="equilibrium",
-                cure='Take a thicker cage, fewer divisions or more modes, or start from "rest".',
+                cure='Use a thicker cage, fewer divisions or more modes, or start from "rest".',
             )
         eigenvalues, self._shapes = modes.basis(self.loads, residual, statics)
         drives = [
@@ -147,9 +147,11 @@ class Response(Motion):
             for p in self.loads
         ]
         #: Warnings about the accuracy, in sentences.
-        self.warnings = _truncation(modes, self.loads, residual) + _rounding(modes, self.loads)
+        self.warnings = _truncation_warnings(modes, self.loads, residual) + _rounding_warnings(
+            modes, self.loads
+        )
         self.warnings += [
-            "a load falls on fixed vertices only, and moves nothing"
+            "a load acts only on fixed vertices and has no effect"
             for force in map(modes.vertex_forces, self.loads)
             if force.any()
             and abs(modes.model.pencil.remove_held(force[:, None])).max() < 1e-12 * abs(force).max()
@@ -159,14 +161,14 @@ class Response(Motion):
             damping.decay_rates(eigenvalues),
             drives,
             equilibrium=equilibrium,
-            position=self._start(displacement, "displacement"),
-            rate=self._start(velocity, "velocity"),
+            position=self._initial_coordinates(displacement, "displacement"),
+            rate=self._initial_coordinates(velocity, "velocity"),
         )
         #: Forces on each mode that hold the equilibrium; their work is stored as strain energy.
         self._pull = self._shapes @ modes.model.forces
-        self._kept: tuple[Floats, list[ModalState]] | None = None
+        self._last_states: tuple[Floats, list[ModalState]] | None = None
 
-    def _start(self, field: Floats | None, what: str) -> Floats | None:
+    def _initial_coordinates(self, field: Floats | None, what: str) -> Floats | None:
         """Convert a field to modal coordinates; warn if the modes miss much of it."""
         if field is None:
             return None
@@ -178,18 +180,18 @@ class Response(Motion):
         missed = 1.0 - float(start @ start) / float(moved @ inertia)
         if missed > 1.0 - ENOUGH:
             self.warnings.append(
-                f"the modes miss {missed:.0%} of the initial {what}; raise their number"
+                f"the modes leave out {missed:.0%} of the initial {what}; raise modal.modes"
             )
         return start
 
     @cached_property
-    def _account(self) -> EnergyAccount:
+    def _energy_account(self) -> EnergyAccount:
         return EnergyAccount(self.modal)
 
     def at_time(self, time: float, state: ModalState | None = None) -> Floats:
         """Compute the motion of the vertices; before 0 they rest in the initial state."""
         state = self.modal.at_time(time) if state is None else state
-        return self._fields(state, self._shapes, self.rest, time)
+        return self._expand(state, self._shapes, self.rest, time)
 
     def count_lost_phases(self, time: float, state: ModalState) -> int:
         """Count the modes that still vibrate although rounding has destroyed their phase.
@@ -213,7 +215,7 @@ class Response(Motion):
         count = len(omega)
         with np.errstate(invalid="ignore", divide="ignore"):
             swing = np.hypot(state.rate[:count], state.acceleration[:count] / omega)
-        wrong = (lost * time > 1.0) & (self.modal.half[:count] * time < _STILL)
+        wrong = (lost * time > 1.0) & (self.modal.half[:count] * time < _DECAYED)
         wrong &= swing > 0.01 * np.nanmax(swing, initial=0.0)
         return int(wrong.sum())
 
@@ -241,17 +243,17 @@ class Response(Motion):
             stored in the equilibrium counts as strain and as work.
         """
         state = self.modal.at_time(time) if state is None else state
-        found = self._account.at_time(time, state)
+        found = self._energy_account.at_time(time, state)
         hung = self.modes.model.strain_energy + float(self._pull @ state.position)
         return found._replace(strain=found.strain + hung, work=found.work + hung)
 
     def history(self, weights: Floats, times: Floats) -> Floats:
         """Compute the motion of a point over time."""
-        shapes = self._at_point(weights)  # the point is a mesh of one vertex
+        shapes = self._shapes_at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
         rest = (weights @ self.rest)[None]
         rows = [
-            self._fields(now, shapes, rest, t)[:, 0] for t, now in zip(times, states, strict=True)
+            self._expand(now, shapes, rest, t)[:, 0] for t, now in zip(times, states, strict=True)
         ]
         return np.stack(rows, axis=1)
 
@@ -274,9 +276,9 @@ class Response(Motion):
 
     def _states(self, times: Floats) -> list[ModalState]:
         """Compute the states at given times, and keep them for other curves over the same times."""
-        if self._kept is None or not np.array_equal(self._kept[0], times):
-            self._kept = times.copy(), [self.modal.at_time(t) for t in times]
-        return self._kept[1]
+        if self._last_states is None or not np.array_equal(self._last_states[0], times):
+            self._last_states = times.copy(), [self.modal.at_time(t) for t in times]
+        return self._last_states[1]
 
     def frequency_response(self, weights: Floats, frequencies: Floats) -> NDArray[np.complex128]:
         """Compute the frequency response of a point to the loads as sines, all in phase.
@@ -298,10 +300,10 @@ class Response(Motion):
         InputError
             If an undamped mode is excited at its natural frequency.
         """
-        shapes = self._at_point(weights)
+        shapes = self._shapes_at_point(weights)
         result = np.zeros((len(frequencies), 3), dtype=np.complex128)
-        for first in range(0, len(frequencies), _TOGETHER):
-            rows = slice(first, first + _TOGETHER)
+        for first in range(0, len(frequencies), _BLOCK):
+            rows = slice(first, first + _BLOCK)
             omega = 2 * np.pi * np.asarray(frequencies)[rows, None]
             factors = receptance(self.modal.stiffness, self.modal.half, omega)
             for drive, load in zip(self.modal.drives, self.loads, strict=True):
@@ -311,11 +313,11 @@ class Response(Motion):
                     result[rows] += load.moves_base * weights.sum()
         return result
 
-    def _at_point(self, weights: Floats) -> Floats:
+    def _shapes_at_point(self, weights: Floats) -> Floats:
         shapes = self._shapes.reshape(len(self.modal.stiffness), -1, 3)
         return np.einsum("nvc,v->nc", shapes, weights)
 
-    def _fields(self, state: ModalState, shapes: Floats, rest: Floats, time: float) -> Floats:
+    def _expand(self, state: ModalState, shapes: Floats, rest: Floats, time: float) -> Floats:
         fields: Floats = (np.array(state) @ shapes).reshape(3, -1, 3)
         fields[0] += rest
         for load in self.loads:
@@ -324,26 +326,29 @@ class Response(Motion):
         return fields
 
 
-def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -> list[str]:
+def _truncation_warnings(
+    modes: CageModes, loads: Sequence[LoadVector], residual: bool
+) -> list[str]:
     """List warnings for loaded axes along which the modes hold too little of the mass."""
     if modes.is_complete:
         return []
     held = modes.effective_masses.sum(axis=0) / modes.model.movable_mass
     return [
-        f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
-        "it is loaded; raise modal.modes to trust how fast it moves"
-        + (" (where it comes to rest is exact)" if residual else "")
+        f"the {len(modes.eigenvalues)} modes contain {share:.0%} of the mass along {axis}, the "
+        "direction of a load; raise modal.modes for accurate motion"
+        + (" (the position at rest is exact)" if residual else "")
         for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(loads), strict=True)
         if loaded and share < ENOUGH
     ]
 
 
-def _rounding(modes: CageModes, loads: Sequence[LoadVector]) -> list[str]:
+def _rounding_warnings(modes: CageModes, loads: Sequence[LoadVector]) -> list[str]:
     if (share := modes.static_rounding(loads)) <= ROUNDING:
         return []
     digits = int(-np.log10(share))
+    verb = "is" if digits == 1 else "are"
     return [
-        f"about {digits} digit{'s' * (digits != 1)} of the shape at rest hold: the cage "
-        "resists bending by so much less than stretching that the rest is rounding; take "
-        "fewer divisions, linear tetrahedra or a thicker cage to trust more"
+        f"about {digits} digit{'s' * (digits != 1)} of the shape at rest {verb} correct, because "
+        "the cage is much softer in bending than in stretching; use fewer divisions, linear "
+        "tetrahedra or a thicker cage"
     ]

@@ -95,7 +95,7 @@ class EnergyAccount:
         first = motion.state(0.0)
         #: For each start of a piece: time, state, and work done until then.
         self._marks, self._states = [0.0], [first]
-        self._works = [float(_stored(motion, first))]
+        self._works = [float(_stored_energy(motion, first))]
         #: Piece that was evaluated last: its number, its load at the start, and the load's slope.
         self._last: tuple[int, Floats, Floats] | None = None
         self._lossless = not motion.half.any()
@@ -116,7 +116,7 @@ class EnergyAccount:
             return Energy(kinetic, strain, 0.0, kinetic + strain)
         if time * self._rate > MOST:  # too many pieces to sum: work and loss are unknown
             return Energy(kinetic, strain, math.nan, math.nan)
-        self._reach(time)
+        self._sum_work_until(time)
         k = bisect_right(self._marks, time) - 1
         work = self._works[k]
         if time > self._marks[k]:
@@ -129,14 +129,14 @@ class EnergyAccount:
         lost = 0.0 if self._lossless else max(0.0, work - kinetic - strain)
         return Energy(kinetic, strain, lost, work)
 
-    def _reach(self, time: float) -> None:
+    def _sum_work_until(self, time: float) -> None:
         """Sum the work of all pieces up to the last one that starts before or at a time."""
         motion, last = self._motion, self._marks[-1]
         found = [
             start
             for drive in motion.drives
             if isinstance(drive.function, PiecewiseLinear)
-            for start in _starts(drive.function, last, time)
+            for start in _piece_starts(drive.function, last, time)
         ]
         found.sort()
         # If starts differ only by rounding, the last is kept: all jumps have happened by then.
@@ -156,7 +156,7 @@ class EnergyAccount:
             states = np.concatenate([self._states[-1][None], after[:-1]])
             gained = self._work(begins, ends, states, before, *self._load(begins))
             # A jump of the base does work in an instant.
-            gained = gained + _stored(motion, after) - _stored(motion, before)
+            gained = gained + _stored_energy(motion, after) - _stored_energy(motion, before)
             self._works += list(self._works[-1] + gained.cumsum())
             self._marks += ends.tolist()
             self._states += list(after)
@@ -190,7 +190,7 @@ class EnergyAccount:
             for phasor, sine in motion.sines
         ]
         work = load * (lasts[:, 0] - firsts[:, 0])
-        spells = _Spells(motion, spans, firsts, lasts, load, slope, sines)
+        spells = _Spans(motion, spans, firsts, lasts, load, slope, sines)
         if slope.any():
             work += slope * (spans * lasts[:, 0] - spells.integral())
         for phasor, omega in sines:
@@ -200,7 +200,7 @@ class EnergyAccount:
         return np.asarray(work.sum(axis=1))
 
 
-class _Spells(NamedTuple):
+class _Spans(NamedTuple):
     """Motions between given states, each under a linear load and sines."""
 
     motion: ModalMotion
@@ -237,7 +237,10 @@ class _Spells(NamedTuple):
         right = self.load * ((turn - 1) / p) + self.slope * ((spans * turn - (turn - 1) / p) / p)
         for phasor, other in self.sines:
             # Im(c e^{iωs}) = (c e^{iωs} - c* e^{-iωs}) / 2i
-            plus, minus = _turned(omega + other, spans), _turned(omega - other, spans)
+            plus, minus = (
+                _integrate_oscillation(omega + other, spans),
+                _integrate_oscillation(omega - other, spans),
+            )
             right = right + (phasor * plus - phasor.conj() * minus) / 2j
         (q0, v0), (q1, v1) = self.firsts.swapaxes(0, 1), self.lasts.swapaxes(0, 1)
         ends = turn * (v1 - p * q1 + twice * q1) - (v0 - p * q0 + twice * q0)
@@ -245,10 +248,10 @@ class _Spells(NamedTuple):
         result: ComplexArray = (right - ends) / np.where(near, 1.0, factor)
         if near.any():
             for row in range(len(spans)):
-                result[row, near] = self._integrated(omega, near, row)
+                result[row, near] = self._integrate_numerically(omega, near, row)
         return result
 
-    def _integrated(self, omega: float, modes: np.ndarray, row: int) -> ComplexArray:
+    def _integrate_numerically(self, omega: float, modes: np.ndarray, row: int) -> ComplexArray:
         """Integrate e^{ps} q numerically for modes driven near resonance with little damping."""
         stiffness, half = self.motion.stiffness[modes], self.motion.half[modes]
         span = float(self.spans[row, 0])
@@ -269,19 +272,19 @@ class _Spells(NamedTuple):
         return np.asarray((weighted * motion).sum(axis=0))
 
 
-def _turned(omega: float, spans: Floats) -> ComplexArray:
+def _integrate_oscillation(omega: float, spans: Floats) -> ComplexArray:
     """Integrate e^{iωs} over spans that start at s = 0."""
     turned: ComplexArray = np.exp(0.5j * omega * spans) * np.sinc(omega * spans / (2 * math.pi))
     return spans * turned
 
 
-def _stored(motion: ModalMotion, states: Floats) -> Floats:
+def _stored_energy(motion: ModalMotion, states: Floats) -> Floats:
     """Compute kinetic plus strain energy of states (…, 2, n)."""
     q, rate = states[..., 0, :], states[..., 1, :]
     return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))
 
 
-def _starts(function: PiecewiseLinear, after: float, until: float) -> list[float]:
+def _piece_starts(function: PiecewiseLinear, after: float, until: float) -> list[float]:
     """List the times in (after, until] at which a piece starts."""
     period = function.period
     if period is None:

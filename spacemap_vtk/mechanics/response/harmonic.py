@@ -47,10 +47,10 @@ def response_from_rest(
     near = np.where(over, -slow, -h + 1j * d)
     far = np.where(over, -fast, -h - 1j * d)
     impulse = compute_kernels(spring, h, t).impulse
-    value = (t * np.exp(p * t) * _first(near - p, t) - impulse) / (p - far)
+    value = (t * np.exp(p * t) * _phi1(near - p, t) - impulse) / (p - far)
     early = abs(p - far) * t <= SHORT
     if early.any():
-        value[early] = _series(spring[early], h[early], p, t[early])
+        value[early] = _taylor_series(spring[early], h[early], p, t[early])
     return ForcedResponse(value, impulse + p * value)
 
 
@@ -61,14 +61,14 @@ def receptance(stiffness: Floats, half: Floats, omega: Floats | float) -> Comple
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():
         raise InputError(
-            f"mode {np.nonzero(inverse == 0)[-1][0] + 1} is driven at its own frequency without "
-            "damping; there is no steady state",
-            cure="Give damping, or start from rest",
+            f"mode {np.nonzero(inverse == 0)[-1][0] + 1} is excited at its natural frequency "
+            "without damping, so it has no steady state",
+            cure="Add damping, or start from rest",
         )
     return np.asarray(1.0 / inverse)
 
 
-def _first(z: ComplexArray, t: Floats) -> ComplexArray:
+def _phi1(z: ComplexArray, t: Floats) -> ComplexArray:
     """Compute φ₁(z t)."""
     from scipy.special import expm1  # this import costs a tenth of a second
 
@@ -76,7 +76,7 @@ def _first(z: ComplexArray, t: Floats) -> ComplexArray:
     return np.divide(expm1(x), x, out=np.ones_like(x), where=x != 0)
 
 
-def _series(spring: Floats, h: Floats, p: complex, t: Floats) -> ComplexArray:
+def _taylor_series(spring: Floats, h: Floats, p: complex, t: Floats) -> ComplexArray:
     """Sum X = Σ T[k], (k + 1) k T[k+1] = t² (pt)ᵏ⁻¹ / (k - 1)! - 2h t k T[k] - λt² T[k-1]."""
     damping, stiff = 2 * h * t, spring * t * t
     load: ComplexArray = (t * t).astype(np.complex128)

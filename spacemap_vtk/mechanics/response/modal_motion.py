@@ -68,7 +68,7 @@ class ModalMotion:
         #: State before t = 0, without steady responses.
         self.start = np.zeros((2, len(stiffness)))
         if equilibrium:
-            self.start[0] = self._static()
+            self.start[0] = self._static_position()
         if position is not None:
             self.start[0] += position
         if rate is not None:
@@ -79,9 +79,9 @@ class ModalMotion:
             for drive in self.drives
             if isinstance(drive.function, PiecewiseLinear) and drive.function.period is None
         ]
-        self._linear = self._merged(linear)
+        self._linear = self._make_linear(linear)
         self.repeated = [
-            self._periodic(drive, drive.function)
+            self._make_periodic(drive, drive.function)
             for drive in self.drives
             if isinstance(drive.function, PiecewiseLinear) and drive.function.period is not None
         ]
@@ -143,7 +143,7 @@ class ModalMotion:
         q = -drive.gain * value
         return np.stack([q, -drive.gain * slope - 2 * self.half * q])
 
-    def _static(self) -> Floats:
+    def _static_position(self) -> Floats:
         load = np.zeros(len(self.stiffness))
         size = np.zeros(len(self.stiffness))
         for drive in self.drives:
@@ -154,14 +154,16 @@ class ModalMotion:
         falling = rigid & (abs(load) > BALANCED * size.max(initial=0.0))
         if falling.any():
             raise InputError(
-                f"there is no equilibrium: {falling.sum()} rigid modes fall freely",
+                f"there is no equilibrium: {falling.sum()} rigid modes are free to fall",
                 key="initial",
                 value="equilibrium",
                 cure='Fix the cage ([modal] fixed = "+y"), or start from "rest".',
             )
         return np.divide(load, self.stiffness, out=np.zeros_like(load), where=~rigid)
 
-    def _merged(self, parts: Sequence[tuple[ModalLoad, PiecewiseLinear]]) -> PiecewiseLinearMotion:
+    def _make_linear(
+        self, parts: Sequence[tuple[ModalLoad, PiecewiseLinear]]
+    ) -> PiecewiseLinearMotion:
         times = np.sort(np.concatenate([[0.0], *(f.times for _, f in parts)]))
         times = times[np.diff(times, prepend=-np.inf) > 0.0]
         pushing = [(d, f) for d, f in parts if not d.moves_base]
@@ -182,7 +184,7 @@ class ModalMotion:
         data = times, values, slopes, gains, jumps, self.start
         return PiecewiseLinearMotion(self.stiffness, self.half, *data)
 
-    def _periodic(self, drive: ModalLoad, function: PiecewiseLinear) -> PeriodicMotion:
+    def _make_periodic(self, drive: ModalLoad, function: PiecewiseLinear) -> PeriodicMotion:
         gain = np.zeros_like(drive.gain) if drive.moves_base else drive.gain
         jumps = np.zeros((len(function.times) + 1, 2, len(self.stiffness)))
         if drive.moves_base:

@@ -86,7 +86,7 @@ def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> 
     InputError
         If a value is negative or not finite.
     """
-    stiffness, a, b = _checked_all((eigenvalues, alpha, beta), ("eigenvalues", "alpha", "beta"))
+    stiffness, a, b = _check_all((eigenvalues, alpha, beta), ("eigenvalues", "alpha", "beta"))
     h, omega = (a + b * stiffness) / 2, np.sqrt(stiffness)
     return np.divide(h, omega, out=np.full(h.shape, np.nan), where=omega > 0)
 
@@ -126,14 +126,12 @@ def classify_regimes(
     return [str(kind) for kind in kinds]
 
 
-def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[Floats]:
+def _check_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[Floats]:
     arrays = []
     for value, name in zip(values, names, strict=True):
         array = np.atleast_1d(np.asarray(value, dtype=np.float64))
         if not (np.isfinite(array) & (array >= 0)).all():
-            raise InputError(
-                "this is negative or not finite", key=name, value=value, allowed="0 and above"
-            )
+            raise InputError("must be finite and at least 0", key=name, value=value)
         arrays.append(array)
     return list(np.broadcast_arrays(*arrays))
 
@@ -155,7 +153,7 @@ def _overdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
     step = (t * first - impulse) / fast
     ramp = (t * t * second - step) / fast
     parabola = (t * t * t * third - ramp) / fast
-    integrals = _early(fast * t, h, stiffness, t, [step, ramp, parabola])
+    integrals = _replace_early(fast * t, h, stiffness, t, [step, ramp, parabola])
     return Kernels(free, -stiffness * impulse, impulse, impulse_rate, *integrals)
 
 
@@ -174,11 +172,11 @@ def _underdamped(h: Floats, stiffness: Floats, t: Floats | float) -> Kernels:
         step = (1 - free) / stiffness
         ramp = (t - impulse - 2 * h * step) / stiffness
         parabola = (t * t / 2 - step - 2 * h * ramp) / stiffness
-    integrals = _early(omega * t, h, stiffness, t, [step, ramp, parabola])
+    integrals = _replace_early(omega * t, h, stiffness, t, [step, ramp, parabola])
     return Kernels(free, -stiffness * impulse, impulse, swing - h * impulse, *integrals)
 
 
-def _early(
+def _replace_early(
     phase: Floats, h: Floats, stiffness: Floats, t: Floats | float, late: list[Floats]
 ) -> list[Floats]:
     """Replace the integrals S₂, S₃ and S₄ by their Taylor series where `phase` is small."""

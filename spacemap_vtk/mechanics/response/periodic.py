@@ -115,14 +115,14 @@ class PeriodicMotion:
         while count >> level:
             if level == len(self.sums):
                 move = self._moves[-1]
-                self.sums.append(_moved(move, self.sums[-1]) + self.sums[-1])
+                self.sums.append(_propagate_free(move, self.sums[-1]) + self.sums[-1])
                 self._moves.append(
                     compute_kernels(self._stiffness, self._half, self._period * float(1 << level))
                 )
             if count >> level & 1:
-                state = _moved(self._moves[level], state) + self.sums[level]
+                state = _propagate_free(self._moves[level], state) + self.sums[level]
             level += 1
-        free = _moved(compute_kernels(self._stiffness, self._half, rest), state)
+        free = _propagate_free(compute_kernels(self._stiffness, self._half, rest), state)
         return free + self._inside.at_time(rest)
 
     def _steady_state(self) -> Floats:
@@ -140,13 +140,13 @@ class PeriodicMotion:
         if (lost := driven & (determinant <= least)).any():
             raise InputError(
                 f"mode {int(np.argmax(lost)) + 1} has no steady state under the periodic load",
-                cure="Give damping, or start from rest",
+                cure="Add damping, or start from rest",
             )
         safe = np.where(driven, determinant, 1.0)
         return np.stack([(d * q - b * rate) / safe, (a * rate - c * q) / safe])
 
 
-def _moved(move: Kernels, state: Floats) -> Floats:
+def _propagate_free(move: Kernels, state: Floats) -> Floats:
     q, rate = state
     return np.stack(
         [q * move.free + rate * move.impulse, q * move.free_rate + rate * move.impulse_rate]

@@ -83,18 +83,18 @@ class RotationCoordinates:
     ) -> None:
         self.points, self.surface = points, surface
         if surface is None:
-            self._legs, self._weights = _of_tetrahedra(points, cells)
+            self._frames, self._weights = _gradient_matrix(points, cells)
         else:
-            self._legs, self._weights = frame_matrix(points, surface)
+            self._frames, self._weights = frame_matrix(points, surface)
         if isinstance(held, np.ndarray):
             if surface is None:
                 held = free_columns(~held.ravel())
             else:
                 held = free_sheet_motions(points, surface, held)
         self._held: csc_matrix = held
-        self._nodal = self._of_nodes(points)
+        self._nodal = self._to_nodes(points)
         #: Legs of each point where the motion is zero, as columns, and their inverse.
-        self._rest = self._columns(self._nodal)
+        self._rest = self._frames_of(self._nodal)
         self._inverse = np.linalg.inv(self._rest)
 
     @classmethod
@@ -132,10 +132,10 @@ class RotationCoordinates:
         ndarray of float64, shape (V, 3)
             Corrected displacement [m].
         """
-        moved = self._of_nodes(linear)
-        gradients = self._columns(moved) @ self._inverse
-        turn, strain = _parts(gradients)
-        return self._fitted(turn @ strain @ self._rest, self._nodal + moved) - self.points
+        moved = self._to_nodes(linear)
+        gradients = self._frames_of(moved) @ self._inverse
+        turn, strain = _rotation_and_stretch(gradients)
+        return self._fit_vertices(turn @ strain @ self._rest, self._nodal + moved) - self.points
 
     def largest_rotation_and_strain(self, linear: Floats) -> tuple[float, float]:
         """Compute the largest rotation and the largest strain of any element.
@@ -152,9 +152,9 @@ class RotationCoordinates:
         strain : float
             Largest principal strain, of either sign.
         """
-        gradients = self._columns(self._of_nodes(linear)) @ self._inverse
+        gradients = self._frames_of(self._to_nodes(linear)) @ self._inverse
         strains = np.linalg.eigvalsh((gradients + gradients.swapaxes(1, 2)) / 2)
-        angles = np.linalg.norm(_axial(gradients), axis=1)
+        angles = np.linalg.norm(_axial_vectors(gradients), axis=1)
         return float(angles.max()), float(abs(strains).max())
 
     def largest_rotation(self, linear: Floats) -> float:
@@ -170,8 +170,8 @@ class RotationCoordinates:
         float
             Largest rotation [rad].
         """
-        turns = _axial(self._columns(self._of_nodes(linear)) @ self._inverse)
-        if len(self._loose) == 3:  # a rotation of the whole cage is exact
+        turns = _axial_vectors(self._frames_of(self._to_nodes(linear)) @ self._inverse)
+        if len(self._free_axes) == 3:  # a rotation of the whole cage is exact
             turns -= np.average(turns, axis=0, weights=self._weights[::3])
         return float(np.sqrt(np.einsum("ni,ni->n", turns, turns).max()))
 
@@ -188,13 +188,13 @@ class RotationCoordinates:
         ndarray of float64, shape (V, 3)
             Corrected velocity [m/s], the exact derivative of `displacement`.
         """
-        moving = self._of_nodes(rate)
-        gradients = self._columns(self._of_nodes(linear)) @ self._inverse
-        rates = self._columns(moving) @ self._inverse
-        turn, strain = _parts(gradients)
-        spin = _cross(_spin(_axial(gradients), _axial(rates)))
+        moving = self._to_nodes(rate)
+        gradients = self._frames_of(self._to_nodes(linear)) @ self._inverse
+        rates = self._frames_of(moving) @ self._inverse
+        turn, strain = _rotation_and_stretch(gradients)
+        spin = _cross_matrices(_angular_velocity(_axial_vectors(gradients), _axial_vectors(rates)))
         meant = spin @ turn @ strain + turn @ ((rates + rates.swapaxes(1, 2)) / 2)
-        return self._fitted(meant @ self._rest, moving)
+        return self._fit_vertices(meant @ self._rest, moving)
 
     def acceleration(self, linear: Floats, rate: Floats, second: Floats) -> Floats:
         """Compute the corrected acceleration of the vertices.
@@ -233,27 +233,27 @@ class RotationCoordinates:
         Motion
             Corrected motion; its energies are those of the linear one.
         """
-        return _Turned(linear, self)
+        return _CorrectedMotion(linear, self)
 
-    def _of_nodes(self, vertices: Floats) -> Floats:
+    def _to_nodes(self, vertices: Floats) -> Floats:
         return vertices if self.surface is None else self.surface.to_nodes(vertices)
 
-    def _columns(self, nodal: Floats) -> Floats:
+    def _frames_of(self, nodal: Floats) -> Floats:
         """Compute the legs of each point as columns, (n, 3, 3)."""
-        return (self._legs @ nodal).reshape(-1, 3, 3).swapaxes(1, 2)
+        return (self._frames @ nodal).reshape(-1, 3, 3).swapaxes(1, 2)
 
-    def _fitted(self, meant: Floats, given: Floats) -> Floats:
+    def _fit_vertices(self, meant: Floats, given: Floats) -> Floats:
         """Fit the vertices to the intended legs, with held components as given."""
-        load = self._pull @ meant.swapaxes(1, 2).reshape(-1, 3)
+        load = self._weighted_frames @ meant.swapaxes(1, 2).reshape(-1, 3)
         result = np.empty_like(given)
         for axes, system in self._systems:
             result[:, axes] = system.solve(load[:, axes], given[:, axes])
         places = slice(None) if self.surface is None else slice(len(self.surface.pairs))
-        result[places, self._loose] += (given - result)[places, self._loose].mean(axis=0)
+        result[places, self._free_axes] += (given - result)[places, self._free_axes].mean(axis=0)
         return result if self.surface is None else self.surface.to_vertices(result)
 
     @cached_property
-    def _loose(self) -> Ints:
+    def _free_axes(self) -> Ints:
         """Axes along which nothing is held."""
         size = len(self.points) if self.surface is None else len(self.surface.pairs)
         places = np.arange(len(self.points)) < size
@@ -261,19 +261,19 @@ class RotationCoordinates:
         return np.flatnonzero(abs(push - self._held @ (self._held.T @ push)).max(axis=0) < 1e-9)
 
     @cached_property
-    def _pull(self) -> csr_matrix:
-        return self._legs.T.multiply(self._weights).tocsr()
+    def _weighted_frames(self) -> csr_matrix:
+        return self._frames.T.multiply(self._weights).tocsr()
 
     @cached_property
     def _systems(self) -> list[tuple[list[int], _System]]:
         """Groups of axes that share a system, and the system of each group."""
         from scipy.sparse import eye, kron
 
-        springs = (self._pull @ self._legs).tocsr()
+        springs = (self._weighted_frames @ self._frames).tocsr()
         # Along a free axis one node is anchored to solve, and the result is then moved so that its
         # mean position is the given one.
         anchor = np.zeros(3)
-        anchor[self._loose] = springs.diagonal().mean()
+        anchor[self._free_axes] = springs.diagonal().mean()
         basis = self._held
         axis = basis.indices % 3
         first = axis[basis.indptr[:-1]]
@@ -288,7 +288,7 @@ class RotationCoordinates:
         ]
 
 
-class _Turned(Motion):
+class _CorrectedMotion(Motion):
     """Corrected motion, computed from a linear motion at any time."""
 
     def __init__(self, linear: Motion, kernel: RotationCoordinates) -> None:
@@ -322,7 +322,7 @@ class _System:
         if basis.shape[1]:
             rows = basis[: len(anchor)]
             fixed = rows.T.multiply(anchor) @ rows
-            self._solve = _solver((basis.T @ springs @ basis + fixed).tocsr())
+            self._solve = _factorise((basis.T @ springs @ basis + fixed).tocsr())
 
     def solve(self, load: Floats, given: Floats) -> Floats:
         """Solve for the positions of all nodes, (V, m), or along three axes that are coupled."""
@@ -336,7 +336,7 @@ class _System:
         return (kept + basis @ self._solve(basis.T @ pushed)).reshape(shape)
 
 
-def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
+def _gradient_matrix(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
     """Build the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
     from scipy.sparse import csr_matrix
 
@@ -348,13 +348,13 @@ def _of_tetrahedra(points: Floats, cells: Ints) -> tuple[csr_matrix, Floats]:
     return csr_matrix(parts, shape=(count, len(points))), np.repeat(weights.ravel(), 3)
 
 
-def _axial(gradients: Floats) -> Floats:
+def _axial_vectors(gradients: Floats) -> Floats:
     """Compute the axial vectors of the skew parts of gradients, (n, 3)."""
     turned = [gradients[:, j, i] - gradients[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack(turned, axis=1) / 2
 
 
-def _cross(vectors: Floats) -> Floats:
+def _cross_matrices(vectors: Floats) -> Floats:
     """Build the matrices [v]×, (n, 3, 3)."""
     result = np.zeros((len(vectors), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -362,18 +362,18 @@ def _cross(vectors: Floats) -> Floats:
     return result
 
 
-def _parts(gradients: Floats) -> tuple[Floats, Floats]:
+def _rotation_and_stretch(gradients: Floats) -> tuple[Floats, Floats]:
     """Compute exp([ω]×) and I + ε of each gradient."""
-    omega = _axial(gradients)
+    omega = _axial_vectors(gradients)
     angle = np.linalg.norm(omega, axis=1)[:, None, None]
-    cross = _cross(omega)
+    cross = _cross_matrices(omega)
     # sin θ/θ and (1 - cos θ)/θ²; the latter is sin²(θ/2)/2 over (θ/2)².
     half = np.sinc(angle / (2 * np.pi))
     turn = np.eye(3) + np.sinc(angle / np.pi) * cross + half**2 / 2 * (cross @ cross)
     return turn, np.eye(3) + (gradients + gradients.swapaxes(1, 2)) / 2
 
 
-def _spin(omega: Floats, rate: Floats) -> Floats:
+def _angular_velocity(omega: Floats, rate: Floats) -> Floats:
     """Compute the angular velocity of exp([ω]×) from ω and its rate, (n, 3)."""
     # The left Jacobian of rotations: I + (1 - cos θ)/θ² [ω] + (θ - sin θ)/θ³ [ω]².
     angle = np.linalg.norm(omega, axis=1)[:, None]
@@ -387,7 +387,7 @@ def _spin(omega: Floats, rate: Floats) -> Floats:
     return rate + half * once + rest * np.cross(omega, once)
 
 
-def _solver(matrix: csr_matrix) -> Callable[[Floats], Floats]:
+def _factorise(matrix: csr_matrix) -> Callable[[Floats], Floats]:
     """Factorise a definite matrix; return its solver."""
     if matrix.shape[0] <= _DENSE:
         inverse = np.linalg.inv(matrix.toarray())

@@ -58,31 +58,31 @@ _LAGRANGE = np.stack(
 )
 
 #: Largest number of Newton corrections in a step.
-TRIES = 40
+MAX_CORRECTIONS = 40
 
 #: The tangent is recomputed after a correction that is larger than this share of the one before.
-GAIN = 0.3
+MAX_RATIO = 0.3
 
 #: The tangent is recomputed after a move of more than this share of the largest admissible move;
 #: for elements this is a rotation of 0.003 rad.
 NEAR = 0.006
 
 #: Largest number of tangents computed in a step. A correction larger than the one before ends the
-#: step at once: a step of half the length costs less than further tries.
-MADE = 12
+#: step at once: a step of half the length costs less than further corrections.
+MAX_TANGENTS = 12
 
 #: Newton's method has converged when a correction is below this share of the step.
-LAST = 1e-10
+CONVERGED = 1e-10
 
 #: It has also converged when a correction below this share of the step is not smaller than the one
 #: before: only rounding is left.
-LOST = 1e-6
+STALLED = 1e-6
 
 #: It has also converged when a correction moves less than this share of the body's size.
-LEAST = 1e-15
+NEGLIGIBLE = 1e-15
 
 #: A change of energy below this share of the energy is rounding.
-NOISE = 1e-14
+ENERGY_ROUNDING = 1e-14
 
 
 class ActingLoads(NamedTuple):
@@ -113,7 +113,7 @@ class Step(NamedTuple):
     """Stress at the second stage, for each kind of element."""
 
 
-class _Stages(NamedTuple):
+class _ElementStages(NamedTuple):
     """Elements of one kind; each list has an entry for each of the two stages."""
 
     slopes: list[Floats]
@@ -126,7 +126,7 @@ class _Stages(NamedTuple):
     """Stress C (ε + β ε̇)."""
 
 
-class _Kept(NamedTuple):
+class _KeptTangent(NamedTuple):
     """Factorised tangent, with the step length and position for which it was computed."""
 
     span: float
@@ -159,9 +159,9 @@ class GaussIntegrator:
         #: Matrix U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
         extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
-        self._least = LEAST * extent * math.sqrt(float(mass.diagonal().sum()))
-        self._both = _Pairs(body, self.mass)
-        self._kept: _Kept | None = None
+        self._least_correction = NEGLIGIBLE * extent * math.sqrt(float(mass.diagonal().sum()))
+        self._system = _StageSystem(body, self.mass)
+        self._kept: _KeptTangent | None = None
 
     def evaluate(self, position: Floats) -> list[TermState]:
         """Evaluate all terms at q."""
@@ -178,88 +178,91 @@ class GaussIntegrator:
 
     def damping_impulse(self, parts: list[TermState], move: Floats) -> Floats:
         """Compute the impulse of the damping against a sudden move q."""
-        return self._dragged(move) + self._viscous(parts, move)
+        return self._apply_damping(move) + self._viscous_forces(parts, move)
 
     def make_step(
         self,
         position: Floats,
         rate: Floats,
         parts: list[TermState],
-        acting: Callable[[float], ActingLoads],
+        loads_at: Callable[[float], ActingLoads],
+        time: float,
         span: float,
         guess: Floats,
-        carried: list[Floats],
+        stress: list[Floats],
     ) -> Step | None:
         """Compute the state after a span [s]; None if Newton's method does not converge."""
-        # `acting` returns the loads at a share of the step. `guess`, (2, N), estimates the moves
-        # from the start to both stages; `carried` is the stress of each kind of element.
-        pushes = np.stack([acting(share).push for share in STAGES])
-        factors = np.stack([self._factors(acting(share)) for share in _TIMES])
+        # `loads_at` returns the loads at a time [s]. `guess`, (2, N), estimates the moves
+        # from the start to both stages; `stress` is that of each kind of element.
+        pushes = np.stack([loads_at(time + share * span).push for share in STAGES])
+        factors = np.stack([self._term_factors(loads_at(time + share * span)) for share in _TIMES])
         strains = self.strain_states(parts)
-        least, size, made = self._least / span, math.inf, 0
-        moves, stress = guess, [[pull, pull] for pull in carried]
+        least, size, tangent_count = self._least_correction / span, math.inf, 0
+        moves, stage_stress = guess, [[each, each] for each in stress]
         kept = self._kept
-        if kept is None or kept.span != span or self._far(position, position - kept.position):
+        if kept is None or kept.span != span or self._is_far(position, position - kept.position):
             kept = None
-        for _ in range(TRIES):
-            if not self._admitted(position, moves):
+        for _ in range(MAX_CORRECTIONS):
+            if not self._is_admissible(position, moves):
                 return None
             speeds = _INVERSE @ moves / span
-            stages = self._stages(position, moves, speeds, strains, span)
+            stages = self._evaluate_stages(position, moves, speeds, strains, span)
             inertia = self._inertia(speeds - rate, span)
-            left = inertia + self._dragged(speeds.T).T - pushes
+            residual = inertia + self._apply_damping(speeds.T).T - pushes
             for i in range(2):
-                left[i] += self._force(
+                residual[i] += self._element_forces(
                     strains, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
                 )
-            between = self._between(position, moves)
-            left += self._driving(between, factors)
-            left += self._conserving(between, factors, parts, position, moves, speeds, span)
+            between = self._evaluate_between(position, moves)
+            residual += self._external_forces(between, factors)
+            residual += self._conservative_forces(
+                between, factors, parts, position, moves, speeds, span
+            )
             if kept is None:
-                if made == MADE:
+                if tangent_count == MAX_TANGENTS:
                     return None
                 # The geometric stiffness uses the stress predicted by the last linear solution.
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
-                solve = self._solution(stages, stress, between, factors, span)
+                solve = self._factorise(stages, stage_stress, between, factors, span)
                 if solve is None:
                     return None
-                kept = self._kept = _Kept(span, position + moves.mean(axis=0), solve)
-                made += 1
-            change = -kept.solve(left)
-            before, size = size, math.sqrt(abs(float(np.vdot(change, left))))
+                kept = self._kept = _KeptTangent(span, position + moves.mean(axis=0), solve)
+                tangent_count += 1
+            change = -kept.solve(residual)
+            before, size = size, math.sqrt(abs(float(np.vdot(change, residual))))
             moves = moves + change
             # The size of the step in the norm of a correction: A⁻² / h² has the determinant
             # (12 / h²)², so the moves weigh √12 / h.
-            whole = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
-            if size > max(LOST * whole, before) or not math.isfinite(size):
-                if made == 0:  # the tangent of an earlier step no longer fits
+            step_size = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
+            if size > max(STALLED * step_size, before) or not math.isfinite(size):
+                if tangent_count == 0:  # the tangent of an earlier step no longer fits
                     kept, moves, size = None, moves - change, math.inf
                     continue
                 return None
-            if size <= max(least, LAST * whole) or LOST * whole > size >= before:
+            if size <= max(least, CONVERGED * step_size) or STALLED * step_size > size >= before:
                 break
-            if size > GAIN * before or (made and self._far(position, change)):
+            if size > MAX_RATIO * before or (tangent_count and self._is_far(position, change)):
                 kept = None
-                stress = self._predicted(stages, change, span)
+                stage_stress = self._predict_stress(stages, change, span)
         else:
             return None
         speeds = _INVERSE @ moves / span
-        stages = self._stages(position, moves, speeds, strains, span)
-        end = _end(position, moves)
+        stages = self._evaluate_stages(position, moves, speeds, strains, span)
+        end = _end_position(position, moves)
         later = rate + 3**0.5 * (speeds[1] - speeds[0])
         inertia = self._inertia(speeds - rate, span)
-        damped = span / 2 * float(np.vdot(speeds, self._dragged(speeds.T).T))
+        damped = span / 2 * float(np.vdot(speeds, self._apply_damping(speeds.T).T))
         for part, stage in zip(strains, stages, strict=True):
             for flow in stage.rates:
                 damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
-        driving = self._driving(self._between(position, moves), factors)
+        driving = self._external_forces(self._evaluate_between(position, moves), factors)
         work = span / 2 * float(np.vdot(pushes - driving, speeds))
-        error = self._error(rate, parts, acting(0.0), inertia, kept.solve)
+        error = self._estimate_error(rate, parts, loads_at(time), inertia, kept.solve)
         pulls = [stage.stress[1] for stage in stages]
         return Step(end, later, self.evaluate(end), damped, work, error, pulls)
 
-    def _error(
+    def _estimate_error(
         self,
         rate: Floats,
         parts: list[TermState],
@@ -274,29 +277,29 @@ class GaussIntegrator:
         # that difference. Solving with the tangent turns the difference into a move to the second
         # stage: c₂² h²/2 times the difference if h is short, and no more than the amplitude for a
         # vibration faster than the step (Hosea and Shampine 1996).
-        wrong = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
+        difference = inertia[0] - (3**0.5 - 1) / 2 * (inertia[1] - inertia[0])
         strains = self.strain_states(parts)
         pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
-        wrong = wrong + self._force(strains, pulls, slopes)
-        wrong += self._dragged(rate) + self._viscous(parts, rate) - load.push
-        for number, factor in zip(self._others, self._factors(load), strict=True):
+        difference = difference + self._element_forces(strains, pulls, slopes)
+        difference += self._apply_damping(rate) + self._viscous_forces(parts, rate) - load.push
+        for number, factor in zip(self._others, self._term_factors(load), strict=True):
             if factor:
-                wrong += factor * self.body.reduce_forces(parts[number].forces)
-        found = solve(np.stack([wrong, wrong]))
+                difference += factor * self.body.reduce_forces(parts[number].forces)
+        found = solve(np.stack([difference, difference]))
         return self.body.node_moves(found[1] / (30 * STAGES[1] ** 2))
 
     def _inertia(self, changes: Floats, span: float) -> Floats:
         """Compute M ẍ at the stages from the changes of their rates since the start, (2, N)."""
         return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
 
-    def _stages(
+    def _evaluate_stages(
         self,
         position: Floats,
         moves: Floats,
         speeds: Floats,
         parts: list[StrainState],
         span: float,
-    ) -> list[_Stages]:
+    ) -> list[_ElementStages]:
         places = [self.body.start + self.body.node_moves(position + move) for move in moves]
         flows = [self.body.node_moves(speed) for speed in speeds]
         found = []
@@ -313,10 +316,10 @@ class GaussIntegrator:
                 )
                 for i in range(2)
             ]
-            found.append(_Stages(slopes, spins, rates, stress))
+            found.append(_ElementStages(slopes, spins, rates, stress))
         return found
 
-    def _slopes(self, stage: _Stages, span: float, i: int, k: int) -> Floats:
+    def _slopes(self, stage: _ElementStages, span: float, i: int, k: int) -> Floats:
         """Compute the derivative of ε + β ε̇ at stage i with respect to the move to stage k."""
         mixed = _A[i, :] * _INVERSE[:, k]
         mixed[i] += self.beta / span * _INVERSE[i, k]
@@ -326,7 +329,9 @@ class GaussIntegrator:
         result += turning * stage.spins[k]
         return result
 
-    def _predicted(self, stages: list[_Stages], change: Floats, span: float) -> list[list[Floats]]:
+    def _predict_stress(
+        self, stages: list[_ElementStages], change: Floats, span: float
+    ) -> list[list[Floats]]:
         """Predict the stress at the stages after a correction, to first order."""
         moved = [self.body.node_moves(part) for part in change]
         return [
@@ -341,17 +346,17 @@ class GaussIntegrator:
             for kind, stage in zip(self._kinds, stages, strict=True)
         ]
 
-    def _solution(
+    def _factorise(
         self,
-        stages: list[_Stages],
+        stages: list[_ElementStages],
         stress: list[list[Floats]],
         between: list[list[TermState]],
         factors: Floats,
         span: float,
     ) -> Solve | None:
         """Factorise the tangent of both stages; return its solver, or None if it is singular."""
-        others = self._tangents(between, factors)
-        tangents = np.empty((2, 2, self._both.count))
+        others = self._mean_tangents(between, factors)
+        tangents = np.empty((2, 2, self._system.count))
         for i, k in np.ndindex(2, 2):
             blocks = {number: found[i, k] for number, found in others.items()}
             for number, kind, pull, stage in zip(
@@ -365,7 +370,7 @@ class GaussIntegrator:
             ordered = [blocks[number] for number in range(len(blocks))]
             tangents[i, k] = self.body.assemble(ordered).data
         heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
-        solve = self._both.solution(tangents, heavy)
+        solve = self._system.solution(tangents, heavy)
         drag = self.drag
         if solve is None or not drag.size:
             return solve
@@ -384,25 +389,25 @@ class GaussIntegrator:
 
         return solved
 
-    def _factors(self, load: ActingLoads) -> Floats:
+    def _term_factors(self, load: ActingLoads) -> Floats:
         """Return the factor of each term other than strains: 1 unless it does external work."""
         factors = np.ones(len(self._others))
         factors[self._driven] = load.factors
         return factors
 
-    def _between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
+    def _evaluate_between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
         """Evaluate the terms other than strains at each point of the quadrature."""
         if not self._others:
             return [[] for _ in _TIMES]
         terms = [self.body.terms[number] for number in self._others]
-        places = [self._nodal(position + _reached(time) @ moves) for time in _TIMES]
+        places = [self._nodal(position + _stage_weights(time) @ moves) for time in _TIMES]
         return [[term.evaluate(place) for term in terms] for place in places]
 
-    def _driving(self, between: list[list[TermState]], factors: Floats) -> Floats:
+    def _external_forces(self, between: list[list[TermState]], factors: Floats) -> Floats:
         """Compute the forces at the stages of terms that do external work, (2, N)."""
-        return self._mean(between, factors * self._driven)
+        return self._mean_forces(between, factors * self._driven)
 
-    def _mean(self, between: list[list[TermState]], factors: Floats) -> Floats:
+    def _mean_forces(self, between: list[list[TermState]], factors: Floats) -> Floats:
         """Compute weighted means of forces over the step, whose work at the stages is exact."""
         # The work is exact if the power is of at most fifth degree in time. A constant pressure
         # does the work p ΔV.
@@ -414,19 +419,21 @@ class GaussIntegrator:
                     total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
         return total
 
-    def _tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
-        """Differentiate `_mean` at stage i with respect to the move to stage k, (2, 2, E, …)."""
+    def _mean_tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
+        """Differentiate `_mean_forces` at stage i by the move to stage k, (2, 2, E, …)."""
         found = {}
         for column, number in enumerate(self._others):
             total: Floats | float = 0.0
             for point, sizes in enumerate(factors):
-                weights = 2 * _SHARES[point] * _LAGRANGE[:, point, None] * _reached(_TIMES[point])
+                weights = (
+                    2 * _SHARES[point] * _LAGRANGE[:, point, None] * _stage_weights(_TIMES[point])
+                )
                 blocks = sizes[column] * between[point][column].tangent()
                 total = total + weights[:, :, None, None, None] * blocks
             found[number] = np.asarray(total)
         return found
 
-    def _conserving(
+    def _conservative_forces(
         self,
         between: list[list[TermState]],
         factors: Floats,
@@ -437,7 +444,7 @@ class GaussIntegrator:
         span: float,
     ) -> Floats:
         """Compute the forces of conservative terms at the stages; their work is the energy gain."""
-        forces = self._mean(between, factors * ~self._driven)
+        forces = self._mean_forces(between, factors * ~self._driven)
         held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
         if not held:
             return forces
@@ -445,27 +452,27 @@ class GaussIntegrator:
         weight = span / 2 * float(np.vdot(speeds, heavy))
         if weight == 0.0:
             return forces
-        end = self._nodal(_end(position, moves))
+        end = self._nodal(_end_position(position, moves))
         before = np.array([parts[number].energy for number in held])
         after = np.array([self.body.terms[number].energy(end) for number in held])
         missing = float((after - before).sum()) - span / 2 * float(np.vdot(forces, speeds))
-        if abs(missing) <= NOISE * float((abs(before) + abs(after)).sum()):
+        if abs(missing) <= ENERGY_ROUNDING * float((abs(before) + abs(after)).sum()):
             return forces
         return forces + missing / weight * heavy
 
-    def _admitted(self, position: Floats, moves: Floats) -> bool:
+    def _is_admissible(self, position: Floats, moves: Floats) -> bool:
         """Check whether the terms other than strains admit the positions of a step."""
         if not self._others:
             return True
-        places = [position + _reached(time) @ moves for time in _TIMES]
-        nodal = [self._nodal(place) for place in (*places, _end(position, moves))]
+        places = [position + _stage_weights(time) @ moves for time in _TIMES]
+        nodal = [self._nodal(place) for place in (*places, _end_position(position, moves))]
         terms = [self.body.terms[number] for number in self._others]
         return all(term.admits(self.body.start, place) for term in terms for place in nodal)
 
     def _nodal(self, position: Floats) -> Floats:
         return self.body.start + self.body.node_moves(position)
 
-    def _far(self, position: Floats, moves: Floats) -> bool:
+    def _is_far(self, position: Floats, moves: Floats) -> bool:
         """Check whether a tangent at a position no longer fits after any of the given moves."""
         place = self._nodal(position)
         return any(
@@ -473,11 +480,11 @@ class GaussIntegrator:
             for move in np.atleast_2d(moves)
         )
 
-    def _dragged(self, move: Floats) -> Floats:
+    def _apply_damping(self, move: Floats) -> Floats:
         """Multiply a move or a rate by α M + U Uᵀ."""
         return self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
 
-    def _viscous(self, parts: list[TermState], move: Floats) -> Floats:
+    def _viscous_forces(self, parts: list[TermState], move: Floats) -> Floats:
         """Multiply a move or a rate by β Gᵀ C G."""
         if self.beta == 0.0:
             return np.zeros_like(move)
@@ -486,9 +493,9 @@ class GaussIntegrator:
             self.beta * part.kind.stresses(part.kind.strain_changes(part.gradients, moved))
             for part in strains
         ]
-        return self._force(strains, stress, [part.gradients for part in strains])
+        return self._element_forces(strains, stress, [part.gradients for part in strains])
 
-    def _force(
+    def _element_forces(
         self, parts: list[StrainState], stress: list[Floats], gradients: list[Floats]
     ) -> Floats:
         total = np.zeros_like(self.body.start)
@@ -497,7 +504,7 @@ class GaussIntegrator:
         return self.body.reduce_forces(total)
 
 
-class _Pairs:
+class _StageSystem:
     """Linear systems for both stages, in which each unknown of the body occurs twice."""
 
     def __init__(self, body: Body, mass: sp.csr_matrix) -> None:
@@ -551,12 +558,12 @@ class _Pairs:
         return solved
 
 
-def _end(position: Floats, moves: Floats) -> Floats:
+def _end_position(position: Floats, moves: Floats) -> Floats:
     """Compute the position at the end of a step from the moves to its stages."""
     return position + 3**0.5 * (moves[1] - moves[0])
 
 
-def _reached(share: float) -> Floats:
+def _stage_weights(share: float) -> Floats:
     """Compute the weights of both stages' moves in the move at a share of a step, (2,)."""
     first, second = STAGES
     return np.array(

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -35,30 +34,35 @@ from spacemap_vtk.mechanics.transient.gauss import STAGES, ActingLoads, GaussInt
 from spacemap_vtk.memory import require
 from spacemap_vtk.ndarrays import Floats, Progress
 
-#: First step, and shortest step, as shares of the longest one.
-FIRST, SHORTEST = 1 / 256, 1e-9
+#: First step, as a share of the longest one.
+FIRST = 1 / 256
+#: Shortest step, as a share of the longest one.
+SHORTEST = 1e-9
 
-#: SAFETY is the share that is used of the step which the error bound allows. GROWTH and CUT are the
-#: largest and the smallest ratio of a step to the one before.
-SAFETY, GROWTH, CUT = 0.75, 2.0, 0.1
+#: Share that is used of the step which the error bound allows.
+SAFETY = 0.75
+#: Largest ratio of a step to the one before.
+MAX_GROWTH = 2.0
+#: Smallest ratio of a step to the one before.
+MIN_GROWTH = 0.1
 
 #: Least number of steps in a period of a sine.
-IN_PERIOD = 20
+STEPS_PER_PERIOD = 20
 
 #: Number of periods after which the error must be within the tolerance.
 PERIODS = 10
 
 #: Errors across a node's direction of motion, and errors of nodes that hardly move, may be larger
 #: by this factor than those along the motion.
-OTHERS = 100.0
+SIDEWAYS = 100.0
 
 #: A motion smaller than this share of the cage's diagonal is resolved as if it were that large;
 #: otherwise rounding would limit the step.
-SMALLEST = 1e-7
+MIN_MOTION = 1e-7
 
 #: If the next step could be longer by at most this factor, it is as long as the last one, so that
 #: its matrix need not be factorised again.
-ALIKE = 1.2
+SAME_STEP = 1.2
 
 #: Number of columns before positions and rates: time, the step to try next, kinetic, strain and
 #: dissipated energy, and external work.
@@ -131,14 +135,16 @@ class SteppedMotion(Motion):
         self.model = model = cage.model
         self.points, self.cells = model.points, model.cells
         self.loads, self._settled = tuple(loads), settled
-        _refuse(cage, self.loads)
+        _check_supported(cage, self.loads)
         size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
         #: Largest error per radian, as a share of the motion. A vibration about an equilibrium
         #: moves away from its start by twice its amplitude.
-        self._share = tolerance / (4 * math.pi * PERIODS)
-        self._smallest = SMALLEST * size
+        self._max_error = tolerance / (4 * math.pi * PERIODS)
+        self._min_motion = MIN_MOTION * size
         sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
-        self.max_step = min([max_step, *(2 * math.pi / (IN_PERIOD * s.omega) for s in sines)])
+        self.max_step = min(
+            [max_step, *(2 * math.pi / (STEPS_PER_PERIOD * s.omega) for s in sines)]
+        )
         pencil = model.pencil
         # All forces are divided by the model's modulus, as the strains have a unit modulus.
         start, forces = pencil.nodes.positions, pencil.nodes.forces
@@ -152,14 +158,14 @@ class SteppedMotion(Motion):
         ]
         body = Body([*pencil.terms, *followers], pencil.basis, start)
         #: Number of terms other than followers that do external work.
-        self._steady = sum(not term.conservative for term in pencil.terms)
+        self._driven_count = sum(not term.conservative for term in pencil.terms)
         mass = (model.density / model.modulus) * pencil.mass
         #: Displacement of the equilibrium [m]; zero if there is none.
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
-        beta, drag = _of_ratios(cage, body, mass, damping)
-        self._rule = GaussIntegrator(body, mass, damping.alpha, beta, drag)
+        beta, drag = _damping_from_ratios(cage, body, mass, damping)
+        self._integrator = GaussIntegrator(body, mass, damping.alpha, beta, drag)
         self._dead = body.reduce_forces(dead)
         self._pushes = [
             pencil.reduce_forces(cage.vertex_forces(load)[:, None])[:, 0] / model.modulus
@@ -172,13 +178,14 @@ class SteppedMotion(Motion):
         )
         self._rows = np.empty((64, COLUMNS + 2 * len(q)))
         self._count = 0
-        kinetic, strain = self._rule.stored_energy(v, self._rule.evaluate(q))
+        kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
         first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
         self._append(np.concatenate([first, q, v]))
-        self._parts: tuple[int, list[TermState], list[Floats]] = 0, [], []
+        #: Number of the last state, its terms, and the stress of each kind of element.
+        self._last_state: tuple[int, list[TermState], list[Floats]] = 0, [], []
         #: Number of states that `_farthest` includes.
-        self._seen = 1
-        self._jump(0.0)
+        self._seen_count = 1
+        self._append_jump(0.0)
 
     @property
     def states(self) -> Floats:
@@ -240,11 +247,11 @@ class SteppedMotion(Motion):
         require(
             round(least) * self._rows[0].nbytes,
             f"{least:.3g} steps or more, up to {time:g} s,",
-            cure="Ask for an earlier time, or allow longer steps (max_step).",
+            cure="Request an earlier time, or raise max_step.",
         )
         with blas_threads.use_one_thread():
             while self.last_time <= time:
-                self._step()
+                self._make_step()
                 if progress is not None:
                     progress(min(1.0, (self.last_time - first) / max(time - first, 1e-300)))
 
@@ -334,9 +341,9 @@ class SteppedMotion(Motion):
         self._rows[self._count] = row
         self._count += 1
 
-    def _load(self, time: float) -> ActingLoads:
+    def _loads_at(self, time: float) -> ActingLoads:
         """Compute the loads at a time, after any jump at that time."""
-        total, factors = self._dead.copy(), [1.0] * self._steady
+        total, factors = self._dead.copy(), [1.0] * self._driven_count
         for load, push in zip(self.loads, self._pushes, strict=True):
             if load.faces is not None:
                 factors.append(load.function.value(time) * load.pressure / self.model.modulus)
@@ -346,74 +353,68 @@ class SteppedMotion(Motion):
                 total += load.function.omega**2 * load.function.value(time) * push
         return ActingLoads(total, np.array(factors))
 
-    def _step(self) -> None:
+    def _make_step(self) -> None:
         """Make a step and append its state."""
         row = self.states[-1]
         (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
-        if self._parts[0] != self._count:
-            parts = self._rule.evaluate(q)
-            self._parts = (
-                self._count,
-                parts,
-                [part.stress for part in self._rule.strain_states(parts)],
-            )
-        _, parts, carried = self._parts
-        for other in self.states[self._seen :, COLUMNS : COLUMNS + len(q)]:
-            self._farthest = _farther(self._farthest, self._moved(other))
-        self._seen = self._count
+        if self._last_state[0] != self._count:
+            terms = self._integrator.evaluate(q)
+            stress = [part.stress for part in self._integrator.strain_states(terms)]
+            self._last_state = self._count, terms, stress
+        _, terms, stress = self._last_state
+        for other in self.states[self._seen_count :, COLUMNS : COLUMNS + len(q)]:
+            self._farthest = _longer_vectors(self._farthest, self._node_moves(other))
+        self._seen_count = self._count
         end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
         step = min(step, self.max_step)
         while True:
             # The step is shortened so that no tiny one is left before a corner.
-            left = end - time
-            span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
-            found = self._rule.make_step(
-                q, v, parts, partial(self._acting, time, span), span, self._guess(span), carried
+            remaining = end - time
+            span = remaining if step >= remaining * (1 - 1e-9) else min(step, remaining / 2)
+            found = self._integrator.make_step(
+                q, v, terms, self._loads_at, time, span, self._guess_moves(span), stress
             )
             shortest = span <= SHORTEST * self.max_step
             if found is None:
                 if shortest:
                     raise SolverError(
-                        f"no step, however short, leads on from {time:.6g} s",
-                        cure="Make the cage stiffer, damp it, or divide it differently",
+                        f"time stepping does not converge at {time:.6g} s, even with the shortest "
+                        "step",
+                        cure="Make the cage stiffer, damp it, or change its divisions",
                     )
                 step = span / 2
                 continue
-            error = self._error(found.error, found.position)
-            share = SAFETY * max(error / self._share, 1e-30) ** (-1 / 4)
+            error = self._relative_error(found.error, found.position)
+            share = SAFETY * max(error / self._max_error, 1e-30) ** (-1 / 4)
             if share >= SAFETY or shortest:
                 break
-            step = span * max(share, CUT)
-        longer = 1.0 if SAFETY <= share <= ALIKE else min(share, GROWTH)
+            step = span * max(share, MIN_GROWTH)
+        longer = 1.0 if SAFETY <= share <= SAME_STEP else min(share, MAX_GROWTH)
         # A step that a corner has shortened does not limit the next one.
         following = max(span * longer, step if span < step else 0.0)
-        kinetic, strain = self._rule.stored_energy(found.rate, found.parts)
+        kinetic, strain = self._integrator.stored_energy(found.rate, found.parts)
         damped, work = row[4] + found.damped, row[5] + found.work
-        head = [end if span == left else time + span, following, kinetic, strain, damped, work]
+        head = [end if span == remaining else time + span, following, kinetic, strain, damped, work]
         self._append(np.concatenate([head, found.position, found.rate]))
-        self._parts = self._count, found.parts, found.stress
-        if span == left:
-            self._jump(end)
+        self._last_state = self._count, found.parts, found.stress
+        if span == remaining:
+            self._append_jump(end)
 
-    def _acting(self, time: float, span: float, share: float) -> ActingLoads:
-        """Compute the loads at a share of a step."""
-        return self._load(time + share * span)
-
-    def _moved(self, position: Floats) -> Floats:
+    def _node_moves(self, position: Floats) -> Floats:
         """Compute the move of the nodal vectors from the first state, (V, 3)."""
         first = self.states[0, COLUMNS : COLUMNS + len(position)]
-        return self._rule.body.node_moves(position - first)
+        return self._integrator.body.node_moves(position - first)
 
-    def _error(self, errors: Floats, position: Floats) -> float:
+    def _relative_error(self, errors: Floats, position: Floats) -> float:
         """Compare the estimated errors (V, 3) of a step with the motion up to its end."""
         # Errors count along the path of each node, weighted by its length. Sideways, as along a
         # strip that swings, there are vibrations that are too small to matter.
-        farthest = _farther(self._farthest, self._moved(position))
-        largest = max(float(np.linalg.norm(farthest, axis=1).max()), self._smallest)
+        farthest = _longer_vectors(self._farthest, self._node_moves(position))
+        largest = max(float(np.linalg.norm(farthest, axis=1).max()), self._min_motion)
         along = float(abs(np.einsum("ni,ni->n", errors, farthest)).max()) / largest
-        return max(along, float(abs(errors).max()) / OTHERS) / largest
+        return max(along, float(abs(errors).max()) / SIDEWAYS) / largest
 
-    def _guess(self, span: float) -> Floats:
+    def _guess_moves(self, span: float) -> Floats:
         """Estimate the moves to both stages from the parabola of the last step."""
         row = self.states[-1]
         v: Floats = np.split(row[COLUMNS:], 2)[1]
@@ -423,7 +424,7 @@ class SteppedMotion(Motion):
         before = np.split(self.states[-2][COLUMNS:], 2)[1]
         return times * v + times**2 / 2 * (v - before) / since
 
-    def _jump(self, time: float) -> None:
+    def _append_jump(self, time: float) -> None:
         """Append the state after a base jumps or starts to move; inertia holds the cage back."""
         moving = [load.moves_base is not None for load in self.loads]
         if not any(moving):
@@ -437,24 +438,24 @@ class SteppedMotion(Motion):
                 way, speed = way - value * push, speed - slope * push
         if not (way.any() or speed.any()):
             return
-        solve = self._rule.body.factorise_unsymmetric(self._rule.mass)
+        solve = self._integrator.body.factorise_unsymmetric(self._integrator.mass)
         way = solve(way)
-        parts = self._rule.evaluate(q + way / 2)
-        v = v + solve(speed - self._rule.damping_impulse(parts, way))
+        parts = self._integrator.evaluate(q + way / 2)
+        v = v + solve(speed - self._integrator.damping_impulse(parts, way))
         q = q + way
-        kinetic, strain = self._rule.stored_energy(v, self._rule.evaluate(q))
+        kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
         row[5] += kinetic + strain - row[2] - row[3]
         row[1:4] = FIRST * self.max_step, kinetic, strain
         self._append(np.concatenate([row[:COLUMNS], q, v]))
 
 
-def _farther(first: Floats, second: Floats) -> Floats:
+def _longer_vectors(first: Floats, second: Floats) -> Floats:
     """Choose the longer vector of each pair, (V, 3)."""
     longer = np.linalg.norm(second, axis=1) > np.linalg.norm(first, axis=1)
     return np.where(longer[:, None], second, first)
 
 
-def _of_ratios(
+def _damping_from_ratios(
     cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
 ) -> tuple[float, Floats | None]:
     """Compute β and U so that C = β K + U Uᵀ gives the modes their damping ratios."""
@@ -464,9 +465,9 @@ def _of_ratios(
         return damping.beta, None
     if not swing.any():
         raise InputError(
-            "a ratio damps modes that swing, and there are none",
+            "a damping ratio needs modes that vibrate, but all computed modes are rigid",
             key="damping_ratio",
-            cure="Take more modes, or give alpha and beta.",
+            cure="Raise modal.modes, or give alpha and beta.",
         )
     # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965). β K is as large a part of it as leaves the
     # rest without negative damping. Short waves have no mode here; only β K damps them.
@@ -486,16 +487,16 @@ def _of_ratios(
     return beta, mass @ (fields @ turn[:, kept]) * sizes
 
 
-def _refuse(cage: CageModes, loads: Sequence[LoadVector]) -> None:
+def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
     if any(load.function.steady for load in loads):
         raise InputError(
-            "what has been going on for ever has no start that steps could begin with",
+            "time stepping does not support steady loads, because they have no start",
             key="steady",
-            cure="Leave steady out; with damping the motion becomes steady by itself.",
+            cure="Leave out steady; with damping, the motion becomes steady by itself.",
         )
     if cage.model.fittings.bodies is not None:
         raise InputError(
-            "a rigid place turns by small angles only, and what is stepped may turn by any",
+            "time stepping does not support rigid places, which can turn by small angles only",
             key="rigid",
-            cure="Fix the place, or leave out modal.rigid; or take [response].",
+            cure="Fix the place, leave out modal.rigid, or use [response].",
         )
