@@ -125,7 +125,7 @@ class ModalResponse(LoadParameters, Stage):
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
                 "linear motion is not reliable, with or without [rotation]; use [transient] instead "
-                "of [response], or let the cage hang under the load ([modal] gravity, dead_loads)"
+                "of [response], or let it hang under the load ([modal] gravity, dead_loads)"
             )
         elif angle > LARGE_ROTATION:
             self.warn(
