@@ -141,7 +141,7 @@ def test_a_scene_file_says_what_acts(tmp_path: Path) -> None:
 def test_a_load_on_supports_is_reported() -> None:
     chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
     chain.response.update(0.1)
-    assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings
+    assert "a load acts only on fixed vertices and has no effect" in chain.response.warnings
 
 
 def test_a_force_that_misses_the_cage_is_reported() -> None:

@@ -69,10 +69,10 @@ def test_a_scaled_cage_is_held_alike():
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("top", '"top" is no support'),
-        ("+y:w", '"\\+y:w" is no support'),
+        ("top", '"top" is not a support'),
+        ("+y:w", '"\\+y:w" is not a support'),
         ("+y-x", "no support"),
-        ("box(0, 1)", "has 2 lengths"),
+        ("box(0, 1)", "has 2 values"),
         ("box(0, 1, 0, 1, 1, 0)", "is empty"),
         ("box(0, 1, 0, 1, 0, 1 kg)", 'unit "kg" is not known'),
         ("sphere(0, 0, 0, -1)", "radius of at least 0"),

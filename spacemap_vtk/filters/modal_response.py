@@ -124,8 +124,8 @@ class ModalResponse(LoadParameters, Stage):
         if angle > TRUSTED_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
-                "linear motion is not reliable, with or without [rotation]; use [transient] instead "
-                "of [response], or let it hang under the load ([modal] gravity, dead_loads)"
+                "linear motion is not reliable, with or without [rotation]; use [transient] "
+                "instead of [response], or let it hang under the load ([modal] gravity, dead_loads)"
             )
         elif angle > LARGE_ROTATION:
             self.warn(
