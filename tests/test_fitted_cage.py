@@ -147,7 +147,10 @@ def test_an_array_that_is_not_there_is_named() -> None:
         ({"rigid": "sphere(9, 9, 9, 1)"}, r"modal\.rigid.*rigid place .* contains no vertex"),
         ({"springs": "sphere(9, 9, 9, 1) 1 N/m"}, r"modal\.springs.*contains no vertex"),
         ({"masses": "mask(no) 1 g"}, r'modal\.masses.*the place mask\(no\) needs an array "no"'),
-        ({"rigid": "-y", "gravity": (0, 0, -9.81)}, r"modal\.rigid: a rigid place turns by small"),
+        (
+            {"rigid": "-y", "gravity": (0, 0, -9.81)},
+            r"modal\.rigid: a cage with a rigid place cannot hang",
+        ),
     ],
 )
 def test_what_does_not_fit_names_its_key(settings: dict[str, Any], message: str) -> None:

@@ -71,13 +71,13 @@ def test_a_scaled_cage_is_held_alike():
     [
         ("top", '"top" is not a support'),
         ("+y:w", '"\\+y:w" is not a support'),
-        ("+y-x", "no support"),
+        ("+y-x", "not a support"),
         ("box(0, 1)", "has 2 values"),
         ("box(0, 1, 0, 1, 1, 0)", "is empty"),
         ("box(0, 1, 0, 1, 0, 1 kg)", 'unit "kg" is not known'),
         ("sphere(0, 0, 0, -1)", "radius of at least 0"),
         ("sphere(0, 0, nan, 1)", "empty"),
-        ("mask()", "names no point array"),
+        ("mask()", "must name a point array"),
     ],
 )
 def test_what_is_no_support_is_refused(text, what):
@@ -97,7 +97,7 @@ def test_a_support_that_catches_nothing_is_an_error():
 
 
 def test_everything_held_is_an_error():
-    with pytest.raises(InputError, match="every vertex"):
+    with pytest.raises(InputError, match="all vertices"):
         held("box(-inf, inf, -inf, inf, -inf, inf)")
     assert held("box(-inf, inf, -inf, inf, -inf, inf):xy")[:, :2].all()
 
