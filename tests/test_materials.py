@@ -121,7 +121,8 @@ def test_what_does_not_belong_together_is_refused():
     with pytest.raises(InputError, match=r"modal\.shear_moduli: an orthotropic.*G12, G13, G23"):
         solver(material="orthotropic", youngs_moduli=MODULI).update()
     with pytest.raises(
-        InputError, match=r'modal\.youngs_moduli.*It counts where material is neither "isotropic"'
+        InputError,
+        match=r'modal\.youngs_moduli.*It has an effect where material is neither "isotropic"',
     ):
         solver(youngs_moduli=MODULI).update()
 
