@@ -64,7 +64,7 @@ def test_render_by_name_in_a_fresh_process(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["cloth.png"]
 
 
-def test_quiet_says_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_quiet_prints_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     target = str(tmp_path / "a.png")
     assert run("render", "plain_weave", "-o", target, *SMALL, "--quiet") == 0
     assert capfd.readouterr() == ("", "")
@@ -83,7 +83,7 @@ def test_time_size_and_set_change_the_picture(tmp_path: Path) -> None:
     assert drawn("--size", "100x80").shape == (80, 100, 3)
 
 
-def test_a_real_draft_in_its_own_colours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_draft_is_drawn_in_its_own_colours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     file = tmp_path / "twill.png"
     assert run("render", str(SCENES / "32-shaft_twill.wif"), "-o", str(file), *SMALL) == 0
     # Where OpenGL's libraries are missing, one line says so.
@@ -120,7 +120,7 @@ def test_animate_mp4(tmp_path: Path) -> None:
     assert film.read_bytes()[4:8] == b"ftyp"
 
 
-def test_animate_asks_for_its_encoder_before_it_reads_the_scene(
+def test_animate_checks_for_the_encoder_before_it_reads_the_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -191,7 +191,7 @@ def test_free_cage_has_null_damping_ratio(capsys: pytest.CaptureFixture[str]) ->
     assert 6 < modes[6]["digits"] < 15
 
 
-def test_modes_that_are_lost_in_rounding_are_not_called_rigid(
+def test_modes_lost_in_rounding_are_not_reported_as_rigid(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sheet = tmp_path / "sheet.ply"
@@ -207,7 +207,7 @@ def test_modes_that_are_lost_in_rounding_are_not_called_rigid(
     assert "lost in rounding" in capsys.readouterr().out
 
 
-def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("modes", "plain_weave") == 0
     assert "180 degrees of freedom" in " ".join(capsys.readouterr().out.split())
     few = ["--set", "weave.ends=12", "--set", "weave.picks=10"]
@@ -265,7 +265,7 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert summary[:40] in listed
 
 
-def test_materials_name_their_source_and_what_it_leaves_open(
+def test_materials_print_their_source_and_assumptions(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert run("materials") == 0
@@ -297,7 +297,7 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
     assert "[weave]" not in out
 
 
-def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+def test_keys_prints_defaults_as_toml(capsys: pytest.CaptureFixture[str]) -> None:
     """Whoever copies a line out of it has written TOML, and changed nothing."""
     assert run("keys") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -310,7 +310,7 @@ def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]
     assert 'Used only if method is "carved".' in " ".join(" ".join(lines).split())
 
 
-def test_what_a_scene_gives_can_be_automatic_again(
+def test_auto_removes_a_value_of_the_scene(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """``auto`` for --set and in the file is what the file without the key is."""
@@ -331,7 +331,7 @@ def test_what_a_scene_gives_can_be_automatic_again(
 
 
 @pytest.mark.parametrize("ending", [".stl", ".ply"])
-def test_what_a_writer_needs_is_asked_for_first(
+def test_a_missing_package_is_reported_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
     assert run("export", "plain_weave", "-o", str(tmp_path / "a.vtp"), "-q") == 0
@@ -347,7 +347,7 @@ def test_what_a_writer_needs_is_asked_for_first(
     assert pv.read(file).n_cells == polygons
 
 
-def test_an_interrupt_between_vtk_and_python_is_told_as_one(
+def test_an_interrupt_inside_vtk_is_reported_as_stopped(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Where VTK has just called, nothing catches it, and VTK knows of a failure only."""

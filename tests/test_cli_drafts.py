@@ -17,7 +17,7 @@ from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.scenes.scene import Scene
 
 
-def test_info_tells_mass_intervals_and_clearance(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_prints_mass_feasible_intervals_and_clearance(capsys: pytest.CaptureFixture[str]) -> None:
     # by hand: 30 tex in both families, 20 to the cm, no crimp: 2 x 30 g/km x 2000 /m = 120 g/m2
     yarns = ["weave.warp_count=30 tex", "weave.weft_count=30 tex", "weave.weft_crimp=0"]
     arguments = [word for assignment in yarns for word in ("--set", assignment)]
@@ -43,7 +43,7 @@ def test_info_tells_mass_intervals_and_clearance(capsys: pytest.CaptureFixture[s
     assert figures["warnings"] == []
 
 
-def test_info_of_a_moved_fabric(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_at_a_time_prints_the_deformed_clearance(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("info", "plain_weave", "--json", "--time", "0 s", "-q") == 0
     figures = json.loads(capsys.readouterr().out)
     diameter = figures["warp"]["diameter"]
@@ -68,7 +68,7 @@ def test_a_draft_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str])
             assert again[family][name] == pytest.approx(first[family][name], rel=1e-12)
 
 
-def test_what_is_odd_about_a_draft_is_told_when_it_is_exported(
+def test_export_prints_the_warnings_of_a_draft(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, again = tmp_path / "odd.wif", tmp_path / "again.wif"
@@ -147,7 +147,7 @@ _NO_ROOM = {
 
 
 @pytest.mark.parametrize("kind", _NO_ROOM)
-def test_a_draft_without_room_for_its_yarns_is_a_draft(
+def test_a_draft_whose_yarns_do_not_fit_is_still_a_draft(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
     spacing, thickness, weft, more, why = _NO_ROOM[kind]
@@ -193,7 +193,7 @@ def test_a_draft_without_room_for_its_yarns_is_a_draft(
     assert why in refused(capsys, "validate", str(file), "-q", *changed)
 
 
-def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
+def test_a_draft_too_large_for_memory_is_drawn_and_described(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, copy = tmp_path / "large.wif", tmp_path / "copy.wif"
@@ -217,7 +217,7 @@ def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
     assert "too large to be made whole" in " ".join(figures["warnings"])
 
 
-def test_info_counts_what_is_built_and_builds_nothing(
+def test_info_counts_patches_without_building_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built = WeaveSource(pattern="twill 3/1", ends=24, picks=18, warp_section="racetrack")
@@ -282,7 +282,7 @@ Units=centimeters
     "threads",
     ["", "Spacing=0.1", "Spacing=0.1\nThickness=0.1", "Thickness=0.1", "Comment=x"],
 )
-def test_a_picture_of_a_sound_draft_has_no_warning(
+def test_a_picture_of_a_feasible_draft_has_no_warning(
     threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prepare_offscreen()  # without OpenGL there is a line about that
@@ -295,7 +295,7 @@ def test_a_picture_of_a_sound_draft_has_no_warning(
         assert "too thick to interlace" in capsys.readouterr().err
 
 
-def test_a_picture_of_a_doubtful_draft_has_one_line_of_warning(
+def test_a_picture_of_a_draft_prints_at_most_one_of_its_warnings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prepare_offscreen()
@@ -339,7 +339,7 @@ def test_convert_lists_the_endings_of_drafts_only(
     assert ".vtu" not in allowed
 
 
-def test_frames_per_second_is_known_by_the_option_s_name() -> None:
+def test_an_error_in_frames_per_second_names_the_option() -> None:
     scene = Scene({"animation": {"fps": 12}})
     assert scene.animation.frames_per_second == 12
     scene.set("animation.fps=30")

@@ -27,7 +27,7 @@ def limited(code: str) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def test_what_vtk_ends_with_is_told() -> None:
+def test_an_abort_of_vtk_is_reported_as_lack_of_memory() -> None:
     process = limited(_ARRAY)
     _, said = process.communicate()
     assert process.returncode == 1
@@ -37,13 +37,13 @@ def test_what_vtk_ends_with_is_told() -> None:
     )
 
 
-def test_any_other_end_is_that_of_the_command() -> None:
+def test_other_exit_codes_are_passed_on() -> None:
     process = limited("print(available() <= 2**30); sys.exit(2)")
     assert process.communicate() == ("True\n", "")
     assert process.returncode == 2
 
 
-def test_a_signal_reaches_the_command() -> None:
+def test_a_signal_is_passed_on_to_the_command() -> None:
     process = limited("print('begun', flush=True); time.sleep(60)")
     assert process.stdout is not None
     process.stdout.readline()
@@ -52,7 +52,7 @@ def test_a_signal_reaches_the_command() -> None:
     assert process.returncode == -signal.SIGTERM
 
 
-def test_without_a_limit_nothing_is_copied() -> None:
+def test_without_a_memory_limit_no_process_is_forked() -> None:
     code = "import os; from spacemap_vtk.cli.main import outlived; a = os.getpid(); outlived()"
     done = subprocess.run([sys.executable, "-c", f"{code}; assert a == os.getpid()"], check=False)
     assert done.returncode == 0

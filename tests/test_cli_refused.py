@@ -61,7 +61,7 @@ from spacemap_vtk.scenes import library
         ("[view]\nbackground = 'red'", ["view.background", "#rrggbb"]),
     ],
 )
-def test_a_bad_scene_gets_one_message_and_touches_nothing(
+def test_a_bad_scene_gives_one_message_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
 ) -> None:
     scene, picture = tmp_path / "bad.toml", tmp_path / "old.png"
@@ -173,7 +173,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["rendr", "plain_weave"], ["render"]),
     ],
 )
-def test_a_bad_command_gets_one_message(
+def test_a_bad_command_gives_one_message(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -220,7 +220,7 @@ end_header
         ("a.toml", b"\xef\xbb\xbf[weave]", ["byte order mark", "without BOM"]),
     ],
 )
-def test_a_broken_file_is_named_once(
+def test_a_message_names_a_damaged_file_once(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     name: str,
@@ -266,7 +266,7 @@ def test_a_broken_file_is_named_once(
         ("[weave]\nends = 3\nends = 4\n", ["line 3", "Correct that line"]),
     ],
 )
-def test_a_file_that_a_scene_names_is_named_with_its_key(
+def test_an_error_in_a_file_of_a_scene_names_its_key(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
 ) -> None:
     for name in ("a.vtu", "a.bin", "a.pvd"):
@@ -282,7 +282,7 @@ def test_a_file_that_a_scene_names_is_named_with_its_key(
     assert not (tmp_path / "new.png").exists()
 
 
-def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_modes_of_a_still_scene_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = tmp_path / "still.toml"
     scene.write_text("[weave]\nends = 2\npicks = 2\n")
     assert "[modal]" in refused(capsys, "modes", str(scene))
@@ -290,7 +290,7 @@ def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "cage" in refused(capsys, "export", str(scene), *arguments)
 
 
-def test_what_cannot_be_printed_is_told_once() -> None:
+def test_a_failed_print_is_reported_once() -> None:
     # Python holds back what it prints, and would say at its end that it could not.
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     command = [sys.executable, "-m", "spacemap_vtk", "scenes"]
@@ -300,7 +300,7 @@ def test_what_cannot_be_printed_is_told_once() -> None:
     assert done.stderr == ("spacemap: the output could not be printed: no space left on device\n")
 
 
-def test_closed_streams_spoil_nothing(tmp_path: Path) -> None:
+def test_closed_streams_do_not_spoil_the_output_file(tmp_path: Path) -> None:
     # A file takes the number of a closed stream, and a library prints into it.
     file = tmp_path / "a.csv"
     command = [sys.executable, "-m", "spacemap_vtk", "export", "plain_weave"]
@@ -310,14 +310,14 @@ def test_closed_streams_spoil_nothing(tmp_path: Path) -> None:
     assert file.read_text().count("\n") > 9
 
 
-def test_a_stream_of_few_letters_gets_the_others_as_a_sign() -> None:
+def test_unencodable_characters_are_printed_as_question_marks() -> None:
     command = [sys.executable, "-m", "spacemap_vtk", "keys", "weave"]
     few = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, env=few, capture_output=True, text=True, check=True)
     assert "bicubic B?zier patches" in done.stdout
 
 
-def test_a_file_that_may_not_be_read_says_so(
+def test_an_unreadable_file_is_reported(
     folder_of_nobody: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def forbidden() -> Path:
@@ -337,7 +337,7 @@ def test_a_file_that_may_not_be_read_says_so(
         library.find(folder_of_nobody / "locked/a.wif")
 
 
-def test_a_mesh_that_goes_while_it_is_read_is_no_damaged_one(tmp_path: Path) -> None:
+def test_a_mesh_deleted_while_it_is_read_is_not_called_damaged(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.vtu: it has gone while it was read"):
         read_with_vtk(tmp_path / "a.vtu", "vtkIOXML", "vtkXMLUnstructuredGridReader")
 
@@ -356,7 +356,7 @@ def test_a_missing_library_is_named(tmp_path: Path) -> None:
     assert not target.exists()
 
 
-def test_a_library_that_mitsuba_lacks_is_named(
+def test_a_library_missing_for_mitsuba_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # as its wheel does: the error that names the library is lost behind another one
@@ -374,7 +374,7 @@ def test_a_library_that_mitsuba_lacks_is_named(
     assert not target.exists()
 
 
-def test_a_film_that_breaks_off_spoils_nothing(
+def test_a_failed_film_leaves_the_earlier_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from spacemap_vtk.draw.picture import Picture

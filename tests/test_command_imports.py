@@ -58,7 +58,7 @@ def _imported(cache: Path, *commands: str) -> set[str]:
         (["info plain_weave -q --json"], {*_FILTERS, "scipy"}),
     ],
 )
-def test_a_command_imports_only(commands: list[str], needs: set[str], tmp_path: Path) -> None:
+def test_a_command_imports_only_what_it_needs(commands: list[str], needs: set[str], tmp_path: Path) -> None:
     assert _imported(tmp_path, *commands) & set(_HEAVY) == needs
 
 
@@ -92,7 +92,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["plot plain_weave -q -o a.png"], {*_FILTERS, "matplotlib"}),
     ],
 )
-def test_with_kept_modes_a_command_imports_only(
+def test_with_cached_modes_a_command_imports_only_what_it_needs(
     commands: list[str], needs: set[str], solved: Path
 ) -> None:
     if needs == _PICTURES:
@@ -103,14 +103,14 @@ def test_with_kept_modes_a_command_imports_only(
     assert not {"rich.progress", "psutil"} & imported
 
 
-def test_the_blur_is_scipys() -> None:
+def test_the_blur_equals_scipys() -> None:
     image = np.random.default_rng(1).random((3 * STRIP // 2, 2 * STRIP + 1), dtype=np.float32)
     for sigma in (0.7, 3.3, 21.8):
         known = ndimage.gaussian_filter(image, sigma, mode="nearest", truncate=2.5)
         np.testing.assert_array_equal(blur(image, sigma), known)
 
 
-def test_a_shade_knows_no_strips() -> None:
+def test_shades_refuse_strips() -> None:
     rows, columns = np.mgrid[: 2 * STRIP + 8, : STRIP + 4]
     depth = (1.0 + 1e-3 * np.sin(rows / 9) * np.cos(columns / 7)).astype(np.float32)
     depth[rows < columns / 3] = np.nan

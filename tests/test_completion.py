@@ -64,7 +64,7 @@ def printed(shell: str, capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
-def test_bash(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bash_completes_words(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script = printed("bash", capsys)
     script += (
         'offer() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); _spacemap;'
@@ -76,7 +76,7 @@ def test_bash(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.skipif(shutil.which("fish") is None, reason="needs fish: apt-get install fish")
-def test_fish(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fish_completes_words(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "completion.fish").write_text(printed("fish", capsys))
     script = "source completion.fish\n"
     script += "".join(f"complete -C '{line}' | cut -f 1; echo ---\n" for line in LINES)

@@ -29,7 +29,7 @@ def apply(file: Path, diff: str) -> None:
 
 
 @pytest.mark.parametrize("page", ["add_a_scene", "add_a_format", "add_a_stage"])
-def test_a_page_can_be_followed(page: str, tmp_path: Path) -> None:
+def test_a_guide_can_be_followed(page: str, tmp_path: Path) -> None:
     for part in ("spacemap_vtk", "scenes"):
         ignored = shutil.ignore_patterns("*.pyc.*")  # what others are just writing
         shutil.copytree(ROOT / part, tmp_path / part, ignore=ignored)
@@ -73,7 +73,7 @@ def test_a_page_can_be_followed(page: str, tmp_path: Path) -> None:
         subprocess.run([sys.executable, "-m", "ruff", *words, "-q", *new], check=True, cwd=tmp_path)
 
 
-def test_what_sets_up_is_what_the_gate_runs() -> None:
+def test_the_set_up_page_and_the_gate_agree() -> None:
     readme = (ROOT / "README.md").read_text("utf-8")
     gate = (ROOT / ".ci" / "run").read_text("utf-8")
     text = (PAGES / "set_up.md").read_text("utf-8")

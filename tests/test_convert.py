@@ -79,7 +79,7 @@ def test_drafts_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert second.read_bytes() == before
 
 
-def test_ends_that_nothing_holds_are_offered_to_be_trimmed(
+def test_a_warning_offers_to_trim_unwoven_edges(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, cut = tmp_path / "wide.wif", tmp_path / "cut.wif"

@@ -43,14 +43,14 @@ OBJ = b"v 0 0 0\nf 2/1 3/2 4/3\n"
         pytest.param(".vtk", VTK + b"POLYGONS 1 2\n99999 0\n", marks=pytest.mark.nightly),
     ],
 )
-def test_what_kills_a_reader_is_refused(tmp_path: Path, ending: str, content: bytes) -> None:
+def test_a_file_that_crashes_its_reader_is_refused(tmp_path: Path, ending: str, content: bytes) -> None:
     file = tmp_path / f"a{ending}"
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"damaged or too large: .* SIG(SEGV|ABRT|BUS)"):
         read_object(file)
 
 
-def test_a_library_that_ends_the_program_is_told(tmp_path: Path) -> None:
+def test_a_library_that_exits_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "a.cgns"
     fuzz_rare._cgns(file)
     with h5py.File(file, "a") as made:
@@ -59,7 +59,7 @@ def test_a_library_that_ends_the_program_is_told(tmp_path: Path) -> None:
         read_object(file)
 
 
-def test_a_mesh_of_wild_memory_is_refused(tmp_path: Path) -> None:
+def test_a_mesh_with_uninitialised_points_is_refused(tmp_path: Path) -> None:
     # VTK reads wild memory: of what was in it a mesh in one process, the end of another.
     faces = "1 2 3 1e-320 0\n1 2 4 1  4 3 3)(\n1 2 3 1 0\n1 2 4 1 0\n1 3 4 1 0\n2 3 4 1 0\n"
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
@@ -72,14 +72,14 @@ def test_a_mesh_of_wild_memory_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_object, open_series])
-def test_a_name_that_is_no_utf_8_is_told(tmp_path: Path, read: Callable[[Path], object]) -> None:
+def test_a_path_that_is_not_utf_8_is_refused(tmp_path: Path, read: Callable[[Path], object]) -> None:
     file = tmp_path / "b\udcff.e"
     file.write_bytes(b"CDF")
     with pytest.raises(InputError, match=r"the path is not UTF-8. Rename the file"):
         read(file)
 
 
-def test_offsets_that_leave_the_corners_are_refused(tmp_path: Path) -> None:
+def test_offsets_outside_the_connectivity_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.vtk"
     file.write_bytes(VTK.replace(b"3.0", b"5.1") + b"POLYGONS 3 2\n" + OFFSETS)
     with pytest.raises(GeometryError, match="do not have the numbers of corners"):
@@ -101,14 +101,14 @@ def test_offsets_that_leave_the_corners_are_refused(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_lattices_that_are_not_filled_are_refused(tmp_path: Path, content: str, why: str) -> None:
+def test_grids_with_missing_points_are_refused(tmp_path: Path, content: str, why: str) -> None:
     file = tmp_path / "a.vtk"
     file.write_bytes(VTK.partition(b"DATASET")[0] + f"DATASET {content}".encode())
     with pytest.raises(InputError, match=why):
         read_object(file)
 
 
-def test_a_lattice_that_ends_before_it_begins_has_no_points(tmp_path: Path) -> None:
+def test_a_grid_of_negative_size_has_no_points(tmp_path: Path) -> None:
     file = tmp_path / "a.vti"
     file.write_text(
         '<VTKFile type="ImageData"><ImageData WholeExtent="65536 2 0 2 0 1" Origin="0 0 0" '
@@ -118,7 +118,7 @@ def test_a_lattice_that_ends_before_it_begins_has_no_points(tmp_path: Path) -> N
         read_object(file)
 
 
-def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_reader_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
         crash_check.check_in_child(tmp_path, f"{__name__}:busy")
@@ -129,7 +129,7 @@ def busy(path: Path) -> None:
         pass
 
 
-def test_who_gives_up_leaves_no_process_and_no_pipe(
+def test_an_interrupted_check_leaves_no_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Python tells what is left as a warning, which is an error here."""
@@ -150,7 +150,7 @@ def test_who_gives_up_leaves_no_process_and_no_pipe(
     gc.collect()
 
 
-def test_a_file_is_tried_once_and_again_when_it_has_changed(
+def test_a_file_is_checked_again_only_after_a_change(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
@@ -168,7 +168,7 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
     assert [task[1] for task in asked] == [file, file]
 
 
-def test_a_file_is_tried_again_when_one_that_it_names_has_changed(
+def test_a_file_is_checked_again_if_a_referenced_file_changed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """What it names may be what is damaged, and end this process."""
@@ -181,7 +181,7 @@ def test_a_file_is_tried_again_when_one_that_it_names_has_changed(
         read_object(tmp_path / "a.ele")
 
 
-def test_a_grid_that_ends_before_its_cells_is_points(tmp_path: Path) -> None:
+def test_a_grid_without_cells_is_read_as_points(tmp_path: Path) -> None:
     file = tmp_path / "a.vtk"
     file.write_bytes(VTK.replace(b"POLYDATA", b"UNSTRUCTURED_GRID"))
     assert read_object(file).data.GetNumberOfCells() == 1

@@ -26,7 +26,7 @@ def test_the_licence_comes_with_the_package() -> None:
     assert file.read_text().startswith(f"{package.metadata['License']} License\n")
 
 
-def test_the_readmes_pictures_and_links_are_there() -> None:
+def test_pictures_and_links_of_the_readme_exist() -> None:
     root = Path(__file__).parents[1]
     text = (root / "README.md").read_text("utf-8")
     links = re.findall(r"\]\(([^):]+)\)", text)
@@ -43,7 +43,7 @@ COMMANDS = [line for block in blocks("sh") for line in block.splitlines()]
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_commands(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_of_the_documentation_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     program, *words = shlex.split(line, comments=True)
     assert program == "spacemap"
@@ -55,7 +55,7 @@ def test_commands(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("text", blocks("toml"))
-def test_scenes(text: str, tmp_path: Path) -> None:
+def test_scenes_of_the_documentation_are_valid(text: str, tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(text, encoding="utf-8")
     scene = Scene.read(file)
@@ -65,7 +65,7 @@ def test_scenes(text: str, tmp_path: Path) -> None:
     assert mover.executions == 1
 
 
-def test_every_load_and_time_function_is_there() -> None:
+def test_every_load_and_time_function_is_documented() -> None:
     for name in ACTIONS:
         assert f"`{name} = " in TEXT
     for name, (needed, possible) in TIME_KEYS.items():

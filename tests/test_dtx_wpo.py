@@ -174,7 +174,7 @@ PCW 4.2.0 Silver
 """
 
 
-def test_a_dtx_with_all_that_it_can_say() -> None:
+def test_a_dtx_with_all_sections_is_read() -> None:
     found = read(DTX.encode(), ".dtx")
     compare(found, dtx_to_wif.read_dtx(io.StringIO(DTX)))
     assert found.title == "Rosepath"
@@ -201,13 +201,13 @@ def test_a_dtx_with_all_that_it_can_say() -> None:
         (("%%ends 6", "%%ends 99999999"), "whole numbers up to 100000"),
     ],
 )
-def test_a_dtx_that_is_none(change: tuple[str, str], said: str) -> None:
+def test_an_invalid_dtx_is_refused(change: tuple[str, str], said: str) -> None:
     with pytest.raises(InputError) as told:
         read(DTX.replace(*change).encode(), ".dtx")
     assert said in str(told.value)
 
 
-def test_drafts_of_nothing() -> None:
+def test_empty_drafts_are_refused() -> None:
     with pytest.raises(InputError, match="the draft has 0 ends and 1 picks"):
         read(b"@@StartDTX\n@@Threading\n@@Liftplan\n1\n@@EndDTX\n", ".dtx")
     with pytest.raises(InputError, match="the draft has 0 ends and 2 picks"):
@@ -216,7 +216,7 @@ def test_drafts_of_nothing() -> None:
 
 @given(st.sampled_from([".dtx", ".wpo", ".txt"]), st.data())
 @settings(max_examples=150, deadline=None)
-def test_whatever_is_in_a_file_is_read_or_refused(ending: str, data: st.DataObject) -> None:
+def test_damaged_drafts_are_read_or_refused(ending: str, data: st.DataObject) -> None:
     whole = {".dtx": DTX.encode(), ".wpo": wpo(102, 17, 12), ".txt": b"1: 1,3\n2: 2,4\n3: -\n"}[
         ending
     ]
@@ -234,7 +234,7 @@ def test_whatever_is_in_a_file_is_read_or_refused(ending: str, data: st.DataObje
     np.testing.assert_array_equal(found.loom.drawdown(), found.drawdown)
 
 
-def test_what_a_dtx_cannot_hold_is_told() -> None:
+def test_losses_of_a_dtx_are_reported() -> None:
     loom = Loom(threading=((1, 2), (2,)), tieup=((1,), (2,)), treadling=((1,), (2,)))
     warp = DraftThreads(spacing=1e-3, thickness=0.5e-3)
     draft = Draft(loom.drawdown(), loom, warp)
@@ -278,7 +278,7 @@ def wpo(kind: int, shafts: int, treadles: int, version: int = 7, metric: bool = 
 
 @pytest.mark.parametrize("kind", [100, 101, 102])
 @pytest.mark.parametrize("shafts", [9, 17])
-def test_a_wpo_against_another_program(kind: int, shafts: int) -> None:
+def test_another_program_reads_the_same_wpo(kind: int, shafts: int) -> None:
     data = wpo(kind, shafts, 12)
     found = read(data, ".wpo")
     other = dtx_to_wif.read_pattern_file(FOLDER / "draft.wpo")
@@ -296,7 +296,7 @@ def test_a_wpo_against_another_program(kind: int, shafts: int) -> None:
 
 
 @pytest.mark.parametrize("ending", [".wpo", ".dtx"])
-def test_a_draft_is_the_same_when_it_is_written_a_second_time(ending: str) -> None:
+def test_a_draft_is_the_same_after_a_second_round_trip(ending: str) -> None:
     """Treadles that are tied to nothing keep their lines in the tie-up."""
     data = bytearray(wpo(101, 10, 11))
     if ending == ".wpo":
@@ -318,7 +318,7 @@ def test_a_draft_is_the_same_when_it_is_written_a_second_time(ending: str) -> No
     assert format_wif(read(first, ".wif")) == first
 
 
-def test_a_colour_that_the_palette_of_a_dtx_has_not_is_reported() -> None:
+def test_a_colour_outside_the_palette_of_a_dtx_is_reported() -> None:
     text = (
         "@@StartDTX\n@@Info\n%%shafts 2\n%%treadles 2\n%%ends 3\n%%picks 2\n@@Threading\n1 2 1\n"
         "@@Tieup\n01\n10\n@@Treadling\n1 2\n@@Color Palet\n9,8,7\n1,2,3\n"
@@ -332,12 +332,12 @@ def test_a_colour_that_the_palette_of_a_dtx_has_not_is_reported() -> None:
         read(text.replace("-1", "-x").encode(), ".dtx")
 
 
-def test_a_wpo_of_an_old_version_has_fewer_shades() -> None:
+def test_colours_of_an_old_wpo_are_scaled() -> None:
     found = read(wpo(101, 9, 12, version=3), ".wpo")
     np.testing.assert_array_equal(found.warp.colors[0], [255, 255, 255])  # type: ignore[index]
 
 
-def test_a_wpo_that_is_none() -> None:
+def test_an_invalid_wpo_is_refused() -> None:
     data = wpo(101, 9, 12)
     for length in range(1, len(data) - 5):
         with pytest.raises(InputError, match="truncated"):
@@ -348,7 +348,7 @@ def test_a_wpo_that_is_none() -> None:
         read(data[:2] + b"\0" + data[3:], ".wpo")
 
 
-def test_a_twa_is_a_wif_in_an_archive() -> None:
+def test_a_twa_is_read_as_a_wif_in_an_archive() -> None:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.write(REAL, "twamain.waf")
@@ -358,7 +358,7 @@ def test_a_twa_is_a_wif_in_an_archive() -> None:
         read(b"PK no archive", ".twa")
 
 
-def test_another_program_reads_what_is_made_of_a_wif() -> None:
+def test_another_program_reads_a_converted_wif() -> None:
     real = read_draft(REAL)
     compare(real, dtx_to_wif.read_dtx(io.StringIO(format_dtx(real).decode())))
     compare(real, dtx_to_wif.read_wif(io.StringIO(format_wif(real).decode())))

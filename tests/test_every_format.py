@@ -251,7 +251,7 @@ def found_by_others(file: Path) -> str:
     return file.read_bytes().decode("latin-1")
 
 
-def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
+def test_every_format_is_read_by_other_programs_and_can_be_repeated(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "new").mkdir()
@@ -283,7 +283,7 @@ def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
     assert mute == MUTE
 
 
-def test_a_plot_says_it_in_any_format(tmp_path: Path) -> None:
+def test_a_plot_stores_its_record_in_any_format(tmp_path: Path) -> None:
     from matplotlib.figure import Figure
 
     record = Record(__version__, {"what": "plot"}, 'title = "a (b) \\\\ <&> -- Two by two"', "é")

@@ -104,7 +104,7 @@ def run(*words: str) -> int:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_draft_format_is_read_wherever_drafts_are(tmp_path: Path, capsys: Any) -> None:
+def test_a_new_draft_format_is_read_everywhere(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "a.bits"
     file.write_text("110\n011\n")
     scene = Scene.read(file)
@@ -116,7 +116,7 @@ def test_a_draft_format_is_read_wherever_drafts_are(tmp_path: Path, capsys: Any)
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_mesh_format_is_read_wherever_meshes_are(tmp_path: Path) -> None:
+def test_a_new_mesh_format_is_read_everywhere(tmp_path: Path) -> None:
     file = tmp_path / "a.dots"
     file.write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\nend")
     scene = Scene.read(file)
@@ -133,7 +133,7 @@ def test_a_mesh_format_is_read_wherever_meshes_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_writer_is_used_wherever_data_are_written(tmp_path: Path, capsys: Any) -> None:
+def test_a_new_writer_is_used_everywhere(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "a.xyz"
     words = "export", "plain_weave", "-o", str(file), "-q"
     assert run(*words, "--what", "cage") == 0
@@ -158,7 +158,7 @@ def test_a_writer_is_used_wherever_data_are_written(tmp_path: Path, capsys: Any)
 
 
 @pytest.mark.usefixtures("toys")
-def test_what_is_drawn_is_written_by_it_too(tmp_path: Path, capsys: Any) -> None:
+def test_a_new_writer_of_pictures_and_films_is_used(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "a.ink"
     assert run("render", "plain_weave", "-o", str(file), "--size", "64x48", "-q") == 0
     assert file.read_text() == "(48, 64, 3)"
@@ -171,7 +171,7 @@ def test_what_is_drawn_is_written_by_it_too(tmp_path: Path, capsys: Any) -> None
 
 
 @pytest.mark.usefixtures("toys")
-def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
+def test_lists_of_formats_contain_a_new_format(tmp_path: Path, capsys: Any) -> None:
     opened, drafts = registry.scene_dialog_filters().split(";;"), registry.draft_dialog_filters()
     assert re.search(r"\*\.wif .*\*\.dtx .*\*\.bits .*\*\.dots", opened[0])
     assert "*.bits" in drafts
@@ -198,7 +198,7 @@ def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
     }
 
 
-def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
+def test_the_help_lists_a_new_format(tmp_path: Path) -> None:
     (tmp_path / "toys.py").write_text(_MODULE)
     code = "import sys, toys; from spacemap_vtk.cli.main import main; main(sys.argv[1:])"
 
@@ -218,7 +218,7 @@ def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
         assert part in help
 
 
-def test_what_is_taken_back_is_gone() -> None:
+def test_an_unregistered_format_is_gone() -> None:
     @reads(".gone", label="Gone", holds="draft")
     @writes(".gone", label="Gone", holds=("surface",))
     def both(*_: Any) -> Draft:
@@ -231,13 +231,13 @@ def test_what_is_taken_back_is_gone() -> None:
     assert registry.kind_of(Path("a.gone")) is None
 
 
-def test_a_file_holds_what_there_is() -> None:
+def test_an_unknown_kind_of_data_is_refused() -> None:
     for decorator, holds in ((reads, "surfaces"), (writes, ("mesh",))):
         with pytest.raises(UnknownNameError, match="unknown kind of data; allowed: "):
             decorator(".abc", label="Alphabet", holds=holds)
 
 
-def test_two_writers_share_an_ending() -> None:
+def test_two_writers_can_share_an_ending() -> None:
     @writes(".vtu", label="Mine", holds=("surface",))
     def mine(file: Path, surface: Any) -> None:
         raise NotImplementedError
@@ -251,7 +251,7 @@ def test_two_writers_share_an_ending() -> None:
         registry.unregister(mine)
 
 
-def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:
+def test_the_last_registered_reader_is_used(tmp_path: Path) -> None:
     ball = pv.Sphere()
 
     @reads(".ply", label="Mine", holds="mesh")
@@ -266,7 +266,7 @@ def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:
         registry.unregister(mine)
 
 
-def test_endings_stand_in_the_formats_alone() -> None:
+def test_only_the_formats_list_endings() -> None:
     """No second list of the endings that are read and written."""
     package = Path(registry.__file__).parents[1]
     meshes = [

@@ -30,7 +30,7 @@ def folder() -> Path:
 
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from(QUICK), st.integers(0, 99), st.lists(STEP, min_size=1, max_size=6))
-def test_a_damaged_file_is_read_or_refused_in_a_line(
+def test_a_damaged_file_is_read_or_refused_with_one_line(
     folder: Path, name: str, number: int, steps: list[fuzz_seeds.Step]
 ) -> None:
     target = fuzz.targets()[name]
@@ -47,7 +47,7 @@ def test_a_damaged_file_is_read_or_refused_in_a_line(
         ((".ply", ".stl", ".obj", ".vtk", ".vtu", ".glb", ".vtkhdf", ".e", "motion.pvd"), 200),
     ],
 )
-def test_nothing_is_found(tmp_path: Path, names: tuple[str, ...], runs: int) -> None:
+def test_a_sample_of_runs_finds_no_fault(tmp_path: Path, names: tuple[str, ...], runs: int) -> None:
     words = [sys.executable, fuzz.__file__, *names, f"--runs={runs}", "--seed=7"]
     done = subprocess.run([*words, f"--keep={tmp_path}"], capture_output=True, text=True)
     told = tomllib.loads(f"campaigns = [{done.stdout}]")["campaigns"]

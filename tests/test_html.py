@@ -48,7 +48,7 @@ def lies(page: Page, time: float) -> np.ndarray:
     return np.array(found).reshape(-1, 3)
 
 
-def test_it_turns_plays_and_scrubs_as_the_scene_moves(tmp_path: Path) -> None:
+def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
     file, colored, modes = (tmp_path / f"{name}.html" for name in ("own", "stress", "modes"))
     scene, _ = written(file)
     dark = ("view.background=#101418", "view.background_top=#202428")
@@ -142,7 +142,7 @@ def test_it_turns_plays_and_scrubs_as_the_scene_moves(tmp_path: Path) -> None:
         }
 
 
-def test_colours_stand_for_the_numbers_of_each_time(tmp_path: Path) -> None:
+def test_colours_show_the_values_of_each_time(tmp_path: Path) -> None:
     scene, made = written(tmp_path / "a.html", "view.color=stress")
     numbers = made.numbers
     assert 1 <= len(numbers.changes) < 13
@@ -164,7 +164,7 @@ def near(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
     return found
 
 
-def test_what_a_browser_cannot_hold_is_refused(tmp_path: Path) -> None:
+def test_a_page_too_large_for_browsers_is_refused(tmp_path: Path) -> None:
     scene = changed("plain_weave", *SMALL)
     for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
         with pytest.raises(SizeError, match=rf"^{what} do not fit .*subdivisions"):

@@ -18,7 +18,7 @@ import pytest
     ],
     ids=["some killed", "many killed", "two at once"],
 )
-def test_nothing_is_lost(words: tuple[str, ...]) -> None:
+def test_killed_processes_lose_no_file(words: tuple[str, ...]) -> None:
     pytest.importorskip("pxr")
     command = [sys.executable, str(Path(__file__).with_name("killed.py")), *words]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -85,7 +85,7 @@ _WAYS = ("x.wif", "x.vtp", "x.pvd", "x.png", "x.mp4", "x%02d.png")
         for name in WRITERS
     ],
 )
-def test_a_full_disk_takes_nothing_and_spoils_nothing(
+def test_a_full_disk_leaves_earlier_files_unchanged(
     name: str,
     room: int,
     older: bool,
@@ -110,7 +110,7 @@ def test_a_full_disk_takes_nothing_and_spoils_nothing(
     assert {path: path.read_bytes() for path in disk.iterdir() if path.name != "fill"} == kept
 
 
-def test_a_new_format_is_among_those_that_meet_a_full_disk() -> None:
+def test_every_format_is_tested_on_a_full_disk() -> None:
     tried = {Path(name).suffix for name in WRITERS} | {".jpeg"}  # as .jpg
     found = {ending for kind in (None, *DRAWN) for ending in writer_endings(kind)}
     assert tried == found
@@ -174,7 +174,7 @@ def writes(call: ast.Call) -> bool:
     return known or bool(_WRITING.fullmatch(last))
 
 
-def test_no_writer_goes_past_the_one_mechanism() -> None:
+def test_all_writers_use_the_output_module() -> None:
     package = Path(spacemap_vtk.__file__).parent
     found: dict[str, dict[str, set[str]]] = {}
 
@@ -215,7 +215,7 @@ def fill(disk: Path, room: int) -> None:
         ("x%02d.png", signal.SIGINT, ""),
     ],
 )
-def test_a_film_that_is_stopped_leaves_its_frames(
+def test_a_stopped_film_keeps_its_frames(
     name: str, number: signal.Signals, more: str, tmp_path: Path
 ) -> None:
     words = WRITERS[name].replace("speed=1", f"speed=0.001 {more}")  # far too long a film
@@ -255,7 +255,7 @@ main(sys.argv[1:])
 """
 
 
-def test_a_film_that_is_stopped_within_vtk_ends(tmp_path: Path) -> None:
+def test_a_film_can_be_stopped_inside_vtk(tmp_path: Path) -> None:
     prepare_offscreen()
     # VTK exits, and waits for threads: the one that encodes waited for frames.
     words = [*WRITERS["x.gif"].split(), str(tmp_path / "x.gif"), "--workers", "1"]
@@ -264,7 +264,7 @@ def test_a_film_that_is_stopped_within_vtk_ends(tmp_path: Path) -> None:
     assert [*tmp_path.glob("x.gif"), *tmp_path.glob(".spacemap-*")] == []
 
 
-def test_ffmpeg_goes_where_drawing_fails(tmp_path: Path) -> None:
+def test_ffmpeg_ends_if_drawing_fails(tmp_path: Path) -> None:
     def images() -> Iterator[NDArray[np.uint8]]:
         yield from np.zeros((5, 240, 320, 3), np.uint8)
         assert ffmpegs(tmp_path) != []
@@ -297,7 +297,7 @@ def ffmpegs(folder: Path) -> list[Path]:
     "name",
     ["x.png", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("x.vtp", "x.ply", "x.mp4"))],
 )
-def test_a_file_larger_than_allowed_says_so(name: str, tmp_path: Path) -> None:
+def test_a_file_above_the_size_limit_is_reported(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(PRECIOUS)
     command = [sys.executable, "-m", "spacemap_vtk", *WRITERS[name].split(), str(tmp_path / name)]
     done = subprocess.run(
@@ -318,7 +318,7 @@ def test_a_file_larger_than_allowed_says_so(name: str, tmp_path: Path) -> None:
     ]
 
 
-def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
+def test_a_read_only_disk_is_reported(small_disk: Callable[..., Path]) -> None:
     disk = small_disk(2**16, ",ro")
     with pytest.raises(InputError, match="the disk is read-only"):
         check_output(disk / "x.png", {".png": "picture"})
@@ -327,7 +327,7 @@ def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
         pass
 
 
-def test_where_root_may_write_and_cannot_is_told_before_any_work() -> None:
+def test_an_unwritable_folder_is_refused_before_any_work() -> None:
     with pytest.raises(InputError, match="the folder /proc: it cannot be written to"):
         check_output(Path("/proc/x.png"), {".png": "picture"})
 
@@ -346,7 +346,7 @@ def test_where_root_may_write_and_cannot_is_told_before_any_work() -> None:
         ("precious.png/a.png", "precious.png is a file, not a folder"),
     ],
 )
-def test_a_new_file_takes_the_place_of_a_file_only(name: str, said: str, tmp_path: Path) -> None:
+def test_output_replaces_only_regular_files(name: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "precious.png").write_bytes(PRECIOUS)
     (tmp_path / "folder.png").mkdir()
     os.mkfifo(tmp_path / "pipe.png")
@@ -360,7 +360,7 @@ def test_a_new_file_takes_the_place_of_a_file_only(name: str, said: str, tmp_pat
     assert (tmp_path / "precious.png").read_bytes() == PRECIOUS
 
 
-def test_where_a_user_may_not_look_nothing_is_written(folder_of_nobody: Path) -> None:
+def test_nothing_is_written_into_a_forbidden_folder(folder_of_nobody: Path) -> None:
     (folder_of_nobody / "locked").mkdir(mode=0)
     with pytest.raises(InputError, match=r"the folder .*locked: permission denied"):
         check_output(folder_of_nobody / "locked/a.png", {".png": "picture"})
@@ -368,7 +368,7 @@ def test_where_a_user_may_not_look_nothing_is_written(folder_of_nobody: Path) ->
 
 @pytest.mark.parametrize("program", [f"plot plain_weave {SMALL}", f"render plain_weave {SMALL}"])
 @pytest.mark.nightly
-def test_what_libraries_log_is_no_message(program: str, tmp_path: Path) -> None:
+def test_log_messages_of_libraries_are_not_printed(program: str, tmp_path: Path) -> None:
     # matplotlib has no folder for its lists of letters, VTK no driver that draws
     lacking = {"HOME": "/proc/none", "LIBGL_DRIVERS_PATH": "/proc/none", "MPLCONFIGDIR": ""}
     command = [
@@ -394,7 +394,7 @@ def write_all(path: Path, names: list[str]) -> None:
             write_parts(folder / name, [b"new"])
 
 
-def test_a_series_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
+def test_a_series_replaces_an_earlier_one(tmp_path: Path) -> None:
     for numbers in (3, 2):
         with atomic_files(tmp_path / "a.pvd") as folder:
             (folder / "a").mkdir()
@@ -406,7 +406,7 @@ def test_a_series_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
     assert (tmp_path / "a/a_1.vtp").read_bytes() == b"\2"
 
 
-def test_a_folder_in_the_way_of_a_file_stays(tmp_path: Path) -> None:
+def test_a_folder_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     file = tmp_path / "a.png"
 
     def write_while_a_folder_appears() -> None:
@@ -420,14 +420,14 @@ def test_a_folder_in_the_way_of_a_file_stays(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["a.png", "mine"]
 
 
-def test_a_folder_in_the_way_of_one_of_many_stays(tmp_path: Path) -> None:
+def test_a_folder_is_not_replaced_by_a_file_of_a_series(tmp_path: Path) -> None:
     (tmp_path / "b.png").mkdir()
     with pytest.raises(SpacemapError, match="is a directory"):
         write_all(tmp_path / "a.png", ["a.png", "b.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["b.png"]
 
 
-def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> None:
+def test_an_error_of_another_file_is_not_blamed_on_the_output(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     target = tmp_path / "out" / "x.png"
     with pytest.raises(FileNotFoundError, match=r"mesh\.ply"), atomic_file(target):
@@ -445,13 +445,13 @@ def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> 
         (errno.EIO, "input/output error"),
     ],
 )
-def test_what_no_disk_here_says_has_its_words_too(number: int, said: str, tmp_path: Path) -> None:
+def test_rare_disk_errors_have_messages(number: int, said: str, tmp_path: Path) -> None:
     with pytest.raises(SpacemapError) as caught, atomic_file(tmp_path / "x.png") as file:
         raise OSError(number, "whatever", str(file))
     assert str(caught.value).startswith(f"{tmp_path / 'x.png'}: could not be written: {said}")
 
 
-def test_pieces_of_all_kinds_are_written(tmp_path: Path) -> None:
+def test_parts_of_all_types_are_written(tmp_path: Path) -> None:
     write_parts(
         tmp_path / "a", [b"ab", np.arange(3, dtype="<u2"), np.empty((0, 3)), memoryview(b"c")]
     )

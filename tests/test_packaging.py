@@ -53,7 +53,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 # The gate begins with the README's "pip install .", which builds a wheel of the checkout alone.
 @pytest.mark.nightly
-def test_a_wheel_from_the_sdist_has_all_files_and_runs_alone(published: Path) -> None:
+def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
     (wheel,) = published.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         (about,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
@@ -91,7 +91,7 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs_alone(published: Path) ->
 _LIBRARY = Path("spacemap_vtk/library")
 
 
-def test_the_version_comes_from_one_place_and_the_rest_is_said() -> None:
+def test_the_version_has_one_source_and_metadata_is_complete() -> None:
     told = importlib.metadata.metadata("spacemap_vtk")
     version = spacemap_vtk.__version__
     assert told["Version"] == version
@@ -138,7 +138,7 @@ def _imported() -> set[str]:
     return names - set(sys.stdlib_module_names) - {"spacemap_vtk", ""}
 
 
-def test_what_is_imported_is_declared() -> None:
+def test_imported_packages_are_declared() -> None:
     text = (ROOT / "setup.cfg").read_text("utf-8")
     declared = set(re.findall(r"^    ([\w-]+)(?:\[\w+\])? >= ", text, re.M))
     imported = _imported()
@@ -146,7 +146,7 @@ def test_what_is_imported_is_declared() -> None:
     assert imported >= _UNDECLARED.keys()
 
 
-def test_the_files_that_a_citation_names_are_there_and_name_its_author() -> None:
+def test_the_citation_names_existing_files_and_the_author() -> None:
     text = (ROOT / "CITATION.cff").read_text("utf-8")
     references = text.split("  - type: ")[1:]
     named = 0

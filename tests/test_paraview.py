@@ -152,7 +152,7 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
         process.wait()
 
 
-def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
+def test_client_and_server_work(server: tuple[int, str], tmp_path: Path) -> None:
     port, plugin = server
     picture = tmp_path / "remote.png"
     arguments = [port, ROOT / "scenes" / "32-shaft_twill.wif", picture]
@@ -197,7 +197,7 @@ def in_the_yarns_colours(picture: Path, least: float = 0.03) -> None:
 
 
 @pytest.mark.parametrize(("name", "program", "least"), ALONE)
-def test_pipeline_script(name: str, program: str, least: float, tmp_path: Path) -> None:
+def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_path: Path) -> None:
     """As its first lines say: the lines that are printed start ParaView with the plugin."""
     lines = 'eval "$(python -m spacemap_vtk paraview)"; exec "$0" "$@"'
     picture = tmp_path / "cloth.png"
@@ -229,7 +229,7 @@ def test_pipeline_scripts_in_one_batch(tmp_path: Path) -> None:
             in_the_yarns_colours(picture)
 
 
-def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
+def test_paraviews_window_shows_fabric_and_panel(tmp_path: Path) -> None:
     picture = tmp_path / "window.png"
     done = subprocess.run(
         [*XVFB, sys.executable, str(SCRIPTS / "photograph.py"), str(picture)],
@@ -290,7 +290,7 @@ def check_with(path: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-def test_check_says_that_there_is_no_paraview(tmp_path: Path) -> None:
+def test_check_reports_a_missing_paraview(tmp_path: Path) -> None:
     code, out, error = check_with(str(tmp_path))
     assert (code, out) == (1, "")
     assert error.startswith("spacemap: pvpython is not on the PATH. ")
@@ -310,7 +310,7 @@ def test_check_says_that_there_is_no_paraview(tmp_path: Path) -> None:
         ('unset PV_PLUGIN_CONFIG_FILE; exec "$REAL" "$@"', "ParaView has not loaded the plugin"),
     ],
 )
-def test_check_says_why_a_paraview_cannot_use_the_plugin(
+def test_check_reports_why_the_plugin_fails(
     does: str, says: str, tmp_path: Path
 ) -> None:
     program = tmp_path / "pvpython"

@@ -98,7 +98,7 @@ def xml(name: str) -> Element:
 
 
 @pytest.mark.parametrize("name", Everything.parameters)
-def test_the_xmls_default_is_the_declared_default(name: str) -> None:
+def test_xml_defaults_equal_the_declared_defaults(name: str) -> None:
     element, parameter = xml(name), Everything.parameters[name]
     text = element.get("default_values", "")
     numbers = {"Int": int, "Double": float}
@@ -134,7 +134,7 @@ def test_the_xmls_default_is_the_declared_default(name: str) -> None:
         ("yarn", 20.1234567),
     ],
 )
-def test_a_value_is_written_so_that_it_comes_back(name: str, given: Any) -> None:
+def test_a_value_survives_writing_and_reading(name: str, given: Any) -> None:
     parameter = Everything.parameters[name]
     value = parameter.check(given)
     written = property_of(parameter).write(value)
@@ -179,7 +179,7 @@ def test_a_value_is_written_so_that_it_comes_back(name: str, given: Any) -> None
         ("yarn", ["20"], 20.0),
     ],
 )
-def test_values_come_back(name: str, values: list[Any], expected: Any) -> None:
+def test_values_of_all_stages_survive_writing_and_reading(name: str, values: list[Any], expected: Any) -> None:
     assert read(name, *values) == expected
 
 
@@ -205,7 +205,7 @@ def test_ranges_units_and_choices_are_shown() -> None:
 
 
 @pytest.mark.parametrize("name", PROXIES)
-def test_the_panel_shows_what_counts(name: str) -> None:
+def test_the_panel_shows_the_properties_in_use(name: str) -> None:
     """As ParaView decides it, for the values of what others depend on, one after another."""
     stage = PROXIES[name]
     elements = fromstring(stage._pvsm_proxy_xml).iter()
@@ -246,7 +246,7 @@ def test_groups_are_declared_or_share_their_first_word() -> None:
 
 
 @pytest.mark.parametrize("name", PROXIES)
-def test_names_in_paraviews_python_are_unique_and_no_word_of_its_own(name: str) -> None:
+def test_property_names_are_unique_and_not_paraviews_own(name: str) -> None:
     root = fromstring(PROXIES[name]._pvsm_proxy_xml)
     names = [e.get("name") for e in root.iter() if e.tag.endswith("VectorProperty")]
     names += [e.get("name") for e in root.iter("InputProperty")]
@@ -258,7 +258,7 @@ def test_every_filter_is_offered() -> None:
     assert set(spacemap_vtk.FILTERS) <= set(PROXIES)
 
 
-def test_a_default_that_cannot_be_written_is_a_mistake_of_ours() -> None:
+def test_a_default_that_cannot_be_written_raises_an_error() -> None:
     class Odd(Parameter[complex]):
         def convert(self, value: Any) -> complex:
             if value != 1j:

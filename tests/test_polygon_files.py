@@ -38,7 +38,7 @@ SURFACES = {
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_ply_is_what_vtk_writes(name: str, tmp_path: Path) -> None:
+def test_ply_equals_the_file_of_vtk(name: str, tmp_path: Path) -> None:
     data, file, theirs = SURFACES[name](), tmp_path / "a.ply", tmp_path / "b.ply"
     write_ply(file, data)
     writer = vtkPLYWriter()
@@ -55,7 +55,7 @@ def test_ply_is_what_vtk_writes(name: str, tmp_path: Path) -> None:
     ]
 
 
-def test_ply_holds_polygons_of_more_sides_than_a_byte_counts(tmp_path: Path) -> None:
+def test_ply_stores_polygons_of_more_than_255_corners(tmp_path: Path) -> None:
     data, file = cylinder(300), tmp_path / "a.ply"
     write_ply(file, data)
     again = meshio.read(file)  # VTK's own reader counts in a byte, whatever the file says
@@ -66,7 +66,7 @@ def test_ply_holds_polygons_of_more_sides_than_a_byte_counts(tmp_path: Path) -> 
     np.testing.assert_array_equal(np.concatenate(found), theirs)
 
 
-def test_stl_is_what_vtk_writes(tmp_path: Path) -> None:
+def test_stl_equals_the_file_of_vtk(tmp_path: Path) -> None:
     data, file, theirs = pv.Sphere(theta_resolution=300), tmp_path / "a.stl", tmp_path / "b.stl"
     data = data.merge(pv.PolyData([[0.0, 0, 0]] * 3, [3, 0, 1, 2]), merge_points=False)
     write_stl(file, data)
@@ -85,6 +85,6 @@ def test_stl_is_what_vtk_writes(tmp_path: Path) -> None:
     assert np.isfinite(one["normal"]).all()
 
 
-def test_stl_of_nothing(tmp_path: Path) -> None:
+def test_an_empty_stl_is_written(tmp_path: Path) -> None:
     write_stl(tmp_path / "a.stl", pv.PolyData())
     assert len((tmp_path / "a.stl").read_bytes()) == 84

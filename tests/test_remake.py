@@ -26,7 +26,7 @@ def run(*words: object) -> int:
     return int(ended.value.code or 0)
 
 
-def test_a_file_is_made_anew_from_the_files_it_was_made_of(tmp_path: Path, capsys: Any) -> None:
+def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsys: Any) -> None:
     (tmp_path / "drafts").mkdir()
     draft, scene = tmp_path / "drafts" / "a.txt", tmp_path / "a.toml"
     draft.write_text("110\n011\n101\n")
@@ -75,7 +75,7 @@ def test_a_file_is_made_anew_from_the_files_it_was_made_of(tmp_path: Path, capsy
         ({"scene": "= ["}, "damaged"),
     ],
 )
-def test_a_strangers_record_leads_nowhere_else(
+def test_a_forged_record_reads_no_other_file(
     tmp_path: Path, capsys: Any, change: dict[str, Any], said: str
 ) -> None:
     for name in ("secret.wif", "s1.vtu"):
@@ -94,7 +94,7 @@ def test_a_strangers_record_leads_nowhere_else(
 
 
 @pytest.mark.parametrize("name", ["a.inp", "a.glb"])
-def test_another_material_is_another_file(tmp_path: Path, capsys: Any, name: str) -> None:
+def test_check_finds_a_changed_material(tmp_path: Path, capsys: Any, name: str) -> None:
     """Though its mesh, and its modes' shapes, stay as they are."""
     words = "--set", "weave.ends=2", "--set", "weave.picks=2", "--set", "modal.modes=1"
     more = ("--modes",) if name == "a.glb" else ()
@@ -106,7 +106,7 @@ def test_another_material_is_another_file(tmp_path: Path, capsys: Any, name: str
     assert re.search(r"\d lines differ", capsys.readouterr().err)
 
 
-def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
+def test_info_of_a_mesh_needs_no_library_for_its_record(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh, other = tmp_path / "a.vtkhdf", tmp_path / "a.usdc"
@@ -133,7 +133,7 @@ def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
         {"what": "moving", "tolerance": 1e-5, "subdivisions": 2},
     ],
 )
-def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
+def test_the_printed_command_can_be_parsed(asked: dict[str, Any]) -> None:
     times = tuple(asked.get("times", (0.1,) if asked["what"] == "picture" else ()))
     said = describe_record(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
     words = shlex.split(said.removeprefix("command: spacemap "))
@@ -142,6 +142,6 @@ def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
     assert Path("a b.png") in bound.kwargs.values()
 
 
-def test_an_order_that_is_no_order_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_job_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no order that this program knows"):
         job_from_json({"what": "picture", "place": [1, 2]}, tmp_path / "a.png")

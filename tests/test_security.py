@@ -56,7 +56,7 @@ def _runs_what_it_reads(module: str, node: ast.AST) -> bool:
     )
 
 
-def test_the_folders_settings_of_matplotlib_have_no_latex_run(monkeypatch, tmp_path):
+def test_settings_in_the_folder_do_not_run_latex(monkeypatch, tmp_path):
     import matplotlib
 
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\n")
@@ -68,7 +68,7 @@ def test_the_folders_settings_of_matplotlib_have_no_latex_run(monkeypatch, tmp_p
         assert new_figure().suptitle("a").get_usetex()
 
 
-def test_nothing_unpickles_evaluates_or_hands_words_to_a_shell():
+def test_no_code_unpickles_evaluates_or_starts_a_shell():
     read = {file: file.read_text(encoding="utf-8") for file in PACKAGE.rglob("*.py")}
     found = [
         f"{file}:{node.lineno}: {ast.unparse(node)}"
@@ -112,7 +112,7 @@ def _scene(home: Path, text: str) -> Scene:
         *(("~/far.wif", False), ("$HOME/far.wif", False), ("https://a.example/far.wif", False)),
     ],
 )
-def test_a_file_beyond_the_scenes_folder_is_told(home, name, far, capsys):
+def test_a_file_outside_the_scenes_folder_is_reported(home, name, far, capsys):
     above = home.parent.as_posix()
     scene = _scene(home, f'[weave]\ndraft = "{name.replace("ABOVE", above)}"\n')
     told = list(elsewhere(scene))
@@ -148,7 +148,7 @@ NAMING = [
 
 
 @pytest.mark.parametrize(("file", "text"), NAMING)
-def test_what_a_file_names_is_known(home, file, text):
+def test_referenced_files_are_found(home, file, text):
     """Far ones are told, and none is asked of another machine: there Windows would log in."""
     path = home / file
     for word in ("near.dat", "../other/far.dat"):
@@ -165,7 +165,7 @@ def test_what_a_file_names_is_known(home, file, text):
         reader.read(path)
 
 
-def test_what_named_files_name_is_known(home):
+def test_references_are_followed_recursively(home):
     (home / "a.obj").write_text("mtllib below/a.mtl\n")
     (home / "below/a.mtl").write_text("newmtl a\nmap_Kd -s 1 1 1 ../../other/a.png\n")
     (home / "a.pvd").write_text(_XML.format('<DataSet timestep="0" file="a.vtm"/>'))
@@ -176,7 +176,7 @@ def test_what_named_files_name_is_known(home):
         assert str(far) in told
 
 
-def test_links_of_hdf5_are_known(home):
+def test_links_in_hdf5_files_are_found(home):
     h5py = pytest.importorskip("h5py")
     with h5py.File(home / "a.vtkhdf", "w") as made:
         made["VTKHDF/Points"] = h5py.ExternalLink("link.h5", "/x")
@@ -189,12 +189,12 @@ def test_links_of_hdf5_are_known(home):
 
 
 @pytest.mark.parametrize("word", ["//host/share/a.wif", r"\\host\share\a.wif", r"\\?\UNC\h\s\a"])
-def test_a_scene_asks_no_other_machine(tmp_path, word):
+def test_paths_on_other_machines_are_refused(tmp_path, word):
     with pytest.raises(InputError, match="it is on another machine"):
         WeaveSource.parameters["draft"].within(word, tmp_path)
 
 
-def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
+def test_links_in_a_scenes_folder_write_nothing_elsewhere(home):
     """As that of a killed process would look, and as that of a film's frames."""
     other = home.parent / "other"
     (home / ".spacemap-0123456789ab").mkdir()
@@ -216,7 +216,7 @@ def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
     assert not (home / ".spacemap-0123456789ab").exists()
 
 
-def test_a_title_is_neither_markup_nor_what_terminals_obey(home):
+def test_titles_are_not_interpreted(home):
     title = r"[/end] \u001b]0;theirs\u0007[red]"
     scene = _scene(home, f'title = "{title}"\n[weave]\nends = 3\npicks = 3\n')
     assert scene.title == "[/end]  ]0;theirs [red]"
@@ -225,7 +225,7 @@ def test_a_title_is_neither_markup_nor_what_terminals_obey(home):
             assert console in ("markup=False", "stderr=True"), file.name
 
 
-def test_a_picture_is_no_program(monkeypatch):
+def test_postscript_pictures_are_refused(monkeypatch):
     ran = []
     monkeypatch.setattr("PIL.EpsImagePlugin.Ghostscript", lambda *given: ran.append(given))
     text = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 8\n%%EndComments\nshowpage\n%%EOF\n"
@@ -247,7 +247,7 @@ def test_a_picture_is_no_program(monkeypatch):
         ("#" * (2**24 + 1), "more than 16777216 bytes"),
     ],
 )
-def test_a_scene_that_takes_hours_to_take_apart_is_refused(tmp_path, text, told):
+def test_a_scene_that_would_take_hours_to_parse_is_refused(tmp_path, text, told):
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(InputError, match=told):
         registry.read(tmp_path / "a.toml", "scene")

@@ -48,7 +48,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
-def test_a_collection_has_a_surface_for_each_time(scene: Scene, tmp_path: Path) -> None:
+def test_a_collection_stores_a_surface_for_each_time(scene: Scene, tmp_path: Path) -> None:
     assert write(scene, tmp_path / "cloth.pvd").startswith("3 times, ")
     reader = pv.PVDReader(tmp_path / "cloth.pvd")
     assert reader.time_values == TIMES
@@ -63,7 +63,7 @@ def test_a_collection_has_a_surface_for_each_time(scene: Scene, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", ["cage.pvd", "cage_%04d.vtu"])
-def test_a_series_of_the_cage_moves_a_cage(scene: Scene, tmp_path: Path, name: str) -> None:
+def test_a_written_cage_series_moves_another_scene(scene: Scene, tmp_path: Path, name: str) -> None:
     write(scene, tmp_path / name, "cage")
     file = tmp_path / name.replace("%04d", "*")
     motion = MotionReader(file=file)
@@ -76,7 +76,7 @@ def test_a_series_of_the_cage_moves_a_cage(scene: Scene, tmp_path: Path, name: s
         )
 
 
-def test_a_file_of_all_times_has_what_stays_once(scene: Scene, tmp_path: Path) -> None:
+def test_constant_data_are_stored_once(scene: Scene, tmp_path: Path) -> None:
     for what, name in (("surface", "cloth.vtkhdf"), ("cage", "cage.vtkhdf")):
         write(scene, tmp_path / name, what)
         reader = vtkHDFReader()
@@ -112,7 +112,7 @@ def test_a_file_of_all_times_has_what_stays_once(scene: Scene, tmp_path: Path) -
     assert 0 < large - small - moving < 5000
 
 
-def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:
+def test_any_format_can_be_numbered(scene: Scene, tmp_path: Path) -> None:
     for ending in (".stl", ".glb"):
         write(scene, tmp_path / f"s-%02d{ending}", times=TIMES[1:])
         found = [pv.read(tmp_path / f"s-0{number}{ending}") for number in (0, 1)]
@@ -125,7 +125,7 @@ def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["cloth.pvd", "cloth_%d.vtp", "c.vtkhdf"])
-def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, name: str) -> None:
+def test_a_stopped_series_leaves_earlier_files(scene: Scene, tmp_path: Path, name: str) -> None:
     def stop(done: int, _of: int) -> None:
         if done == 2:
             raise Cancelled("enough")
@@ -141,7 +141,7 @@ def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, nam
     assert content(tmp_path) == before
 
 
-def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_path: Path) -> None:
+def test_a_shorter_collection_replaces_a_longer_one(scene: Scene, tmp_path: Path) -> None:
     write(scene, tmp_path / "cloth.pvd")
     write(scene, tmp_path / "cloth.pvd", times=[0.01])
     assert content(tmp_path).keys() == {"cloth.pvd", "cloth/cloth_0000.vtp"}
@@ -152,7 +152,7 @@ def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_
         make_data_job(tmp_path / "cloth.pvd")
 
 
-def test_what_stands_still_has_one_time(tmp_path: Path) -> None:
+def test_a_still_scene_has_one_time(tmp_path: Path) -> None:
     still = Scene({"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}})
     assert write(still, tmp_path / "a.vtkhdf", times=()).startswith("1 time, ")
     reader = vtkHDFReader()
@@ -167,7 +167,7 @@ def test_what_stands_still_has_one_time(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["a.vtkhdf"]
 
 
-def test_what_is_too_large_for_the_disk_is_refused_early(
+def test_output_too_large_for_the_disk_is_refused_early(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))

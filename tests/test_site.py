@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-def test_the_tests_that_the_verification_names_are_there() -> None:
+def test_tests_named_by_the_verification_page_exist() -> None:
     text = (ROOT / "docs" / "explanation" / "verification.md").read_text("utf-8")
     named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", text)
     assert len(named) >= 35

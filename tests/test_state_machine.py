@@ -460,12 +460,12 @@ def walk(steps: int, first: int, folder: Path, length: int = 100) -> list[tuple[
     raise AssertionError
 
 
-def test_a_short_walk(tmp_path: Path) -> None:
+def test_a_short_random_walk_finds_no_fault(tmp_path: Path) -> None:
     walk(60, 1, tmp_path, 60)
 
 
 @pytest.mark.nightly
-def test_a_long_walk_in_flat_memory(tmp_path: Path) -> None:
+def test_a_long_random_walk_keeps_memory_constant(tmp_path: Path) -> None:
     first = int(os.environ.get("SPACEMAP_SEED", datetime.date.today().toordinal()))
     along = walk(int(os.environ.get("SPACEMAP_STEPS", 10_000)), first, tmp_path)
     warm, half, end = along[len(along) // 4], along[len(along) // 2], along[-1]

@@ -87,7 +87,7 @@ FILES = [
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_every_cut_is_refused(tmp_path: Path, name: str) -> None:
+def test_every_truncated_file_is_refused(tmp_path: Path, name: str) -> None:
     file = written(tmp_path, name)
     content = file.read_bytes()
     source = ObjectSource(file=file)
@@ -101,7 +101,7 @@ def test_every_cut_is_refused(tmp_path: Path, name: str) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_faces_of_several_sizes_in_a_binary_ply(tmp_path: Path) -> None:
+def test_a_binary_ply_with_faces_of_several_sizes_is_checked(tmp_path: Path) -> None:
     """Triangles and quadrilaterals mixed, which VTK's own writer also writes."""
     points = np.random.default_rng(0).random((9, 3))
     faces = [3, 0, 1, 2, 4, 1, 2, 3, 4, 3, 5, 6, 7, 5, 0, 2, 4, 6, 8]
@@ -117,7 +117,7 @@ def test_faces_of_several_sizes_in_a_binary_ply(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("kind", ["surface", "lines", "image", "rectilinear", "structured", "old"])
-def test_whole_legacy_files_are_whole(tmp_path: Path, kind: str, binary: bool) -> None:
+def test_complete_legacy_files_are_accepted(tmp_path: Path, kind: str, binary: bool) -> None:
     file, box = tmp_path / "thing.vtk", pv.ImageData(dimensions=(3, 4, 5))
     box["heat"] = np.arange(60.0)
     box["way"] = np.random.default_rng(0).random((60, 3))
@@ -148,7 +148,7 @@ def test_whole_legacy_files_are_whole(tmp_path: Path, kind: str, binary: bool) -
     assert legacy_is_cut_off(file)
 
 
-def test_netcdf_of_every_version(tmp_path: Path) -> None:
+def test_truncated_netcdf_of_every_version_is_found(tmp_path: Path) -> None:
     """SciPy writes them, with records and without."""
     from scipy.io import netcdf_file
 

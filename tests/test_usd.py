@@ -51,7 +51,7 @@ def curve_samples(stage: Any, second: float) -> np.ndarray:
     return np.concatenate([basis @ part for part in parts])
 
 
-def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
+def test_blend_shapes_give_the_same_points(tmp_path: Path) -> None:
     values = {**SMALL, "modal": {"youngs_modulus": 500}, "response": {}}
     scene, times = Scene(values), np.linspace(0.0, 0.1, 6)
     made = make_moving_surface(scene, times.tolist(), 1e-6, lambda done, of: None)

@@ -117,7 +117,7 @@ def naive_sections(path):
     return sections
 
 
-def test_real_draft_against_a_naive_reading():
+def test_a_real_draft_equals_a_naive_reading():
     sections = naive_sections(REAL)
     draft = found = read_wif(REAL)
     expected = np.zeros((62, 62), dtype=bool)
@@ -177,7 +177,7 @@ ALLOWED = {
 
 
 @pytest.mark.parametrize("name", ALLOWED)
-def test_allowed(name):
+def test_variants_of_the_standard_give_no_warning(name):
     changes, expected = ALLOWED[name]
     draft = parse_wif(changed(changes))
     assert rows(draft) == expected
@@ -199,7 +199,7 @@ def test_any_order_of_sections():
         *((name, 0.01) for name in ("Centimeters", "centimetres", "Centimeter", "CM", "c.m.")),
     ],
 )
-def test_units(units, metres):
+def test_units_are_converted_to_metres(units, metres):
     draft = parse_wif(changed({19: f"Units={units}", 20: "Spacing=.5"}))
     assert draft.warp.spacing == pytest.approx(0.5 * metres, rel=1e-15)
     assert draft.weft.spacing == 0.002
@@ -217,13 +217,13 @@ def test_units(units, metres):
         ("0,255", "255;comment", None),
     ],
 )
-def test_colour_ranges(range_, color, expected):
+def test_colour_ranges_are_scaled_to_255(range_, color, expected):
     draft = parse_wif(changed({28: f"Range={range_}", 30: f"1={color}", 31: "2=0,0,0"}))
     if expected:
         assert draft.warp.colors.tolist() == [expected] * 4
 
 
-def test_inline_colours_stand_in_for_the_palette():
+def test_inline_colours_replace_a_missing_palette():
     draft = parse_wif(changed({18: "Color=7,1,2,3", 23: "Color=1,9,9,9"}))
     assert draft.warp.colors.tolist() == [[1, 2, 3]] * 4
     # the table wins, as the standard has it
@@ -231,7 +231,7 @@ def test_inline_colours_stand_in_for_the_palette():
     assert draft.warnings == ()
 
 
-def test_no_colours_at_all():
+def test_a_draft_may_have_no_colours():
     gone = dict.fromkeys([10, 11, 18, 23, *range(26, 32)])
     draft = parse_wif(changed(gone))
     assert (draft.warp.colors, draft.weft.colors, draft.warnings) == (None, None, ())
@@ -239,7 +239,7 @@ def test_no_colours_at_all():
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("codec", ["utf-8", "utf-8-sig"])
-def test_encodings_and_line_ends(codec, end):
+def test_encodings_and_line_ends_are_detected(codec, end):
     text = changed({3: "[TEXT]\nTitle=Köper; breit \n[CONTENTS]\nTEXT=1"}).replace("\n", end)
     draft = parse_wif(text.encode(codec))
     # a semicolon in a string is no comment
@@ -247,7 +247,7 @@ def test_encodings_and_line_ends(codec, end):
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_latin_1_is_noted_where_it_shows(end):
+def test_latin_1_is_reported_with_its_line(end):
     text = changed({3: "[TEXT]\nTitle=Köper\n[CONTENTS]\nTEXT=1"}).replace("\n", end)
     draft = parse_wif(text.encode("latin-1"))
     assert draft.title == "Köper"
@@ -256,7 +256,7 @@ def test_latin_1_is_noted_where_it_shows(end):
     assert "Latin-1" in draft.warnings[0]
 
 
-def test_utf_16():
+def test_utf_16_is_read_with_a_warning():
     draft = parse_wif(BASE.encode("utf-16"))
     assert rows(draft) == PLAIN
     assert draft.warnings[0].startswith("line 1: the file is UTF-16")
@@ -361,7 +361,7 @@ LENIENT = {
 
 
 @pytest.mark.parametrize("name", LENIENT)
-def test_leniency(name):
+def test_a_clear_fault_is_read_with_one_warning(name):
     changes, line, said, expected = LENIENT[name]
     found = parse_wif(changed(changes))
     draft = found
@@ -372,14 +372,14 @@ def test_leniency(name):
     same(written(found), parse_wif(format_wif(found)))
 
 
-def test_a_warning_is_given_once_with_the_count():
+def test_equal_warnings_are_counted():
     draft = parse_wif(changed({33: "1=1 x", 35: "3=1 y", 38: "1=1 z"}))
     assert draft.warnings == (
         'line 33: "x" after the numbers is ignored (and 2 more, the last in line 38)',
     )
 
 
-def test_all_that_is_odd_about_the_head_is_one_line():
+def test_faults_of_the_header_share_one_warning():
     bare = parse_wif(changed(dict.fromkeys(range(1, 12))))
     assert bare.warnings == (
         "line 1: section [WIF] is missing; version 1.1 is assumed; section [CONTENTS] is missing",
@@ -395,13 +395,13 @@ def test_all_that_is_odd_about_the_head_is_one_line():
     )
 
 
-def test_units_of_nobody_are_inches():
+def test_missing_units_are_inches():
     draft = parse_wif(changed({19: None, 24: None}))
     assert draft.warp.spacing == 0.1 * 0.0254
     assert [warning.split(":")[0] for warning in draft.warnings] == ["line 16", "line 20"]
 
 
-def test_values_that_leniency_gives():
+def test_values_read_from_faulty_lines():
     assert parse_wif(changed({28: None, 30: "1=999,500,0"})).warp.colors[0].tolist() == [
         255,
         128,
@@ -456,7 +456,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_refusal(name):
+def test_an_unclear_fault_is_refused_with_its_line(name):
     changes, line, said, kind = REFUSED[name]
     text = "hello" if changes is None else changed(changes)
     tracemalloc.start()
@@ -472,7 +472,7 @@ def test_refusal(name):
     assert caught.value.cure
 
 
-def test_refusal_names_key_value_and_cure():
+def test_an_error_names_key_value_and_cure():
     with pytest.raises(InputError) as caught:
         parse_wif(changed({34: "2=two"}))
     error = caught.value
@@ -482,7 +482,7 @@ def test_refusal_names_key_value_and_cure():
     )
 
 
-def test_too_long(monkeypatch, tmp_path):
+def test_a_file_that_is_too_large_is_refused(monkeypatch, tmp_path):
     monkeypatch.setattr(wif, "MAX_LENGTH", 100)
     with pytest.raises(SizeError, match="too large"):
         parse_wif(BASE)

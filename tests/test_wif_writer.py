@@ -22,7 +22,7 @@ from spacemap_vtk.textile.drafts.loom import Loom
 # --- the loom, and round trips
 
 
-def test_real_draft_written_and_read_again():
+def test_a_real_draft_is_the_same_after_a_round_trip():
     found = read_wif(REAL)
     again = parse_wif(format_wif(found))
     same(found, again)
@@ -34,7 +34,7 @@ def test_real_draft_written_and_read_again():
     assert derived.loom.shafts == 32
 
 
-def test_sparse_colours_and_lengths_over_the_defaults():
+def test_sparse_colours_and_lengths_override_the_defaults():
     extra = "[WARP COLORS]\n3=2\n[WARP SPACING]\n2=0.3\n[WARP THICKNESS]\n4=0.05\n1=0.05\n[WARP]"
     listed = "COLOR TABLE=true\nWARP COLORS=1\nWARP SPACING=1\nWARP THICKNESS=1"
     found = parse_wif(changed({16: extra, 11: listed, 20: "Spacing=0.1\nThickness=0.02"}))
@@ -49,7 +49,7 @@ def test_sparse_colours_and_lengths_over_the_defaults():
     same(found, parse_wif(format_wif(found)))
 
 
-def test_smallest_loom():
+def test_the_smallest_loom_is_written():
     loom = Loom.from_drawdown(np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]], dtype=bool))
     assert loom.threading == ((1,), (2,), (1,))
     assert loom.tieup == ((1,), ())
@@ -77,7 +77,7 @@ def drafts(draw):
 
 @settings(max_examples=150, deadline=None)
 @given(drafts())
-def test_any_draft_written_and_read(draft):
+def test_any_draft_survives_a_round_trip(draft):
     first = parse_wif(format_wif(draft))
     same(dataclasses.replace(written(draft), title=first.title, loom=first.loom), first)
     assert first.title == re.sub("[\r\n]+", " ", draft.title).strip()
@@ -127,7 +127,7 @@ def naive_drawdown(loom):
 
 @settings(max_examples=150, deadline=None)
 @given(looms(), st.data())
-def test_any_loom_written_and_read(loom, data):
+def test_any_loom_survives_a_round_trip(loom, data):
     drawdown = loom.drawdown()
     assert drawdown.tolist() == naive_drawdown(loom)
     own = arrays(np.float64, drawdown.shape[1], elements=st.floats(1e-6, 1.0))
@@ -137,7 +137,7 @@ def test_any_loom_written_and_read(loom, data):
     same(written(first), parse_wif(format_wif(first)))
 
 
-def test_what_is_given_for_each_thread_has_a_default():
+def test_defaults_are_written_besides_values_of_threads():
     each = np.array([1e-3, 2e-3, 2e-3, 3e-3])
     found = parse_wif(BASE)
     found = dataclasses.replace(found, warp=dataclasses.replace(found.warp, thickness=each))
@@ -147,7 +147,7 @@ def test_what_is_given_for_each_thread_has_a_default():
     np.testing.assert_array_equal(parse_wif(format_wif(found)).warp.thickness, each)
 
 
-def test_a_changed_drawdown_is_written_with_another_loom():
+def test_a_changed_drawdown_is_written_with_a_new_loom():
     found = parse_wif(BASE)
     again = parse_wif(format_wif(dataclasses.replace(found, drawdown=~found.drawdown)))
     np.testing.assert_array_equal(again.drawdown, ~found.drawdown)
@@ -189,7 +189,7 @@ NASTY = [
         st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=4)), max_size=8
     ),
 )
-def test_fuzz_bytes(data, changes):
+def test_random_bytes_are_read_or_refused(data, changes):
     for where, drop, put in changes:
         at = where % len(data)
         data = data[:at] + put + data[at + drop :]
@@ -204,7 +204,7 @@ def test_fuzz_bytes(data, changes):
         st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.sampled_from(NASTY)), max_size=6
     )
 )
-def test_fuzz_lines(changes):
+def test_random_lines_are_read_or_refused(changes):
     lines = FULL.split("\n")
     for where, how, put in changes:
         at = where % len(lines)
@@ -215,11 +215,11 @@ def test_fuzz_lines(changes):
 
 @fuzz
 @given(st.text() | st.binary())
-def test_fuzz_anything(data):
+def test_random_text_is_read_or_refused(data):
     understood_or_refused(data)
 
 
-def test_fuzz_truncated_and_shuffled_real_draft():
+def test_a_truncated_or_shuffled_draft_is_read_or_refused():
     data = REAL.read_bytes()
     for size in range(0, len(data), 97):
         understood_or_refused(data[:size])
@@ -227,11 +227,11 @@ def test_fuzz_truncated_and_shuffled_real_draft():
 
 
 @pytest.mark.parametrize("module", [wif, wif_writer])
-def test_examples(module):
+def test_known_hard_inputs_are_read_or_refused(module):
     assert doctest.testmod(module).failed == 0
 
 
-def test_a_treadling_for_picks_that_the_cloth_lacks_presses_nothing():
+def test_treadling_beyond_the_picks_is_ignored():
     """Found by fuzzing: its pick is beyond Threads, so the liftplan has to weave the cloth."""
     text = BASE.replace("[TREADLING]\n1=1\n2=2", "[TREADLING]\n12=2") + "[LIFTPLAN]\n1=1\n2=2\n"
     assert "12=2" in text

@@ -58,11 +58,11 @@ FILES = [
         ('color = "stress"', []),
     ],
 )
-def test_the_check_sees_what_it_should(line: str, found: list[str]) -> None:
+def test_the_spelling_check_finds_american_words(line: str, found: list[str]) -> None:
     assert american(line) == found
 
 
-def test_people_read_one_spelling() -> None:
+def test_texts_use_british_spelling() -> None:
     assert len(FILES) > 100
     wrong = [
         f"{file.relative_to(ROOT)}:{number}: {word}"
@@ -73,7 +73,7 @@ def test_people_read_one_spelling() -> None:
     assert wrong == []
 
 
-def test_labels_are_words_and_keys_are_keys() -> None:
+def test_labels_are_spelt_as_words() -> None:
     from spacemap_vtk.filters.modal_solver import ModalSolver
     from spacemap_vtk.scenes.settings import View
 
