@@ -1,8 +1,8 @@
-"""Hold docstrings to their rule; exit 1 and list what breaks it.
+"""Check docstrings; exit with 1 and list the faults.
 
-What a user imports, and each kernel's entry, has numpydoc with shapes, units, errors and source;
-everything else one line, or none where the name says it. A kernel's entry is a public name of the
-science that another room imports.
+Names that a user imports, and the entries of each kernel, need numpydoc with shapes, units, errors
+and source. All others have one line, or none if the name says enough. An entry of a kernel is a
+public name that another folder imports.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpydoc.validate import validate
 import spacemap_vtk
 from spacemap_vtk.extensions import OWN
 
-#: Style that this project does not follow; every other check of numpydoc holds.
+#: Checks of numpydoc that this project does not use.
 IGNORED = {
     "ES01",  # an extended summary is for what needs one
     "EX01",  # likewise an example
@@ -35,11 +35,11 @@ IGNORED = {
 HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
 SCIENCE = {"textile", "cage", "mechanics", "embedding"}
-#: Modules of which a user, or who writes a stage, meets every public name.
+#: Modules whose public names are all for users or authors of stages.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
 USERS |= {"filters.base", "filters.load", "filters.textile"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
-#: The modules and names of optional parts, which are imported by these names.
+#: Modules and names of optional parts, which are imported by name.
 PARTS = {group: [tuple(value.split(":")) for value in own.values()] for group, own in OWN.items()}
 #: Modules whose docstrings are the help of commands.
 COMMANDS = {"spacemap_vtk.cli", *(module for module, _ in PARTS["commands"])}
@@ -48,34 +48,38 @@ Named = ast.FunctionDef | ast.ClassDef
 
 
 def modules() -> Iterator[tuple[str, str, ast.Module]]:
-    """Yield name and room of each module, without the package's name, and its syntax."""
-    # One after another: the syntax of all at once costs the collector more than to parse twice.
+    """Yield name, folder and syntax tree of each module, without the name of the package."""
+    # One after another, because collecting all trees at once costs more than parsing twice.
     for file in sorted(HERE.rglob("*.py")):
         name = ".".join(file.relative_to(HERE).with_suffix("").parts)
         yield name, name.rpartition(".")[0].split(".")[0], ast.parse(file.read_text())
 
 
 def imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """Yield module and name of all that is imported from the package, and of what is taken so."""
+    """Yield module and name of all imports from the package, also of attributes of modules."""
     prefix = "spacemap_vtk."
-    whole, taken = {}, []
+    modules_by_name, attributes = {}, []
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(prefix):
             for alias in node.names:
                 yield str(node.module)[len(prefix) :], alias.name
-                whole[alias.asname or alias.name] = f"{node.module}.{alias.name}"[len(prefix) :]
+                modules_by_name[alias.asname or alias.name] = f"{node.module}.{alias.name}"[
+                    len(prefix) :
+                ]
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            taken.append((node.value.id, node.attr))
-    yield from ((whole[owner], name) for owner, name in taken if owner in whole)
+            attributes.append((node.value.id, node.attr))
+    yield from (
+        (modules_by_name[owner], name) for owner, name in attributes if owner in modules_by_name
+    )
 
 
 def documented() -> set[tuple[str, str]]:
-    """Return module and name of what has to be documented in full."""
+    """Return module and name of all objects that need full documentation."""
     found = {
         (module, name)
-        for _, room, tree in modules()
+        for _, folder, tree in modules()
         for module, name in imported(tree)
-        if module.split(".")[0] in SCIENCE - {room}
+        if module.split(".")[0] in SCIENCE - {folder}
     }
     kernels = {(module.removeprefix("spacemap_vtk."), name) for module, name in PARTS["maps"]}
     found |= {each for each in kernels if each[0].split(".")[0] in SCIENCE}
@@ -85,7 +89,7 @@ def documented() -> set[tuple[str, str]]:
 
 
 def faults() -> Iterator[str]:
-    """Yield what is wrong."""
+    """Yield the faults of all docstrings."""
     entries = documented()
     for module, _, tree in modules():
         for node in tree.body:
@@ -93,13 +97,13 @@ def faults() -> Iterator[str]:
                 continue
             public = not node.name.startswith("_")
             full = public and (module in USERS or (module, node.name) in entries)
-            yield from _one(module, node.name, node, full)
+            yield from _check_one(module, node.name, node, full)
             for inner in node.body if isinstance(node, ast.ClassDef) else ():
                 if isinstance(inner, Named):
                     # What overrides a documented method, or one of VTK's, keeps its contract.
                     shown = full and inner.name[0].islower()
                     shown = shown and not _inherited(module, node.name, inner.name)
-                    yield from _one(module, f"{node.name}.{inner.name}", inner, shown)
+                    yield from _check_one(module, f"{node.name}.{inner.name}", inner, shown)
 
 
 def _inherited(module: str, owner: str, name: str) -> bool:
@@ -108,7 +112,7 @@ def _inherited(module: str, owner: str, name: str) -> bool:
     return any(name in vars(base) for base in bases)
 
 
-def _one(module: str, name: str, node: Named, full: bool) -> Iterator[str]:
+def _check_one(module: str, name: str, node: Named, full: bool) -> Iterator[str]:
     text = ast.get_docstring(node, clean=False)
     if text is not None and full:
         for code, what in validate(f"spacemap_vtk.{module}.{name}")["errors"]:
@@ -116,9 +120,9 @@ def _one(module: str, name: str, node: Named, full: bool) -> Iterator[str]:
             if code not in IGNORED and not (code == "PR01" and name[:1].isupper()):
                 yield f"{module}.{name}: {code} {what}"
     elif full and "." not in name:
-        yield f"{module}.{name}: a user, or another room, imports it, and has no docstring"
+        yield f"{module}.{name}: imported by users or another folder, but has no docstring"
     elif text is not None and "\n" in text.strip() and not _is_command(module):
-        yield f"{module}.{name}: one line will do"
+        yield f"{module}.{name}: the docstring must be one line"
 
 
 def _is_command(module: str) -> bool:
@@ -127,5 +131,5 @@ def _is_command(module: str) -> bool:
 
 if __name__ == "__main__":
     wrong = list(faults())
-    print("\n".join(wrong) or "docstrings: all as they should be")
+    print("\n".join(wrong) or "docstrings: no faults")
     sys.exit(bool(wrong))

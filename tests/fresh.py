@@ -22,14 +22,14 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Vector
 
 STAGES = {name: getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS}
-#: Results that are known at a time.
+#: Number of results that are kept.
 KNOWN = 500
 
-#: What is usual of a unit, where no default tells.
-USUAL = {"m": 3e-4, "1/m": 2e3, "Pa": 1e6, "N/m": 1e3, "N.m": 1e-6, "N": 1e-3, "N.m2": 1e-9}
-USUAL |= {"N.m/kg": 1e6, "kg/m3": 300.0, "kg/m2": 0.1, "kg/m": 2e-5, "s": 1e-4, "deg": 30.0}
-#: What a range does not tell, or would make large or slow, or other at each run.
-GIVEN: dict[str, list[Any]] = {
+#: Typical values by unit, where a parameter has no default.
+TYPICAL = {"m": 3e-4, "1/m": 2e3, "Pa": 1e6, "N/m": 1e3, "N.m": 1e-6, "N": 1e-3, "N.m2": 1e-9}
+TYPICAL |= {"N.m/kg": 1e6, "kg/m3": 300.0, "kg/m2": 0.1, "kg/m": 2e-5, "s": 1e-4, "deg": 30.0}
+#: Values of parameters whose range does not give useful, small and repeatable ones.
+VALUES: dict[str, list[Any]] = {
     "pattern": ["plain", "twill 2/1", "satin 5/2", "basket 2", ["10", "01"]],
     "ends": [1, 2, 3],
     "picks": [1, 2, 3],
@@ -61,8 +61,8 @@ GIVEN: dict[str, list[Any]] = {
     "carried": ["", "velocity von_mises"],
     "subdivisions": [1, 2, 3],
 }
-#: Small from the start.
-BEGIN: dict[str, dict[str, Any]] = {
+#: Initial values that make every stage small.
+SMALL: dict[str, dict[str, Any]] = {
     "WeaveSource": {"ends": 2, "picks": 2},
     "TetraCage": {"divisions": (1, 1, 1)},
     "ModalSolver": {"modes": 3},
@@ -71,8 +71,8 @@ BEGIN: dict[str, dict[str, Any]] = {
 }
 
 
-def written(folder: Path) -> dict[str, list[Any]]:
-    """Write objects, a cage and one that moves; return what each stage may read, also in vain."""
+def write_inputs(folder: Path) -> dict[str, list[Any]]:
+    """Write objects, a cage and a moving cage; return paths for each stage, one of them missing."""
     pv.Sphere(radius=1e-3, theta_resolution=4, phi_resolution=4).save(folder / "ball.ply")
     pv.Cube(x_length=2e-3, y_length=1e-3, z_length=1e-3).save(folder / "cube.ply")
     corners = 1e-2 * np.eye(4, 3) - 2e-3
@@ -90,7 +90,7 @@ def written(folder: Path) -> dict[str, list[Any]]:
 
 
 def in_range(parameter: Parameter[Any]) -> list[Any]:
-    """Return values out of a declared range: usual ones, and its own ends."""
+    """Return values in a declared range: typical ones, and its ends."""
     if isinstance(parameter, Series):
         values = in_range(parameter.component)
         return [*values, values[:2]]
@@ -104,7 +104,7 @@ def in_range(parameter: Parameter[Any]) -> list[Any]:
     if isinstance(parameter, Real):
         usual = getattr(parameter, "default", None)  # a component has none
         if not usual:
-            usual = 1 if isinstance(parameter, Integer) else USUAL.get(parameter.unit, 0.3)
+            usual = 1 if isinstance(parameter, Integer) else TYPICAL.get(parameter.unit, 0.3)
         usual = max(usual, parameter.minimum or 0)
         free = parameter.maximum is None and parameter.below is None
         ends = [end for end in (parameter.minimum, parameter.maximum) if end is not None]
@@ -113,18 +113,18 @@ def in_range(parameter: Parameter[Any]) -> list[Any]:
 
 
 def values_of(parameter: Parameter[Any], files: list[Any]) -> list[Any]:
-    """Return values that a parameter takes."""
-    values = GIVEN.get(parameter.name) or in_range(parameter)
+    """Return values that a parameter accepts."""
+    values = VALUES.get(parameter.name) or in_range(parameter)
     if parameter.kind == "file":
         values = files if parameter.name == "file" else []
     return values + [None, "auto"] * bool(parameter.automatic)
 
 
-def wrong_for(parameter: Parameter[Any]) -> list[Any]:
-    """Return values that are to be refused."""
+def wrong_values(parameter: Parameter[Any]) -> list[Any]:
+    """Return values that must be refused."""
     wrong: list[Any] = [object(), {"a": 1}]
     if isinstance(parameter, (Series, Vector)):
-        wrong += [[], *([value] for value in wrong_for(parameter.component))]
+        wrong += [[], *([value] for value in wrong_values(parameter.component))]
     if isinstance(parameter, Real):
         wrong += [math.nan, -math.inf, True, "many", "1 parsec"]
         wrong += [1.5] if isinstance(parameter, Integer) else []
@@ -137,7 +137,7 @@ def wrong_for(parameter: Parameter[Any]) -> list[Any]:
 
 
 def digest(data: Any) -> str:
-    """Return a digest of all that a data set holds, to the last bit, and in its order."""
+    """Return a digest of all arrays of a data set, bit by bit and in order."""
     parts = [data.GetPoints().GetData()] if data.GetPoints() else []
     if data.IsA("vtkPolyData"):
         tables = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
@@ -156,8 +156,8 @@ def digest(data: Any) -> str:
     return seen.hexdigest()
 
 
-def told(error: Exception) -> str:
-    """Return an error's words, without the addresses that VTK's have."""
+def error_text(error: Exception) -> str:
+    """Return the text of an error without the addresses in VTK's messages."""
     return f"{type(error).__name__}: " + re.sub(r"(0x|0000)[0-9a-fA-F]+", "", str(error))
 
 
@@ -172,7 +172,7 @@ def key(content: Content) -> str:
 
 
 def build(content: Content, made: dict[Content, Any]) -> Any:
-    """Return a stage, or data, made and connected for nothing but this content."""
+    """Return a stage or data that are made and connected for this content only."""
     if content not in made:
         kind, values, _, inputs = content
         above = [build(each, made) for each in inputs]
@@ -187,7 +187,7 @@ def build(content: Content, made: dict[Content, Any]) -> Any:
 
 
 def fresh(content: Content, known: dict[str, Made]) -> Made:
-    """Return what stages make that are made for this alone."""
+    """Return the results of stages that are made for this content only."""
     if (name := key(content)) in known:
         return known[name]
     made: dict[Content, Any] = {}
@@ -204,7 +204,7 @@ def fresh(content: Content, known: dict[str, Made]) -> Made:
         try:
             one or stage.update(part[2])
         except SpacemapError as error:
-            errors[key(part)] = told(error)
+            errors[key(part)] = error_text(error)
     while len(known) >= KNOWN:
         del known[next(iter(known))]
     if not errors:

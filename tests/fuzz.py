@@ -1,13 +1,13 @@
-"""Fuzzing: damaged files and words through every reader, each run in a process that may die.
+"""Fuzzing: pass damaged files and texts through every reader, in processes that may die.
 
     python tests/fuzz.py .wif .ply scene --runs 100000 --seed 1 [--guided] [--keep FOLDER]
 
-A run changes one of a target's seeds in a few steps, reads it as a person's command would, and asks
-for a result or a `SpacemapError` that names what is wrong, nothing printed, no warning of Python's,
-no more than `SECONDS` of work nor `MEMORY` more. Whatever else happens, the end of the process too,
-is told once for each place, and its input kept. The same seed gives the same runs; with --guided
-atheris chooses the steps by the branches that they reach (pip install 'spacemap_vtk[fuzz]'). What
-was found in how many runs stands in fuzz.toml; test_fuzz.py runs a sample.
+A run changes one of a target's seeds in a few steps and reads it as a command would. It must give a
+result or a `SpacemapError` that says what is wrong, print nothing, raise no Python warning, and use
+at most `SECONDS` of processor time and `MEMORY` bytes more. Anything else, also the end of the
+process, is reported once for each place, and its input is kept. The same seed gives the same runs;
+with --guided, atheris chooses the steps by the branches that they reach (pip install
+'spacemap_vtk[fuzz]'). fuzz.toml lists the runs and the faults found; test_fuzz.py runs a sample.
 
 The program lets another process read a mesh first (`spacemap_vtk.io.crash_check`), which takes ten
 times as long. Meshes are therefore read here as that process reads them. A file that ends this
@@ -153,7 +153,7 @@ def _motion(path: Path) -> None:
     reader.update(0.75)
 
 
-def _told(path: Path) -> None:
+def _record(path: Path) -> None:
     from spacemap_vtk.io.provenance import read_record
     from spacemap_vtk.scenes.origin import scene_of
 
@@ -162,8 +162,8 @@ def _told(path: Path) -> None:
         scene_of(record, [path.parent])
 
 
-def _kept(data: bytes, folder: Path) -> None:
-    """Let stages find an entry in their cache that is not what they have stored."""
+def _cache_entry(data: bytes, folder: Path) -> None:
+    """Read a damaged cache entry as the stages do."""
     from spacemap_vtk import cache
     from spacemap_vtk.filters import modal_solver, transient_response
 
@@ -177,7 +177,7 @@ def _kept(data: bytes, folder: Path) -> None:
 
 
 @cache
-def _assigned() -> Any:
+def _empty_scene() -> Any:
     from spacemap_vtk.scenes.scene import Scene
 
     return Scene({})
@@ -188,13 +188,13 @@ def _set(data: bytes, folder: Path) -> None:
     from spacemap_vtk.scenes.scene import Scene
 
     text = os.fsdecode(data)  # as the command line has it
-    swept(text, _assigned().parts)
+    swept(text, _empty_scene().parts)
     if len(data) % 16 == 0:  # what connects the stages anew takes ten times as long
         Scene({}).set(text)
 
 
 def _command(*words: str) -> Callable[[bytes, Path], None]:
-    """Run a command on a file in {}. It ends with 0 and a whole file, or without any."""
+    """Run a command on a file in {}; it must end with 0 and a complete file, or write none."""
 
     def run(data: bytes, folder: Path) -> None:
         from contextlib import redirect_stderr, redirect_stdout
@@ -238,11 +238,11 @@ def _texture(path: Path) -> None:
 
 @cache
 def targets() -> dict[str, Target]:
-    """Return all of them: an ending that is registered is one."""
+    """Return all targets by name; each registered ending is one."""
     found = [
         Target("scene", "scene", _in_file("a.toml", _scene)),
         Target("set", "set", _set),
-        Target("modes", "modes", _kept),
+        Target("modes", "modes", _cache_entry),
         Target("table", "table", _in_file("a.csv", _table)),
         Target("picture", "picture", _in_file("a.png", _draft)),
         Target("texture", "picture", _in_file("a.png", _texture)),
@@ -258,7 +258,7 @@ def targets() -> dict[str, Target]:
         found.append(Target(f"{by}:{file}", file, _named(file, by)))
     for ending in (".wif", ".html", ".png", ".vtp", ".glb"):
         kind = f"record{ending}"
-        found.append(Target(kind, kind, _in_file(f"a{ending}", _told)))
+        found.append(Target(kind, kind, _in_file(f"a{ending}", _record)))
     for given, made in ((".wif", ".dtx"), (".dtx", ".wif"), (".wpo", ".txt"), (".txt", ".wif")):
         words = "convert", "{}/a" + given, "{}/b" + made
         found.append(Target(f"convert{given}", given, _command(*words)))
@@ -270,8 +270,8 @@ def targets() -> dict[str, Target]:
 # --- a run
 
 
-def prepare() -> None:
-    """Let the program think that there is little memory, and Python's warnings be errors."""
+def limit_resources() -> None:
+    """Limit the memory that the program sees, and raise Python warnings as errors."""
     from spacemap_vtk import memory
     from spacemap_vtk.errors import SpacemapWarning
     from spacemap_vtk.io import crash_check
@@ -284,7 +284,7 @@ def prepare() -> None:
 
 
 def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, str] | None]:
-    """Read once; return whether it was refused, and what is wrong with that, and where."""
+    """Read once; return whether it was refused, and the fault and its place if there is one."""
     from spacemap_vtk.errors import MissingLibraryError, SpacemapError
 
     begin, told = time.process_time(), os.fstat(2).st_size
@@ -310,8 +310,8 @@ def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, s
     return refused, found
 
 
-def furnish(folder: Path) -> None:
-    """Write what is beside the files that are read."""
+def write_companions(folder: Path) -> None:
+    """Write the files that the tested files refer to."""
     for name, content in beside().items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -319,7 +319,7 @@ def furnish(folder: Path) -> None:
 
 
 def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
-    """Do the runs that are left, and write in shared memory which is under way."""
+    """Do the remaining runs, and write the current one into shared memory."""
     size = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
     index, refused, ended, _ = _BOARD.unpack_from(board)
     first, seen = index, set[str]()
@@ -366,7 +366,7 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
 
 
 class Campaign:
-    """Runs of a target, in as many processes as die of them."""
+    """Runs of a target, in a new process after each one that died."""
 
     def __init__(self, name: str, runs: int, seed: int, keep: Path, guided: bool = False) -> None:
         self.name, self.runs, self.seed, self.keep, self.guided = name, runs, seed, keep, guided
@@ -376,13 +376,13 @@ class Campaign:
         self.corpus.mkdir(parents=True, exist_ok=True)
 
     def run(self) -> dict[str, Any]:
-        """Do them; return what there is to record."""
+        """Do the runs; return the record of the campaign."""
         begin, log, edges = time.monotonic(), self.keep / "log", 0
         board = mmap.mmap(-1, _BOARD.size + LONGEST)
         target = targets()[self.name]
         self.room.mkdir(exist_ok=True)
         if target.tried:
-            furnish(self.room)
+            write_companions(self.room)
             if not self.guided:  # what reads is imported, what tries is started, before any fork
                 for seed in target.seeds:
                     fault(target, seed, self.room)
@@ -431,12 +431,12 @@ class Campaign:
         return made | {"found": found, "seconds": round(time.monotonic() - begin)}
 
     def found(self) -> list[dict[str, str]]:
-        """Return what was found, of any target, in this folder."""
+        """Return the faults found so far in this folder, of all targets."""
         file = self.keep / "found.jsonl"
         return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
     def save(self, data: bytes, kind: str, what: str) -> None:
-        """Keep what was found, unless the same was found before."""
+        """Save a fault unless the same was found before."""
         known = self.found()
         if any((each["target"], each["kind"]) == (self.name, kind) for each in known):
             return
@@ -467,13 +467,13 @@ def main() -> None:
             for name in given.targets or targets():
                 for seed in targets()[name].seeds:  # what reads it is imported now
                     fault(targets()[name], seed, Path(room))
-    prepare()
+    limit_resources()
     keep = given.keep or Path(tempfile.mkdtemp())
     for name in given.targets or targets():
         made = Campaign(name, given.runs, given.seed, keep, given.guided).run()
         words = (f"{key} = {json.dumps(value)}" for key, value in made.items())
         print(f"    {{ {', '.join(words)} }},", flush=True)
-    print(f"# what was found lies in {keep}", file=sys.stderr)
+    print(f"# faults are in {keep}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Kills commands at random moments, and looks at what is left.
+"""Kill commands at random moments, and check the files that are left.
 
-``python tests/killed.py COUNT SEED [SIGTERM] [NAME ...]`` prints what each kill hit, and at last
-how many it were; ``... killed.py both [NAME ...]`` lets two processes write one output at once.
+``python tests/killed.py COUNT SEED [SIGTERM] [NAME ...]`` prints what each kill hit, and at the
+end the counts; ``python tests/killed.py both [NAME ...]`` lets two processes write one output at once.
 
-Each command runs in a fork of this process, which has all imported and one thread, so that it takes
-what it takes and no second for its start. A third of the kills come at any time of a run, a third
-while it writes, and a third before one of its changes to the disk, chosen by number.
+Each command runs in a fork of this process, which has imported everything and has one thread, so a
+run does not take time to start. A third of the kills come at any time of a run, a third while it
+writes, and a third before one of its changes to the disk, chosen by number.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 
 WEAVE = "plain_weave --set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate {WEAVE} --size 64x48 --set animation.stop=0.2 --set animation.speed=1 -o"
-#: Commands by what they write; the cache is written by those that ask for modes.
+#: Commands by the name of their output; commands that need modes also write the cache.
 COMMANDS = {
     "a.png": f"render {WEAVE} --size 160x120 -o",
     "a.jpg": f"render {WEAVE} --size 160x120 -o",
@@ -59,14 +59,14 @@ COMMANDS = {
     "sweep": "sweep plain_weave --set weave.picks=3 --set weave.ends=3,4 -q --workers 1 -o",
     "scene.toml": "",  # saved as the window does it
 }
-#: What takes no part of a second.
+#: Outputs that are written in a small part of a second.
 LIGHT = ("a.dtx", "a.wif", "a.pvd", "a.vtkhdf")
 CHANGES = ("os.rename", "os.link", "os.mkdir", "os.rmdir", "os.remove", "os.truncate")
 Files = dict[str, bytes]
 
 
-def warm() -> None:
-    """Import all that the commands do."""
+def import_all() -> None:
+    """Import all modules that the commands import."""
     import spacemap_vtk
 
     for each in pkgutil.walk_packages(spacemap_vtk.__path__, "spacemap_vtk."):
@@ -79,7 +79,8 @@ def warm() -> None:
     assert len(os.listdir("/proc/self/task")) == 1, "a fork would lack the other threads"
 
 
-def carry_out(name: str, place: Path) -> None:
+def execute(name: str, place: Path) -> None:
+    """Run a command in this process."""
     if name == "scene.toml":
         from spacemap_vtk.app.documents.document import Document
 
@@ -104,32 +105,32 @@ class Run:
         place: Path,
         cache: Path,
         event: int = -1,
-        said: int = 0,
+        log: int = 0,
         number: int = signal.SIGKILL,
     ) -> None:
-        self.said = place.with_name(f"{place.name}.said{said}")
-        self.pipe, told = os.pipe()
+        self.log = place.with_name(f"{place.name}.log{log}")
+        self.pipe, events = os.pipe()
         self.begun = time.monotonic()
         self.child = os.fork()
         if self.child:
-            os.close(told)
+            os.close(events)
             return
         status = 70
         try:
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            out = os.open(self.said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            out = os.open(self.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(out, 1)
             os.dup2(out, 2)
             os.environ["SPACEMAP_CACHE"] = str(cache)
             tempfile.tempdir = str(place.parent)
-            sys.addaudithook(self.watch(told, event, (str(place), str(cache)), number))
+            sys.addaudithook(self.audit_hook(events, event, (str(place), str(cache)), number))
             try:
-                carry_out(name, place)
+                execute(name, place)
                 status = 0
             except SystemExit as error:
                 status = int(error.code or 0)
             if not status:
-                os.write(told, b"d")
+                os.write(events, b"d")
         except BaseException as error:
             os.write(2, f"Traceback {error!r}".encode())
         finally:
@@ -137,11 +138,11 @@ class Run:
             os._exit(status)
 
     @staticmethod
-    def watch(told: int, event: int, places: tuple[str, ...], number: int):
-        """Return what tells where it begins to write, counts changes, and kills itself at one."""
+    def audit_hook(events: int, event: int, places: tuple[str, ...], number: int):
+        """Return an audit hook that reports the first write and each change, and kills at one."""
         left, begun = [event], [False]
 
-        def look(name: str, arguments: tuple) -> None:
+        def hook(name: str, arguments: tuple) -> None:
             if name == "open":
                 path, mode = arguments[0], arguments[1]
                 if (
@@ -152,42 +153,42 @@ class Run:
                     return
                 if not begun[0] and (".spacemap-" in path or ".frames" in path):
                     begun[0] = True
-                    os.write(told, b"w")
+                    os.write(events, b"w")
             elif name not in CHANGES:
                 return
             if begun[0]:
-                os.write(told, b".")
+                os.write(events, b".")
                 left[0] -= 1
                 if left[0] == -1 and event >= 0:
                     os.kill(os.getpid(), number)
 
-        return look
+        return hook
 
-    def ended(self) -> int:
-        """Wait, and return how it ended."""
+    def wait(self) -> int:
+        """Wait for the end of the process, and return its exit code."""
         status = os.waitpid(self.child, 0)[1]
         self.seconds = time.monotonic() - self.begun
         with open(self.pipe, "rb") as pipe:
-            self.told = pipe.read()
+            self.events = pipe.read()
         return os.waitstatus_to_exitcode(status)
 
-    def killed_after(self, writing: bool, seconds: float, number: int) -> None:
-        """Kill it so long after it has begun, or has begun to write."""
+    def kill_after(self, writing: bool, seconds: float, number: int) -> None:
+        """Kill the process some time after its start, or after its first write."""
         if writing:
             os.read(self.pipe, 1)
         time.sleep(seconds)
         os.kill(self.child, number)
-        self.ended()
+        self.wait()
         if writing:
-            self.told = b"w" + self.told
+            self.events = b"w" + self.events
 
     @property
     def phase(self) -> str:
-        return "after" if b"d" in self.told else "writing" if b"w" in self.told else "computing"
+        return "after" if b"d" in self.events else "writing" if b"w" in self.events else "computing"
 
 
 def files(place: Path) -> Files:
-    """Return what a user sees."""
+    """Return the files that a user sees, without hidden_folders folders."""
     found = {str(path.relative_to(place)): path for path in place.rglob("*") if path.is_file()}
     return {
         name: path.read_bytes()
@@ -196,7 +197,7 @@ def files(place: Path) -> Files:
     }
 
 
-def hidden(place: Path) -> list[Path]:
+def hidden_folders(place: Path) -> list[Path]:
     return [*place.glob(".spacemap-*"), *place.glob("*.frames")]
 
 
@@ -208,8 +209,8 @@ def entries(cache: Path) -> dict[str, dict[str, np.ndarray]]:
     return found
 
 
-def comparable(name: str, found: Files) -> Files:
-    """Leave out what is another in each run: how long the runs of a sweep took."""
+def drop_varying_files(name: str, found: Files) -> Files:
+    """Remove files that differ in each run, because they state the time of a sweep."""
     if name == "sweep":
         for key in [key for key in found if key.endswith((".json", ".csv", "sheet.png"))]:
             if key.endswith(".json"):
@@ -218,8 +219,8 @@ def comparable(name: str, found: Files) -> Files:
     return found
 
 
-def read_back(place: Path) -> None:
-    """Read each file by a program that is not this one."""
+def check_with_other_programs(place: Path) -> None:
+    """Read each file with another program."""
     import configparser
     import tomllib
     from xml.etree import ElementTree
@@ -262,7 +263,7 @@ def read_back(place: Path) -> None:
 
 
 class Reference:
-    """What a command makes where nobody kills it."""
+    """The output of a command that is not killed."""
 
     def __init__(self, name: str, room: Path, draft: bytes) -> None:
         self.name, self.draft = name, draft
@@ -270,16 +271,16 @@ class Reference:
         self.cache.mkdir()
         place = self.place(room / f"{name}.right", {})
         run = Run(name, place, self.cache)
-        assert run.ended() == 0, run.said.read_text()
-        assert hidden(place) == hidden(self.cache) == []
-        self.files, self.entries = comparable(name, files(place)), entries(self.cache)
-        read_back(place)
-        self.events = run.told.count(b".")
-        # Timed once more, for the first of a kind reads libraries from the disk.
+        assert run.wait() == 0, run.log.read_text()
+        assert hidden_folders(place) == hidden_folders(self.cache) == []
+        self.files, self.entries = drop_varying_files(name, files(place)), entries(self.cache)
+        check_with_other_programs(place)
+        self.events = run.events.count(b".")
+        # Timed in a second run, because the first one reads libraries from the disk.
         again = Run(name, self.place(room / f"{name}.timed", {}), room / f"{name}.cold")
         os.read(again.pipe, 1)
         before = time.monotonic() - again.begun
-        again.ended()
+        again.wait()
         self.seconds, self.writing = again.seconds, again.seconds - before
 
     def place(self, place: Path, older: Files) -> Path:
@@ -294,7 +295,7 @@ class Reference:
 def kill_once(
     reference: Reference, room: Path, chance: random.Random, number: int
 ) -> tuple[str, bool]:
-    """Kill a run, and look at what it leaves; return what it hit, and whether files were mixed."""
+    """Kill a run and check its files; return its phase, and whether old and new files are mixed."""
     name, right = reference.name, reference.files
     older = {} if name == "sweep" or chance.random() < 0.5 else dict.fromkeys(right, b"older")
     place, cache = reference.place(room / "case", older), room / "cache"
@@ -303,41 +304,41 @@ def kill_once(
     kind = chance.choice(["any time", "writing", "change"])
     if kind == "change" and reference.events:
         run = Run(name, place, cache, chance.randrange(reference.events), number=number)
-        run.ended()
+        run.wait()
     else:
         writing = kind == "writing"
         run = Run(name, place, cache)
         longest = reference.writing if writing else 1.1 * reference.seconds
-        run.killed_after(writing, chance.uniform(0.0, longest), number)
+        run.kill_after(writing, chance.uniform(0.0, longest), number)
     if number != signal.SIGKILL:
         assert [*room.glob("*/.spacemap-*"), *room.glob(".spacemap-*")] == []
 
-    def whole() -> bool:
-        """Return whether all files are old or all are new; each is one of them."""
-        found = comparable(name, files(place))
+    def is_complete() -> bool:
+        """Return whether all files are old or all are new; each must be one of them."""
+        found = drop_varying_files(name, files(place))
         for key, data in found.items():
             assert data in (older.get(key), right.get(key)), f"{key}: neither old nor new"
         assert {key for key in older if "/" not in key} <= set(found)
         # Of several files each is old or new; a folder whose place a new one takes may be gone.
         return name == "sweep" or len(right) > 1 or found in (older, right)
 
-    mixed = not whole()
+    mixed = not is_complete()
     for key, arrays in entries(cache).items():
         for each, array in arrays.items():
             np.testing.assert_array_equal(array, reference.entries[key][each])
-    # Another command in the same folder finds what is left, and the same one makes it anew.
+    # Another command removes the remains, and the same command makes the output.
     shutil.copy(place / "given.wif", room / "given.wif")
     other = Run("a.dtx", place, cache) if name != "a.dtx" else None
     if other is not None:
-        assert other.ended() == 0, other.said.read_text()
+        assert other.wait() == 0, other.log.read_text()
         (place / "a.dtx").unlink()
-        assert whole(), "neither all old nor all new"
+        assert is_complete(), "neither all old nor all new"
         assert list(place.glob(".spacemap-*")) == []
     again = Run(name, place, cache)
-    assert again.ended() == 0, again.said.read_text()
-    assert "Traceback" not in again.said.read_text()
-    assert comparable(name, files(place)) == right
-    assert hidden(place) == hidden(room) == []
+    assert again.wait() == 0, again.log.read_text()
+    assert "Traceback" not in again.log.read_text()
+    assert drop_varying_files(name, files(place)) == right
+    assert hidden_folders(place) == hidden_folders(room) == []
     assert entries(cache).keys() >= reference.entries.keys()
     for key, arrays in reference.entries.items():
         for each, array in arrays.items():
@@ -346,10 +347,10 @@ def kill_once(
 
 
 def kill(count: int, seed: int, names: list[str], room: Path, signal_: int) -> dict[str, int]:
-    """Kill so often; return what was hit."""
+    """Kill runs; return the number of kills by phase."""
     from conftest import WIF
 
-    warm()
+    import_all()
     chance = random.Random(seed)
     hit: collections.Counter[str] = collections.Counter()
     references = {name: Reference(name, room, WIF.encode()) for name in names}
@@ -374,23 +375,23 @@ def kill(count: int, seed: int, names: list[str], room: Path, signal_: int) -> d
     return dict(hit)
 
 
-def both(names: list[str], room: Path) -> None:
-    """Let two processes write one output at once: it is whole, and who is refused is told why."""
+def write_at_once(names: list[str], room: Path) -> None:
+    """Let two processes write one output at once: it is complete, or the error says why not."""
     from conftest import WIF
 
-    warm()
+    import_all()
     for name in names:
         reference = Reference(name, room, WIF.encode())
         for number in range(3):
             place = reference.place(room / f"{name}.{number}", {})
-            runs = [Run(name, place, room / f"{name}.{number}.cache", said=k) for k in (0, 1)]
-            ends = [run.ended() for run in runs]
+            runs = [Run(name, place, room / f"{name}.{number}.cache", log=k) for k in (0, 1)]
+            ends = [run.wait() for run in runs]
             for run, end in zip(runs, ends, strict=True):
-                assert end in (0, 2), run.said.read_text()
-                assert end == 0 or "is being made by another process" in run.said.read_text()
+                assert end in (0, 2), run.log.read_text()
+                assert end == 0 or "is being made by another process" in run.log.read_text()
             assert 0 in ends
-            assert comparable(name, files(place)) == reference.files, name
-            assert hidden(place) == [], name
+            assert drop_varying_files(name, files(place)) == reference.files, name
+            assert hidden_folders(place) == [], name
         print(name, "twice at once", ends, flush=True)
 
 
@@ -398,7 +399,7 @@ def main() -> None:
     if sys.argv[1] == "both":
         with tempfile.TemporaryDirectory(prefix="both-") as folder:
             single = [name for name in COMMANDS if name not in ("sweep", "a.pvd", "a.pvtp")]
-            both(sys.argv[2:] or single, Path(folder))
+            write_at_once(sys.argv[2:] or single, Path(folder))
         return
     count, seed = int(sys.argv[1]), int(sys.argv[2])
     begun = time.monotonic()

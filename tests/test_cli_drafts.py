@@ -17,7 +17,9 @@ from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.scenes.scene import Scene
 
 
-def test_info_prints_mass_feasible_intervals_and_clearance(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_prints_mass_feasible_intervals_and_clearance(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     # by hand: 30 tex in both families, 20 to the cm, no crimp: 2 x 30 g/km x 2000 /m = 120 g/m2
     yarns = ["weave.warp_count=30 tex", "weave.weft_count=30 tex", "weave.weft_crimp=0"]
     arguments = [word for assignment in yarns for word in ("--set", assignment)]

@@ -282,7 +282,9 @@ def test_an_error_in_a_file_of_a_scene_names_its_key(
     assert not (tmp_path / "new.png").exists()
 
 
-def test_modes_of_a_still_scene_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_modes_of_a_still_scene_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene = tmp_path / "still.toml"
     scene.write_text("[weave]\nends = 2\npicks = 2\n")
     assert "[modal]" in refused(capsys, "modes", str(scene))

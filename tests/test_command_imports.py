@@ -58,7 +58,9 @@ def _imported(cache: Path, *commands: str) -> set[str]:
         (["info plain_weave -q --json"], {*_FILTERS, "scipy"}),
     ],
 )
-def test_a_command_imports_only_what_it_needs(commands: list[str], needs: set[str], tmp_path: Path) -> None:
+def test_a_command_imports_only_what_it_needs(
+    commands: list[str], needs: set[str], tmp_path: Path
+) -> None:
     assert _imported(tmp_path, *commands) & set(_HEAVY) == needs
 
 

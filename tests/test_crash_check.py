@@ -43,7 +43,9 @@ OBJ = b"v 0 0 0\nf 2/1 3/2 4/3\n"
         pytest.param(".vtk", VTK + b"POLYGONS 1 2\n99999 0\n", marks=pytest.mark.nightly),
     ],
 )
-def test_a_file_that_crashes_its_reader_is_refused(tmp_path: Path, ending: str, content: bytes) -> None:
+def test_a_file_that_crashes_its_reader_is_refused(
+    tmp_path: Path, ending: str, content: bytes
+) -> None:
     file = tmp_path / f"a{ending}"
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"damaged or too large: .* SIG(SEGV|ABRT|BUS)"):
@@ -72,7 +74,9 @@ def test_a_mesh_with_uninitialised_points_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_object, open_series])
-def test_a_path_that_is_not_utf_8_is_refused(tmp_path: Path, read: Callable[[Path], object]) -> None:
+def test_a_path_that_is_not_utf_8_is_refused(
+    tmp_path: Path, read: Callable[[Path], object]
+) -> None:
     file = tmp_path / "b\udcff.e"
     file.write_bytes(b"CDF")
     with pytest.raises(InputError, match=r"the path is not UTF-8. Rename the file"):
@@ -118,7 +122,9 @@ def test_a_grid_of_negative_size_has_no_points(tmp_path: Path) -> None:
         read_object(file)
 
 
-def test_a_reader_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_reader_that_never_ends_is_stopped(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
         crash_check.check_in_child(tmp_path, f"{__name__}:busy")

@@ -49,9 +49,9 @@ VALUES: dict[str, Any] = {
     "animation": {"stop": 0.08},
 }
 #: Formats without room for a record.
-MUTE = {".stl", ".dtx", ".txt"}
+WITHOUT_RECORD = {".stl", ".dtx", ".txt"}
 #: Those that are made anew here; the others know no more of their order.
-ANEW = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
+REPEATED = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
 #: What is ordered of each ending that is drawn.
 DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
 
@@ -78,7 +78,7 @@ def jobs(folder: Path) -> list[tuple[str, Job]]:
     return found
 
 
-def drafted(file: Path) -> list[str]:
+def read_draft_rows(file: Path) -> list[str]:
     """Return rows of a draft, as another library reads it, or as they stand in a text."""
     import dtx_to_wif
 
@@ -168,7 +168,7 @@ def page_size(file: Path) -> str:
 
 #: A reader that is not ours for all that is written: a new format has none, and is missed here.
 READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
-    **{("", ending): drafted for ending in (".dtx", ".txt", ".wif")},
+    **{("", ending): read_draft_rows for ending in (".dtx", ".txt", ".wif")},
     **{("", ending): lambda file: pv.read(file).points for ending in (".vtp", ".vtu")},
     **{
         ("", ending): lambda file: meshio.read(file).points[:, :3]
@@ -192,7 +192,7 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
 }
 
 
-def expected(kind: str, job: Job) -> Any:
+def expected_content(kind: str, job: Job) -> Any:
     """Return what a reader finds in what is ordered."""
     scene = Scene(VALUES)
     if job.kind == "draft":
@@ -212,17 +212,17 @@ def check_content(kind: str, job: Job, file: Path) -> None:
     if job.kind == "plot":
         assert found == "0 0 691.2 518.4"
     elif file.suffix == ".csv":  # inside the yarns
-        outer = np.reshape(expected(kind, job), (3, 2))
+        outer = np.reshape(expected_content(kind, job), (3, 2))
         assert (found >= outer[:, 0] - 1e-9).all()
         assert (found <= outer[:, 1] + 1e-9).all()
     elif isinstance(found, np.ndarray):
         near = 1e-6 if file.suffix == ".html" else 2e-9  # of a tolerance of 4e-6
-        np.testing.assert_allclose(bounds(found), expected(kind, job), atol=near)
+        np.testing.assert_allclose(bounds(found), expected_content(kind, job), atol=near)
     else:
-        assert found == expected(kind, job), file
+        assert found == expected_content(kind, job), file
 
 
-def found_by_others(file: Path) -> str:
+def read_foreign_record(file: Path) -> str:
     """Return the record as a program finds it that has never heard of ours."""
     ending = file.suffix
     if ending in (".png", ".gif", ".jpg", ".jpeg"):
@@ -255,7 +255,7 @@ def test_every_format_is_read_by_other_programs_and_can_be_repeated(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "new").mkdir()
-    mute = set()
+    without_record = set()
     for kind, job in jobs(tmp_path):
         if job.output.suffix in (".usda", ".usdc") and find_spec("pxr") is None:
             continue
@@ -264,15 +264,15 @@ def test_every_format_is_read_by_other_programs_and_can_be_repeated(
         check_content(kind, job, tmp_path / name)
         record = read_record(tmp_path / name)
         if record is None:
-            mute.add(job.output.suffix)
+            without_record.add(job.output.suffix)
             continue
-        assert "Two by two" in found_by_others(tmp_path / name), name
+        assert "Two by two" in read_foreign_record(tmp_path / name), name
         assert record.version == __version__
         scene, inputs = scene_of(record, [tmp_path])
         assert scene.title == VALUES["title"]
         assert inputs == []
         assert scene.response.loads == Scene(VALUES).response.loads
-        if job.output.suffix not in ANEW:
+        if job.output.suffix not in REPEATED:
             continue
         job_from_json(record.order, tmp_path / "new" / name).run(scene)
         if job.is_numbered:  # seen from where its film is
@@ -280,7 +280,7 @@ def test_every_format_is_read_by_other_programs_and_can_be_repeated(
         made, was = ((folder / name).read_bytes() for folder in (tmp_path / "new", tmp_path))
         assert made == was, name
         assert list(compare_files(tmp_path / name, tmp_path / "new" / name)) == []
-    assert mute == MUTE
+    assert without_record == WITHOUT_RECORD
 
 
 def test_a_plot_stores_its_record_in_any_format(tmp_path: Path) -> None:
@@ -293,4 +293,4 @@ def test_a_plot_stores_its_record_in_any_format(tmp_path: Path) -> None:
             registry.writer(file, "plot").write(file, Figure((1, 1)))
         READERS["plot", ending](file)
         assert read_record(file) == record
-        assert "Two by two" in found_by_others(file)
+        assert "Two by two" in read_foreign_record(file)

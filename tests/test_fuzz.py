@@ -50,18 +50,18 @@ def test_a_damaged_file_is_read_or_refused_with_one_line(
 def test_a_sample_of_runs_finds_no_fault(tmp_path: Path, names: tuple[str, ...], runs: int) -> None:
     words = [sys.executable, fuzz.__file__, *names, f"--runs={runs}", "--seed=7"]
     done = subprocess.run([*words, f"--keep={tmp_path}"], capture_output=True, text=True)
-    told = tomllib.loads(f"campaigns = [{done.stdout}]")["campaigns"]
-    assert [each["target"] for each in told] == list(names), done.stderr
-    assert [each["found"] for each in told] == [0] * len(names), list(tmp_path.glob("found*"))
+    campaigns = tomllib.loads(f"campaigns = [{done.stdout}]")["campaigns"]
+    assert [each["target"] for each in campaigns] == list(names), done.stderr
+    assert [each["found"] for each in campaigns] == [0] * len(names), list(tmp_path.glob("found*"))
 
 
 def test_every_seed_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Or what is made of it would be refused for the same reason, whatever it is."""
-    monkeypatch.setenv(EXPENDABLE, "1")  # they are whole
+    """A seed that is refused would hide the faults of all its variants."""
+    monkeypatch.setenv(EXPENDABLE, "1")  # seeds are valid files
     for number, target in enumerate(each for each in fuzz.targets().values() if each.tried):
         folder = tmp_path / str(number)
         folder.mkdir()
-        fuzz.furnish(folder)
+        fuzz.write_companions(folder)
         for seed in target.seeds:
             assert len(seed) < fuzz_seeds.LONGEST, target.name
             target.read(seed, folder)

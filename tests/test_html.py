@@ -28,7 +28,7 @@ OPEN = "window.spacemap && document.querySelector('#message').hidden"
 TIME = "spacemap.time"
 
 
-def written(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, Any]:
+def write_page(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, Any]:
     scene = changed("plain_weave", *SMALL, *more)
     scene.title = TITLE
     made = make_moving_surface(scene, times, TOLERANCE, lambda done, of: None, numbers=True)
@@ -36,23 +36,23 @@ def written(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, An
     return scene, made
 
 
-def seen(page: Page) -> np.ndarray:
+def read_canvas(page: Page) -> np.ndarray:
     """What is drawn; what is on the screen may be a frame older."""
     found = page.evaluate("spacemap.picture()").partition(",")[2]
     with Image.open(io.BytesIO(base64.b64decode(found))) as image:
         return np.asarray(image.convert("RGB")).astype(int)
 
 
-def lies(page: Page, time: float) -> np.ndarray:
+def page_points(page: Page, time: float) -> np.ndarray:
     found = page.evaluate(f"Array.from(spacemap.points({time}))")
     return np.array(found).reshape(-1, 3)
 
 
 def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
     file, colored, modes = (tmp_path / f"{name}.html" for name in ("own", "stress", "modes"))
-    scene, _ = written(file)
+    scene, _ = write_page(file)
     dark = ("view.background=#101418", "view.background_top=#202428")
-    written(colored, "view.color=stress", *dark, times=TIMES[:3])
+    write_page(colored, "view.color=stress", *dark, times=TIMES[:3])
     shapes = make_mode_surface(
         changed("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None
     )
@@ -69,10 +69,10 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         assert page.evaluate("document.querySelector('#figures').textContent").startswith("7 yarns")
         for time in (TIMES[0], TIMES[5], TIMES[12]):
             scene.update(time)
-            assert farthest(lies(page, time), scene.polygons) <= TOLERANCE
-        assert np.ptp([lies(page, time) for time in TIMES], axis=0).max() > 100 * TOLERANCE
+            assert farthest(page_points(page, time), scene.polygons) <= TOLERANCE
+        assert np.ptp([page_points(page, time) for time in TIMES], axis=0).max() > 100 * TOLERANCE
         # warp in blue, weft in sand, nothing else in the middle of a light page
-        first = seen(page)
+        first = read_canvas(page)
         red, _, blue = first.transpose(2, 0, 1)
         assert (blue > red + 40).sum() > 400
         assert (red > blue + 40).sum() > 400
@@ -89,7 +89,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         page.wait_until(f"{TIME} > 0.005")
         page.press(" ")
         stopped = page.evaluate(TIME)
-        assert abs(seen(page) - first).max() > 100
+        assert abs(read_canvas(page) - first).max() > 100
         assert page.evaluate(TIME) == stopped
         page.click("#slider")
         assert page.evaluate(TIME) == pytest.approx(0.03, abs=0.004)
@@ -97,7 +97,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         page.press("End")
         assert page.evaluate(TIME) == 0.06
         page.press("Home")
-        assert abs(seen(page) - first).max() <= 3
+        assert abs(read_canvas(page) - first).max() <= 3
         for hand in (
             lambda: page.drag((200, 150), (260, 170)),
             lambda: page.drag((200, 150), (260, 170), modifiers=8),
@@ -105,17 +105,17 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
             lambda: page.press("4"),
         ):
             hand()
-            assert abs(seen(page) - first).max() > 100
+            assert abs(read_canvas(page) - first).max() > 100
             page.click("#canvas", count=2)
-            assert abs(seen(page) - first).max() <= 3
+            assert abs(read_canvas(page) - first).max() <= 3
 
         page.show_as(480, 360, scale=0.5, dark=True)
         page.wait_until("document.documentElement.dataset.theme === 'dark'")
-        assert seen(page)[:, :20].max() < 80
+        assert read_canvas(page)[:, :20].max() < 80
         page.show_as(480, 360, scale=0.5)
         page.open(colored.as_uri())
         page.wait_until(OPEN)
-        assert seen(page)[:, :20].max() < 80  # the scene's own background
+        assert read_canvas(page)[:, :20].max() < 80  # the scene's own background
         scale = page.evaluate("document.querySelector('#scale').innerText").split("\n")
         assert scale[:3] == ["Stress", "von Mises", "[Pa]"]
         page.open(modes.as_uri())
@@ -125,12 +125,12 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         period = page.evaluate("spacemap.end - spacemap.start")
         assert period == pytest.approx(1.0 / shapes.about["modes"][0]["frequency_hz"])
         lost = "const lose = spacemap.drawing.gl.getExtension('WEBGL_lose_context')"
-        before = seen(page)
+        before = read_canvas(page)
         page.evaluate(
             f"(() => {{ {lost}; lose.loseContext(); setTimeout(() => lose.restoreContext()) }})()"
         )
         page.wait_until("!spacemap.drawing.gl.isContextLost() && spacemap.settled")
-        assert abs(seen(page) - before).max() <= 3
+        assert abs(read_canvas(page) - before).max() <= 3
         page.complaints = [each for each in page.complaints if "CONTEXT_LOST" not in each]
         nothing = "HTMLCanvasElement.prototype.getContext = () => null"
         page.send("Page.addScriptToEvaluateOnNewDocument", source=nothing)
@@ -143,7 +143,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
 
 
 def test_colours_show_the_values_of_each_time(tmp_path: Path) -> None:
-    scene, made = written(tmp_path / "a.html", "view.color=stress")
+    scene, made = write_page(tmp_path / "a.html", "view.color=stress")
     numbers = made.numbers
     assert 1 <= len(numbers.changes) < 13
     assert numbers.title == "Stress\nvon Mises\n[Pa]"
@@ -152,12 +152,12 @@ def test_colours_show_the_values_of_each_time(tmp_path: Path) -> None:
         found = numbers.values + numbers.weights[number] @ numbers.changes
         there = made.points + np.tensordot(made.clips[0].weights[number], made.targets, 1)
         right = color_values(scene.polygons, "stress")
-        nearest = near(there, scene.polygons)
+        nearest = nearest_points(there, scene.polygons)
         step = numbers.span[1] / 512
         assert abs(found - right[nearest]).max() <= 1.01 * step
 
 
-def near(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
+def nearest_points(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     found: np.ndarray = cKDTree(points_of(surface)).query(points)[1]

@@ -29,7 +29,7 @@ from spacemap_vtk.io.registry import DRAWN, writer_endings
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"
-#: What writes, by its output's name; each makes more than 16 kB, but for the drafts.
+#: What is_write, by its output's name; each makes more than 16 kB, but for the drafts.
 WRITERS = {
     "x.vtu": f"export plain_weave {SMALL} -o",
     "x.vtp": f"export plain_weave {SMALL} -o",
@@ -116,7 +116,7 @@ def test_every_format_is_tested_on_a_full_disk() -> None:
     assert tried == found
 
 
-#: What writes past `spacemap_vtk.io.output`, and why it may.
+#: What is_write past `spacemap_vtk.io.output`, and why it may.
 OWN_WRITERS = {
     "io/output.py": {
         "write_parts": {"file.open"},
@@ -159,7 +159,7 @@ _LIKE = re.compile(
 )
 
 
-def writes(call: ast.Call) -> bool:
+def is_write(call: ast.Call) -> bool:
     words = ast.unparse(call.func)
     last = words.rpartition(".")[2]
     if last in ("open", "fdopen"):
@@ -178,21 +178,21 @@ def test_all_writers_use_the_output_module() -> None:
     package = Path(spacemap_vtk.__file__).parent
     found: dict[str, dict[str, set[str]]] = {}
 
-    def look(node: ast.AST, file: str, name: str) -> None:
+    def visit(node: ast.AST, file: str, name: str) -> None:
         for each in ast.iter_child_nodes(node):
-            if isinstance(each, ast.Call) and writes(each):
+            if isinstance(each, ast.Call) and is_write(each):
                 found.setdefault(file, {}).setdefault(name, set()).add(ast.unparse(each.func))
             named = isinstance(each, (ast.FunctionDef, ast.ClassDef))
             if isinstance(each, ast.ClassDef) and any(
                 ast.unparse(b) == "FileIO" for b in each.bases
             ):
                 found.setdefault(file, {})[each.name] = {"FileIO"}
-            look(each, file, each.name if named else name)
+            visit(each, file, each.name if named else name)
 
     for path in package.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         if _LIKE.search(text):  # to take all modules apart would take seconds
-            look(ast.parse(text), path.relative_to(package).as_posix(), "")
+            visit(ast.parse(text), path.relative_to(package).as_posix(), "")
     assert found == OWN_WRITERS
 
 

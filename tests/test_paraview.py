@@ -310,9 +310,7 @@ def test_check_reports_a_missing_paraview(tmp_path: Path) -> None:
         ('unset PV_PLUGIN_CONFIG_FILE; exec "$REAL" "$@"', "ParaView has not loaded the plugin"),
     ],
 )
-def test_check_reports_why_the_plugin_fails(
-    does: str, says: str, tmp_path: Path
-) -> None:
+def test_check_reports_why_the_plugin_fails(does: str, says: str, tmp_path: Path) -> None:
     program = tmp_path / "pvpython"
     program.write_text(f"#!/bin/sh\nREAL={shutil.which('pvpython')}\n{does}\n")
     program.chmod(0o755)

@@ -179,7 +179,9 @@ def test_a_value_survives_writing_and_reading(name: str, given: Any) -> None:
         ("yarn", ["20"], 20.0),
     ],
 )
-def test_values_of_all_stages_survive_writing_and_reading(name: str, values: list[Any], expected: Any) -> None:
+def test_values_of_all_stages_survive_writing_and_reading(
+    name: str, values: list[Any], expected: Any
+) -> None:
     assert read(name, *values) == expected
 
 

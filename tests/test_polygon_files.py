@@ -24,7 +24,7 @@ def cylinder(sides: int) -> pv.PolyData:
     return pv.Cylinder(resolution=sides, capping=True)
 
 
-def alone() -> pv.PolyData:
+def vertex_cloud() -> pv.PolyData:
     return pv.PolyData(np.random.default_rng(1).random((5, 3)), verts=[1, 2])
 
 
@@ -33,7 +33,7 @@ SURFACES = {
     "alike, float64": lambda: pv.PolyData(pv.Sphere().points.astype(float), pv.Sphere().faces),
     "of all sizes": lambda: cylinder(40),
     "with texture coordinates": lambda: pv.Plane().texture_map_to_plane(),
-    "no polygons": alone,
+    "no polygons": vertex_cloud,
 }
 
 

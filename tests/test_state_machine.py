@@ -1,8 +1,8 @@
-"""Any pipeline, whatever is done to it, holds what a fresh one would, and runs no more than needed.
+"""After any changes, a pipeline has the results of a new one, and has run only what it must.
 
-A model keeps of each stage when it was changed last, what it is connected to and which time was
-asked of it; from these it tells which stages an update has to run. What they make is compared, to
-the last bit, with what stages make that have never done anything else.
+A model records for each stage its last change, its connections and the requested time, and predicts
+the stages that an update must run. Their results are compared, bit by bit, with those of new
+stages.
 
 The long walk takes ``SPACEMAP_STEPS`` steps, from the seed ``SPACEMAP_SEED`` on.
 """
@@ -22,17 +22,17 @@ from typing import Any, ClassVar
 
 import pytest
 from fresh import (
-    BEGIN,
+    SMALL,
     STAGES,
     Content,
     Made,
     digest,
+    error_text,
     fresh,
     key,
-    told,
     values_of,
-    written,
-    wrong_for,
+    write_inputs,
+    wrong_values,
 )
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
@@ -51,12 +51,12 @@ from spacemap_vtk.filters.algorithm import UPDATE_TIME
 TIMES = (None, 0.0, -1.0, 1e-4, 3e-4, 1e-3)
 #: Stages at once, and in a line; copies.
 MOST, DEEPEST, COPIES = 16, 9, 6
-#: What moves a cage.
+#: Stages that move a cage.
 MOVERS = [name for name, stage in STAGES.items() if stage.role == "mover"]
 
 
 class Copy:
-    """Data that were copied, and what they held then."""
+    """Copied data, and their content at that time."""
 
     moves, depth, connected, time = False, 0, True, None
 
@@ -77,11 +77,11 @@ class Copy:
 
 
 class Node:
-    """What the model knows of a stage."""
+    """The model's record of a stage."""
 
     def __init__(self, number: int, kind: str) -> None:
         self.number, self.kind, self.cls = number, kind, STAGES[kind]
-        self.stage: Any = self.cls(**BEGIN.get(kind, {}))
+        self.stage: Any = self.cls(**SMALL.get(kind, {}))
         self.settings, self.makes = self.stage.settings, self.cls.makes
         self.inputs: list[Node | Copy | None] = [None] * len(self.cls.inputs)
         self.version = self.runs = 0
@@ -97,7 +97,7 @@ class Node:
 
     @property
     def state(self) -> Any:
-        """Which changes of its own, and of what is above it, it has seen."""
+        """Its own version and those of all stages above it."""
         return self.number, self.version, *(each.state for each in self.above)
 
     @property
@@ -120,19 +120,19 @@ class Node:
 
     @property
     def needed(self) -> bool:
-        """Whether an update has to run it: changed itself, or above, or another time."""
+        """Whether an update must run it: it, a stage above, or the time has changed."""
         late = self.moves and self.asked is not None and self.asked != self.time
         return self.ran != self.state or late
 
     def ask(self, time: float | None) -> None:
-        """Pass a time on, as far up as anything has to run."""
+        """Pass a time to the stages above that must run."""
         self.asked = self.asked if time is None else time
         if self.needed:
             for each in self.above:
                 each.ask(self.asked)
 
     def plan(self, into: dict[Node, Content]) -> Content:
-        """Add what has to run, from above, and what it will hold; return what this one will."""
+        """Add the stages that must run, with their content; return the content of this one."""
         if self not in into and self.needed:
             inputs = tuple(each.plan(into) for each in self.above)
             usual = {name: parameter.default for name, parameter in self.cls.parameters.items()}
@@ -150,38 +150,38 @@ class Node:
 
 
 def pick(data: Any, among: list[Any]) -> Any:
-    """Draw one, by its number: Hypothesis keeps for ever a label of all that it has drawn from."""
+    """Draw an item by its index, because Hypothesis keeps a label of each list it draws from."""
     return among[data.draw(st.integers(0, len(among) - 1))]
 
 
 class Machine(RuleBasedStateMachine):
-    """A person at pipelines."""
+    """Random actions of a user on pipelines."""
 
     files: ClassVar[dict[str, list[Any]]] = {}
     known: ClassVar[dict[str, Made]] = {}
     counts: ClassVar[Counter[str]] = Counter()
     numbers: ClassVar[Iterator[int]] = itertools.count()
-    #: Stages and copies that VTK has not deleted yet, and what tells when it does.
+    #: Stages and copies that VTK has not deleted, with the observers of their deletion.
     alive: ClassVar[dict[int, Any]] = {}
 
     def __init__(self) -> None:
         super().__init__()
         self.nodes: list[Node] = []
         self.copies: list[Copy] = []
-        #: Those that are let go, too, as long as a stage has them.
+        #: Includes released copies that a stage still uses.
         self.kept: set[Copy] = set()
         self.alive.clear()
 
     @property
     def held(self) -> list[Node]:
-        """Those that Python refers to; others live on in what is below them."""
+        """Stages that Python refers to; others are kept alive by the stages below them."""
         return [node for node in self.nodes if node.stage is not None]
 
     @property
     def users(self) -> list[Node]:
         return [node for node in self.held if node.inputs]
 
-    def watched(self, number: int, thing: vtkObject) -> int:
+    def watch_deletion(self, number: int, thing: vtkObject) -> int:
         # Held here, too: Python's collector may take it apart before VTK calls it.
         def gone(*_: Any) -> None:
             self.alive[number] = None
@@ -190,7 +190,7 @@ class Machine(RuleBasedStateMachine):
         thing.AddObserver("DeleteEvent", gone)
         return number
 
-    def found(self, node: Node, stage: Any, into: dict[Node, Any]) -> dict[Node, Any]:
+    def find_stages(self, node: Node, stage: Any, into: dict[Node, Any]) -> dict[Node, Any]:
         """Return the stages of a node and those above it, connected as the model says."""
         into[node] = stage
         assert type(stage) is node.cls
@@ -199,19 +199,19 @@ class Machine(RuleBasedStateMachine):
             if isinstance(above, Copy):
                 assert stage.GetInputDataObject(port, 0) is above.data
             elif above is not None:
-                self.found(above, stage.GetInputConnection(port, 0).GetProducer(), into)
+                self.find_stages(above, stage.GetInputConnection(port, 0).GetProducer(), into)
         return into
 
     def add(self, kind: str) -> Node:
         node = Node(next(self.numbers), kind)
-        self.watched(node.number, node.stage)
+        self.watch_deletion(node.number, node.stage)
         if kind in ("ObjectSource", "MotionReader"):
             self.assign(node, "file", self.files[kind][0])
         self.nodes.append(node)
         return node
 
-    def able(self, node: Node, producers: list[Any]) -> list[Any]:
-        """Return those that a stage can be connected to without a ring, or too long a line."""
+    def possible_producers(self, node: Node, producers: list[Any]) -> list[Any]:
+        """Return producers that a stage can use without a cycle or too long a chain."""
 
         def below(stage: Node) -> int:
             return 1 + max((below(n) for n in self.nodes if stage in n.above), default=0)
@@ -230,7 +230,7 @@ class Machine(RuleBasedStateMachine):
     @precondition(lambda self: len(self.nodes) + 8 <= MOST)
     @rule(data=st.data())
     def line(self, data: Any) -> None:
-        """Make a whole pipeline, as scenes have them."""
+        """Make a complete pipeline like that of a scene."""
         self.counts["step: make a line"] += 1
         source = pick(data, ["WeaveSource", "ObjectSource"])
         some, mover = st.booleans(), pick(data, MOVERS)
@@ -250,13 +250,15 @@ class Machine(RuleBasedStateMachine):
         self.counts["step: make a stage"] += 1
         node = self.add(kind)
         for port, takes in enumerate(node.cls.takes):
-            if able := self.able(node, [n for n in self.held if n.makes == takes]):
-                self.join(node, port, pick(data, able))
+            if possible_producers := self.possible_producers(
+                node, [n for n in self.held if n.makes == takes]
+            ):
+                self.join(node, port, pick(data, possible_producers))
 
     @precondition(lambda self: len(self.held) > 2)
     @rule(data=st.data(), how=st.sampled_from(["connect", "disconnect", "delete", "take"]))
     def part(self, data: Any, how: str) -> None:
-        """Join or part stages, let one go, or find one again that only a pipeline holds."""
+        """Connect, disconnect or release a stage, or take one again from a pipeline."""
         self.counts[f"step: {how}"] += 1
         used = [(n, p) for n in self.users for p, each in enumerate(n.inputs) if each is not None]
         lost = [n for n in self.nodes if n.stage is None]
@@ -266,8 +268,8 @@ class Machine(RuleBasedStateMachine):
             kinds = [node.cls.takes[port]]
             kinds += ["object", "cage"] * (data.draw(st.integers(0, 9)) == 0)
             given = [each for each in [*self.held, *self.copies] if each.makes in kinds]
-            if able := self.able(node, given):
-                self.join(node, port, pick(data, able))
+            if possible_producers := self.possible_producers(node, given):
+                self.join(node, port, pick(data, possible_producers))
         elif how == "disconnect" and used:
             node, port = pick(data, used)
             node.stage.RemoveAllInputConnections(port)
@@ -278,7 +280,7 @@ class Machine(RuleBasedStateMachine):
         elif how == "take" and lost:
             node = pick(data, lost)
             below = next(n for n in self.held if node in n.closure())
-            node.stage = self.found(below, below.stage, {})[node]
+            node.stage = self.find_stages(below, below.stage, {})[node]
 
     @precondition(lambda self: self.held)
     @rule(data=st.data(), back=st.integers(0, 3))
@@ -287,16 +289,16 @@ class Machine(RuleBasedStateMachine):
         node = pick(data, self.held)
         usual = {name: parameter.default for name, parameter in node.cls.parameters.items()}
         if back == 0:  # or most would soon be refused
-            for name, value in (usual | BEGIN.get(node.kind, {})).items():
+            for name, value in (usual | SMALL.get(node.kind, {})).items():
                 if name != "file":
                     self.assign(node, name, value)
             return
-        able = {
+        possible_producers = {
             name: values_of(parameter, self.files.get(node.kind, []))
             for name, parameter in node.cls.parameters.items()
         }
-        name = pick(data, [name for name, values in able.items() if values])
-        self.assign(node, name, pick(data, able[name]))
+        name = pick(data, [name for name, values in possible_producers.items() if values])
+        self.assign(node, name, pick(data, possible_producers[name]))
 
     def assign(self, node: Node, name: str, value: Any) -> None:
         changed, before = node.stage.GetMTime(), node.settings[name]
@@ -312,7 +314,7 @@ class Machine(RuleBasedStateMachine):
         self.counts["step: refuse"] += 1
         node = pick(data, self.held)
         name = pick(data, list(node.settings))
-        value = pick(data, wrong_for(node.cls.parameters[name]))
+        value = pick(data, wrong_values(node.cls.parameters[name]))
         changed = node.stage.GetMTime()
         values = {**node.cls().settings, name: value} if how == "with others" else {name: value}
         if how == "misspelt":
@@ -325,18 +327,18 @@ class Machine(RuleBasedStateMachine):
     @precondition(lambda self: self.held)
     @rule(data=st.data(), time=st.sampled_from(TIMES))
     def update(self, data: Any, time: float | None) -> None:
-        self.bring(pick(data, self.held), time)
+        self.check_update(pick(data, self.held), time)
 
     @precondition(lambda self: self.held)
     @rule(data=st.data(), time=st.sampled_from(TIMES))
     def update_end(self, data: Any, time: float | None) -> None:
         ends = [node for node in self.held if not any(node in n.above for n in self.nodes)]
-        self.bring(pick(data, ends or self.held), time)
+        self.check_update(pick(data, ends or self.held), time)
 
-    def bring(self, node: Node, time: float | None) -> None:
-        """Update a stage: what must run has run, once, and holds what fresh ones do."""
+    def check_update(self, node: Node, time: float | None) -> None:
+        """Update a stage; check which stages ran, once, and compare with new ones."""
         self.counts["step: update"] += 1
-        stages = self.found(node, node.stage, {})
+        stages = self.find_stages(node, node.stage, {})
         if time is None and node.asked is None and len({n.asked for n in stages} - {None}) > 1:
             time = 0.0  # which of those above would win?
         assert {n: stage.executions for n, stage in stages.items()} == {n: n.runs for n in stages}
@@ -353,7 +355,7 @@ class Machine(RuleBasedStateMachine):
             self.counts["refused updates"] += 1
             with pytest.raises(SpacemapError) as caught:
                 node.stage.update(time)
-            assert told(caught.value) in errors.values()
+            assert error_text(caught.value) in errors.values()
         else:
             assert node.stage.update(time) is node.stage
         runs = {n: stage.executions - n.runs for n, stage in stages.items()}
@@ -387,7 +389,7 @@ class Machine(RuleBasedStateMachine):
         made = node.stage.GetOutputDataObject(0)
         copied = made.NewInstance()
         copied.DeepCopy(made) if deep else copied.ShallowCopy(made)
-        self.copies.append(Copy(self.watched(next(self.numbers), copied), copied, node))
+        self.copies.append(Copy(self.watch_deletion(next(self.numbers), copied), copied, node))
         self.kept.add(self.copies[-1])
         assert self.copies[-1].digest == digest(made)
         if len(self.copies) > data.draw(st.integers(0, COPIES)):
@@ -434,7 +436,7 @@ def walk(steps: int, first: int, folder: Path, length: int = 100) -> list[tuple[
 
     Each seed is of a thousand steps: what Hypothesis keeps of all that it has drawn would grow.
     """
-    Machine.files = written(folder)
+    Machine.files = write_inputs(folder)
     Machine.counts.clear()
     along: list[tuple[int, float, int]] = []
     some = settings(

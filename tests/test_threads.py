@@ -18,7 +18,19 @@ from time import sleep
 from typing import Any
 
 import pytest
-from fresh import BEGIN, STAGES, Content, Made, build, digest, fresh, key, told, values_of, written
+from fresh import (
+    SMALL,
+    STAGES,
+    Content,
+    Made,
+    build,
+    digest,
+    error_text,
+    fresh,
+    key,
+    values_of,
+    write_inputs,
+)
 
 from spacemap_vtk.errors import SpacemapError
 
@@ -31,7 +43,7 @@ def pipeline(chance: Random, files: dict[str, list[Any]]) -> Content:
     time = chance.choice(TIMES)
 
     def stage(kind: str, *inputs: Content, time: float | None = None) -> Content:
-        cls, values = STAGES[kind], dict(BEGIN.get(kind, {}))
+        cls, values = STAGES[kind], dict(SMALL.get(kind, {}))
         if kind in ("ObjectSource", "MotionReader"):
             values["file"] = files[kind][0]
         for name in chance.choices(sorted(cls.parameters), k=2):
@@ -59,7 +71,7 @@ def check(last: Any, content: Content, expected: Made) -> None:
     if errors:
         with pytest.raises(SpacemapError) as caught:
             last.update(content[2])
-        assert told(caught.value) in errors.values()
+        assert error_text(caught.value) in errors.values()
     else:
         last.update(content[2])
         assert (digest(last.output), last.warnings) == results[key(content)]
@@ -117,7 +129,7 @@ def at_one(chance: Random, files: dict[str, list[Any]]) -> Counter[str]:
             try:
                 stage.update(content[2])
             except SpacemapError as error:
-                said = told(error)
+                said = error_text(error)
             refused = "another thread is updating" in said
             assert refused or said in {"", *expected[1].values()}
             if refused:
@@ -141,7 +153,7 @@ def at_one(chance: Random, files: dict[str, list[Any]]) -> Counter[str]:
 
 
 def rounds(count: int, first: int, folder: Path) -> Counter[str]:
-    files, counts = written(folder), Counter[str]()
+    files, counts = write_inputs(folder), Counter[str]()
     for number in range(first, first + count):
         faulthandler.dump_traceback_later(300.0, exit=True)  # two threads that wait for each other
         counts += each_its_own(Random(number), files) + at_one(Random(number), files)

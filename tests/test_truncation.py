@@ -22,7 +22,7 @@ def ball() -> pv.PolyData:
     return mesh
 
 
-def written(folder: Path, name: str) -> Path:
+def write_mesh(folder: Path, name: str) -> Path:
     file, mesh = folder / name, ball()
     kind, ending = name.split(".")
     if ending == "e":
@@ -88,7 +88,7 @@ FILES = [
 
 @pytest.mark.parametrize("name", FILES)
 def test_every_truncated_file_is_refused(tmp_path: Path, name: str) -> None:
-    file = written(tmp_path, name)
+    file = write_mesh(tmp_path, name)
     content = file.read_bytes()
     source = ObjectSource(file=file)
     source.update()

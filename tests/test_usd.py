@@ -18,7 +18,7 @@ usd, usd_geom = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom
 SMALL = {"weave": {"ends": 3, "picks": 4}, "surface": {"subdivisions": 2}}
 
 
-def deformed(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
+def deformed_points(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
     """The mesh's points at a time, and its blend shapes' weights."""
     from pxr import UsdSkel, Vt
 
@@ -60,7 +60,7 @@ def test_blend_shapes_give_the_same_points(tmp_path: Path) -> None:
         stage = usd.Stage.Open(str(file))
         assert stage.GetFramesPerSecond() == pytest.approx(50.0)
         for number in (0, 2, 5):
-            points, weights = deformed(stage, times[number])
+            points, weights = deformed_points(stage, times[number])
             np.testing.assert_allclose(weights, made.clips[0].weights[number], atol=1e-7)
             scene.update(times[number])
             surface = points_of(scene.polygons)
@@ -80,7 +80,7 @@ def test_each_mode_is_a_variant(tmp_path: Path) -> None:
     choice = stage.GetDefaultPrim().GetVariantSet("motion")
     for number in range(3):
         choice.SetVariantSelection(f"motion_{number}")
-        points, _ = deformed(stage, 0.3)  # a swing takes 1.2 s
+        points, _ = deformed_points(stage, 0.3)  # a swing takes 1.2 s
         np.testing.assert_allclose(points, made.points + made.targets[number], atol=1e-9)
     assert usd_geom.GetStageUpAxis(stage) == "Z"
     assert usd_geom.GetStageMetersPerUnit(stage) == 1.0
