@@ -1,8 +1,8 @@
 """Kill commands at random moments, and check the files that are left.
 
 ``python tests/killed.py COUNT SEED [SIGTERM] [NAME ...]`` prints the phase of each kill, and at
-the end the counts; ``python tests/killed.py both [NAME ...]`` lets two processes write one output at
-the same time.
+the end the counts; ``python tests/killed.py both [NAME ...]`` lets two processes write one output
+at the same time.
 
 Each command runs in a fork of this process, which has imported everything and has one thread, so a
 run does not take time to start. A third of the kills come at any time of a run, a third while it
