@@ -84,7 +84,7 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
     stages = [stage for stage in reversed(list(last.upstream())) if isinstance(stage, Stage)]
     before: list[int] = []
     for warm in range(_EARNING * steps):
-        if warm >= _WARM and not ((made := _surface(last)) and made.earns_loops):
+        if warm >= _WARM and not ((made := _surface(last)) and made.can_compile):
             break
         before, time = [stage.executions for stage in stages], time + _STEP
         scene.update(time)

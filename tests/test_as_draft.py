@@ -24,7 +24,7 @@ from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.weave.resolve import resolve
 
 #: Nothing, but what is so without a word.
-ASKED = replace(WeaveSource().asked, ends=None, picks=None)
+ASKED = replace(WeaveSource().request, ends=None, picks=None)
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 
 

@@ -352,7 +352,7 @@ def test_a_bent_sheet_stretches_as_its_middle_does() -> None:
     radius = 4e-3
     angle, reach = rest[:, 0] / radius, radius - rest[:, 2]
     moved = np.column_stack([reach * np.sin(angle), rest[:, 1], radius - reach * np.cos(angle)])
-    x, y = PlaneSlopes(places, rest, connectivity).at(moved - rest)
+    x, y = PlaneSlopes(places, rest, connectivity).compute(moved - rest)
     # chords of the arc
     assert np.linalg.norm(x, axis=1) == pytest.approx(
         np.sinc(0.5 * 2 * rest[:, 0].max() / 12 / radius / np.pi), rel=1e-3

@@ -85,11 +85,11 @@ def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> N
     above = blocks(size)
     found = find_layers(two_cloths(above, weave, of_picks=of_picks))
     assert found is not None
-    assert found.joined == (size < 100, size < 100)
-    first = found.own & ~found.ends
-    np.testing.assert_array_equal(found.above[first], above[first])
-    second = found.own & found.ends
-    np.testing.assert_array_equal(found.above[second], ~above[second])
+    assert found.has_changes == (size < 100, size < 100)
+    first = found.same_cloth & ~found.ends
+    np.testing.assert_array_equal(found.in_upper_cloth[first], above[first])
+    second = found.same_cloth & found.ends
+    np.testing.assert_array_equal(found.in_upper_cloth[second], ~above[second])
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> N
 def test_threads_may_be_arranged_otherwise(of_ends: list[int], of_picks: list[int]) -> None:
     found = find_layers(two_cloths(blocks(100), patterns.plain(), of_ends, of_picks))
     assert found is not None
-    assert found.joined == (False, False)
+    assert found.has_changes == (False, False)
     np.testing.assert_array_equal(found.ends, np.resize(of_ends, 40) == 1)
     np.testing.assert_array_equal(found.picks, np.resize(of_picks, 48) == 1)
 
@@ -127,8 +127,8 @@ def test_threads_of_one_direction_may_change_alone(number: int) -> None:
     changes, stays = (found.ends, found.picks)[:: -1 if number else 1]
     assert changes is None
     np.testing.assert_array_equal(stays, np.arange(48) % 2 == 1)
-    assert found.joined == (number == 0, number == 1)
-    level = found.own == found.above
+    assert found.has_changes == (number == 0, number == 1)
+    level = found.same_cloth == found.in_upper_cloth
     edge = np.abs(np.diff(with_upper.astype(int), axis=number)).sum()
     # where a yarn changes is known to a thread or two
     assert np.count_nonzero(level != with_upper) <= 2 * edge
@@ -136,14 +136,14 @@ def test_threads_of_one_direction_may_change_alone(number: int) -> None:
     given = {("weft_layer", "warp_layer")[number]: [1, 2]}
     layers = WeaveSource(pattern=to_rows(drawdown), ends=ends, picks=picks, **given).cloth.layers
     assert layers is not None
-    np.testing.assert_array_equal(layers.own, found.own)
+    np.testing.assert_array_equal(layers.same_cloth, found.same_cloth)
 
 
 def test_stitches_are_no_change_of_place() -> None:
     found = find_layers(stitched())
     assert found is not None
-    assert found.joined == (True, True)
-    assert (found.above == ~found.ends)[found.own].all()
+    assert found.has_changes == (True, True)
+    assert (found.in_upper_cloth == ~found.ends)[found.same_cloth].all()
 
 
 def test_one_cloth_is_one() -> None:
@@ -200,7 +200,7 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
     for k, tree in enumerate(trees):
         for other in range(k):
             # ends among themselves, picks among themselves, and those of different cloths
-            if other >= ends or k < ends or not layers.own[k - ends, other]:
+            if other >= ends or k < ends or not layers.same_cloth[k - ends, other]:
                 found, _ = tree.query(points[yarn == other], distance_upper_bound=2e-3)
                 least = min(least, float(found.min()) - radii[k] - radii[other])
     return least
@@ -227,7 +227,7 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
                 drawdown=changing(16, 14)[0],
                 warp=ROUND,
                 weft=ROUND,
-                layers=find_layers(changing()[0]).cropped(slice(14), slice(16)),
+                layers=find_layers(changing()[0]).crop(slice(14), slice(16)),
             ),
             weft_diameter=0.55e-3,
         ),
@@ -240,9 +240,10 @@ def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
     assert abs(least_clearance(cloth).distance) < 1e-12 * thick
     found = find_contact(cloth)
     end, pick = found.yarns[0], found.yarns[1] - cloth.size[0]
-    assert cloth.layers.own[pick, end]
+    assert cloth.layers.same_cloth[pick, end]
     low, high = sorted(
-        cloth.passing(n).height[place] for n, place in enumerate(((end, pick), (pick, end)))
+        cloth.crossing_profile(n).height[place]
+        for n, place in enumerate(((end, pick), (pick, end)))
     )
     assert low < found.place[2] < high
 
@@ -253,8 +254,8 @@ def test_axes_are_smooth_where_cloths_change_places() -> None:
         part = np.arange(len(family.length))
         inner = part[:-1][np.diff(family.owner) == 0]
         ones = np.ones(len(inner))
-        before = family.at(inner, inner + family.owner[inner], ones)
-        after = family.at(inner + 1, inner + 1 + family.owner[inner], 0 * ones)
+        before = family.evaluate(inner, inner + family.owner[inner], ones)
+        after = family.evaluate(inner + 1, inner + 1 + family.owner[inner], 0 * ones)
         np.testing.assert_allclose(before, after, rtol=0, atol=1e-12)
         assert abs(family.angle).max() <= np.pi / 2
         # each runs through both cloths
@@ -304,7 +305,9 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     weave = scene.source.update().output
     read = cloth_of(weave)
     assert read is not None
-    np.testing.assert_array_equal(read.passing(0).height, scene.woven.cloth.passing(0).height)
+    np.testing.assert_array_equal(
+        read.crossing_profile(0).height, scene.woven.cloth.crossing_profile(0).height
+    )
     single = WeaveSource(draft=file, warp_layer=1, weft_layer=[1, 2])
     assert single.cloth.layers is None
     assert single.cloth.warnings == ()
@@ -314,7 +317,7 @@ def test_a_small_piece_is_what_the_whole_is() -> None:
     for size in (7, 2, 30):
         cloth = WeaveSource(pattern=["1000", "1110", "0010", "1011"], ends=size, picks=size).cloth
         assert cloth.layers is not None
-        assert cloth.layers.joined == (False, False)
+        assert cloth.layers.has_changes == (False, False)
         assert len(build_weave(cloth).points) > 0
     assert WeaveSource(pattern="twill 2/2").cloth.layers is None
 

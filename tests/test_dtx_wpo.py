@@ -373,7 +373,7 @@ def test_a_trimmed_draft_keeps_what_is_woven() -> None:
     colors = np.arange(18, dtype=np.uint8).reshape(6, 3)
     warp = DraftThreads(spacing=np.arange(1.0, 7.0), colors=colors)
     draft = Draft(loom.drawdown(), loom, warp, DraftThreads(spacing=1e-3))
-    cut = draft.trimmed()
+    cut = draft.trim()
     assert cut.loom is not None
     assert cut.loom.threading == ((1,), (), (2,))
     assert cut.loom.treadling == ((1,), (2,), (1,))
@@ -382,4 +382,4 @@ def test_a_trimmed_draft_keeps_what_is_woven() -> None:
     np.testing.assert_array_equal(cut.warp.spacing, [2.0, 3.0, 4.0])
     np.testing.assert_array_equal(cut.warp.colors, colors[1:4])
     assert cut.weft.spacing == 1e-3
-    assert cut.trimmed() is cut
+    assert cut.trim() is cut

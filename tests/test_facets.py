@@ -70,7 +70,7 @@ def surface_of(scene: Scene, seen: CameraView) -> PatchTessellator:
 
 
 def sides_of(stage: PatchTessellator, patches: np.ndarray, points: np.ndarray) -> np.ndarray:
-    sides, _, detail = stage.chosen
+    sides, _, detail = stage.detail
     return np.full(len(patches), sides) if detail is None else detail(points, patches)
 
 
@@ -139,7 +139,7 @@ def test_no_outline_is_half_a_pixel_off(near: float, flat: bool, weave: dict[str
     stage = surface_of(scene, seen)
     assert outline_error(scene, stage, seen) < 0.5
     if near == 0.2:  # which as many facets everywhere do not give
-        stage.choose(MOST_SIDES)
+        stage.set_detail(MOST_SIDES)
         stage.update()
         assert outline_error(scene, stage, seen) > 0.5
 
@@ -227,7 +227,7 @@ def test_plies_near_the_camera_are_as_smooth() -> None:
     sides, twice = sides_of(stage, patches, points), PatchTessellator()
     assert sides.max() > MOST_SIDES
     twice.SetInputDataObject(scene.source.output)
-    twice.choose(LEAST_SIDES, False, lambda *_: 2 * sides)
+    twice.set_detail(LEAST_SIDES, False, lambda *_: 2 * sides)
     twice.update()
     worst, first = 0.0, [0, 0]
     drawn = [points_of(each.output).astype(float) for each in (stage, twice)]

@@ -38,28 +38,28 @@ def looms(draw: st.DrawFn) -> Loom:
 
 def test_another_heddle_changes_its_end_alone() -> None:
     before = TWILL.drawdown()
-    after = TWILL.threaded(1, (3,)).drawdown()
+    after = TWILL.replace_threading(1, (3,)).drawdown()
     np.testing.assert_array_equal(after[:, 0], before[:, 2])
     np.testing.assert_array_equal(after[:, 1:], before[:, 1:])
-    assert not TWILL.threaded(2, ()).drawdown()[:, 1].any()  # in no heddle: it floats
+    assert not TWILL.replace_threading(2, ()).drawdown()[:, 1].any()  # in no heddle: it floats
 
 
 def test_another_treadle_changes_its_pick_alone() -> None:
     before = TWILL.drawdown()
-    after = TWILL.treadled(4, (1,)).drawdown()
+    after = TWILL.replace_treadling(4, (1,)).drawdown()
     np.testing.assert_array_equal(after[3], before[0])
     np.testing.assert_array_equal(after[:3], before[:3])
-    both = TWILL.treadled(4, (1, 2)).drawdown()[3]
+    both = TWILL.replace_treadling(4, (1, 2)).drawdown()[3]
     np.testing.assert_array_equal(both, before[0] | before[1])
 
 
 def test_another_tie_changes_the_picks_of_its_treadle() -> None:
-    after = TWILL.tied(2, Loom.toggled(TWILL.tieup[1], 1)).drawdown()
+    after = TWILL.replace_tie(2, Loom.toggle(TWILL.tieup[1], 1)).drawdown()
     changed = after != TWILL.drawdown()
     assert np.argwhere(changed).tolist() == [[1, 0]]
     # A treadle that has no tie yet.
-    wide = TWILL.sized(4, 6)
-    assert wide.tied(6, (2,)).tieup[4:] == ((), (2,))
+    wide = TWILL.resize(4, 6)
+    assert wide.replace_tie(6, (2,)).tieup[4:] == ((), (2,))
 
 
 @given(looms())
@@ -74,31 +74,31 @@ def test_a_liftplan_weaves_the_same_and_so_do_its_treadles(loom: Loom) -> None:
 @given(looms(), st.integers(1, 12), st.integers(1, 12))
 def test_a_tiled_loom_weaves_the_tiled_cloth(loom: Loom, ends: int, picks: int) -> None:
     np.testing.assert_array_equal(
-        loom.tiled(ends, picks).drawdown(), tile_drawdown(loom.drawdown(), ends, picks)
+        loom.repeat(ends, picks).drawdown(), tile_drawdown(loom.drawdown(), ends, picks)
     )
     np.testing.assert_array_equal(
-        loom.with_liftplan.tiled(ends, picks).drawdown(),
+        loom.with_liftplan.repeat(ends, picks).drawdown(),
         tile_drawdown(loom.drawdown(), ends, picks),
     )
 
 
 @given(looms(), st.integers(0, 9), st.integers(0, 9))
 def test_a_size_never_cuts_what_is_used(loom: Loom, shafts: int, treadles: int) -> None:
-    other = loom.sized(shafts, treadles)
-    most = loom.used
+    other = loom.resize(shafts, treadles)
+    most = loom.highest_used
     assert (other.shafts, other.treadles) == (max(shafts, most[0]), max(treadles, most[1]))
     np.testing.assert_array_equal(other.drawdown(), loom.drawdown())
-    assert loom.sized(*most).used == most
+    assert loom.resize(*most).highest_used == most
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda: TWILL.threaded(5, (1,)),
-        lambda: TWILL.threaded(1, (0,)),
-        lambda: TWILL.treadled(0, (1,)),
-        lambda: TWILL.tied(5, (1,)),
-        lambda: TWILL.with_liftplan.tied(1, (1,)),
+        lambda: TWILL.replace_threading(5, (1,)),
+        lambda: TWILL.replace_threading(1, (0,)),
+        lambda: TWILL.replace_treadling(0, (1,)),
+        lambda: TWILL.replace_tie(5, (1,)),
+        lambda: TWILL.with_liftplan.replace_tie(1, (1,)),
     ],
 )
 def test_what_is_not_there_cannot_be_changed(change: object) -> None:

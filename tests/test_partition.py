@@ -34,10 +34,10 @@ def test_yarns_of_one_course_are_measured_once(axis, varied):
     rng = np.random.default_rng(1)
     warp = replace(THREADS, diameter=rng.choice([0.2e-3, 0.25e-3], 40)) if varied else THREADS
     cloth = Cloth(drawdown=shafts(40, 30, 2), warp=warp, weft=THREADS, axis=axis)
-    first, which = cloth.courses[0]
+    first, which = cloth.yarn_groups[0]
     assert len(first) <= 12 < 40
     for yarn, course in enumerate(which):
-        np.testing.assert_array_equal(cloth.upper(0)[yarn], cloth.upper(0)[first[course]])
+        np.testing.assert_array_equal(cloth.is_over(0)[yarn], cloth.is_over(0)[first[course]])
         assert cloth.yarns[0].diameter[yarn] == cloth.yarns[0].diameter[first[course]]
     made, (counts, error) = build_weave(cloth), count_patches(cloth)
     assert (counts.points, counts.patches) == (len(made.points), len(made.patches))

@@ -31,7 +31,7 @@ def surface(sides: int, **values: object) -> np.ndarray:
     """The surface points of the pick, and what shading knows of them."""
     weave, surface = WeaveSource(**STRAIGHT, **values), PatchTessellator(subdivisions=sides)
     surface.SetInputConnection(weave.GetOutputPort())
-    surface.choose(sides, strands=True)
+    surface.set_detail(sides, strands=True)
     out = surface.update().output
     points, data = points_of(out).astype(float), out.GetPointData()
     ways = np.array(data.GetArray(STRANDS)).reshape(-1, 3)

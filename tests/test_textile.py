@@ -115,7 +115,7 @@ class Rods(Yarns):
         return np.full(self.count, 7850.0 * np.pi / 4 * self.diameter**2)
 
     @property
-    def measures(self) -> list[FabricFigure]:
+    def figures(self) -> list[FabricFigure]:
         return [FabricFigure("rod_length", "length of a rod", self.length, "m")]
 
     def curves(self) -> tuple[Floats, Floats, Floats]:
@@ -139,7 +139,7 @@ class Loops(Yarns):
         return {"courses": self.count}
 
     @property
-    def measures(self) -> list[FabricFigure]:
+    def figures(self) -> list[FabricFigure]:
         return [FabricFigure("wale_spacing", "wale spacing", 6 * self.diameter, "m")]
 
     def curves(self) -> tuple[Floats, Floats, Floats]:
@@ -198,7 +198,7 @@ class Tabby(Stage, Woven):
         return YarnMechanics(tension=(50.0, 50.0), contact=5.0, bending=(2e-9, 2e-9))
 
     def make_draft(self) -> Draft:
-        return Draft(self.cloth.drawdown, self.source.loom_for(self.cloth.drawdown))
+        return Draft(self.cloth.drawdown, self.source.find_loom(self.cloth.drawdown))
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
         made = build_weave(self.cloth)

@@ -305,7 +305,7 @@ def test_arcs_of_different_radii() -> None:
     part = np.arange(len(path.length))
     start = part + path.owner
     for fraction in (0.0, 1.0):
-        ends = path.at(part, start, np.full(len(part), fraction))
+        ends = path.evaluate(part, start, np.full(len(part), fraction))
         for found, array in zip(ends, (path.along, path.height, path.angle), strict=True):
             np.testing.assert_allclose(found, array[start + int(fraction)], rtol=0, atol=1e-14)
     k, last = path.curvature[0], path.last
@@ -406,7 +406,7 @@ def test_counts_are_those_of_what_is_built(cloth: Cloth) -> None:
     above = weave.estimate_counts(cloth)
     assert above.points >= built[0]
     assert above.patches >= built[1]
-    assert above.bytes(cloth.exact) <= weave.estimate_bytes(cloth)
+    assert above.estimate_bytes(cloth.exact) <= weave.estimate_bytes(cloth)
 
 
 @pytest.mark.parametrize("pattern", ["plain", "twill", "satin"])

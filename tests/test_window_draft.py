@@ -107,7 +107,7 @@ def test_tie_up_treadling_and_second_marks_can_be_edited(
 def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     # The treadles are not pressed in order; they keep their numbers after both conversions.
-    window.draft._set_loom(window.draft.grid.shown.loom.treadled(1, (3,)), "treadling")
+    window.draft._set_loom(window.draft.grid.shown.loom.replace_treadling(1, (3,)), "treadling")
     before, tied = woven(window), window.draft.grid.shown.loom
     window.draft.loom_kind.setFocus()
     qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Down)

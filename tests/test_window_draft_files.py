@@ -203,7 +203,7 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     again = read_wif(file)
     assert again.loom == window.draft.grid.shown.loom
     assert again.loom.threading[1] == (4,)
-    assert {k: [*v] for k, v in again.besides.items()} == {
+    assert {k: [*v] for k, v in again.other_sections.items()} == {
         "TEXT": ["Author=Ada"],
         "NOTES": ["1=for the loom upstairs"],
     }

@@ -115,7 +115,7 @@ def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> 
     )
     scene.update(0.02)
     stages = PartStages(scene)
-    stages.surface.choose(2)
+    stages.surface.set_detail(2)
     if moves:
         stages.set_cage(scene.deformed_cage)
     whole = rows_of(scene.polygons, color_values(scene.polygons, "clearance"))

@@ -85,19 +85,21 @@ class AffineInterpolation(EmbeddedPoints):
         flat = np.abs(np.linalg.det(edges)) <= _FLAT * size**3
         edges[flat], self._flat = np.eye(3), np.flatnonzero(flat)
         self._edges, self._inverse = edges, np.linalg.inv(edges)
-        self._beyond = np.flatnonzero(location.is_outside) if clamp else np.empty(0, np.intp)
+        self._clamped = np.flatnonzero(location.is_outside) if clamp else np.empty(0, np.intp)
         self._feet = np.empty((0, 4))
-        if len(self._beyond):
-            self._feet = locate(points[self._beyond], vertices, tetrahedra, "clamp").weights
+        if len(self._clamped):
+            self._feet = locate(points[self._clamped], vertices, tetrahedra, "clamp").weights
         many = len(points) > WORTHWHILE
         self._threads = threads or (None if many else 1)  # for few points, threads cost more
         self._loops: ModuleType | None = loops("spacemap_vtk.embedding.interpolation_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = blocks(len(points), width)
 
-    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> BlockFunction:
+    def _make_mover(
+        self, table: Floats, points: Points, moved: Points, shift: Points
+    ) -> BlockFunction:
         if self._loops is None:
-            return super()._mover(table, points, moved, shift)
+            return super()._make_mover(table, points, moved, shift)
         # For each map: origin, displacement there, and its slopes, four numbers each.
         maps = np.zeros((len(self._cells), 5, 4))
         maps[:, 0, :3] = self._origins
@@ -114,15 +116,15 @@ class AffineInterpolation(EmbeddedPoints):
 
     def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
         moved, shift = super().displace(points, displacement)
-        if len(self._beyond):
-            shift[self._beyond] = self._at_feet(np.asarray(displacement, np.float64))
-            moved[self._beyond] = points[self._beyond] + shift[self._beyond]
+        if len(self._clamped):
+            shift[self._clamped] = self._clamped_values(np.asarray(displacement, np.float64))
+            moved[self._clamped] = points[self._clamped] + shift[self._clamped]
         return moved, shift
 
     def apply(self, values: ArrayLike) -> Floats:
         result = super().apply(values)
-        if len(self._beyond):
-            result[self._beyond] = self._at_feet(np.asarray(values, np.float64))
+        if len(self._clamped):
+            result[self._clamped] = self._clamped_values(np.asarray(values, np.float64))
         return result
 
     def gradients(self, displacement: ArrayLike) -> Floats:
@@ -160,12 +162,14 @@ class AffineInterpolation(EmbeddedPoints):
         each[:, :, 1:] = self._slopes(columns).transpose(0, 2, 1)
         return result
 
-    def _at_feet(self, columns: Floats) -> Floats:
+    def _clamped_values(self, columns: Floats) -> Floats:
         """Compute the values at the clamped points."""
-        corners = self._cells[self._tetrahedron[self._beyond]]
+        corners = self._cells[self._tetrahedron[self._clamped]]
         return np.einsum("na,na...->n...", self._feet, columns[corners])
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
+    def _make_writer(
+        self, table: Floats, out: Points, points: Points | None = None
+    ) -> BlockFunction:
         maps, points = self._maps(table), self._points if points is None else points
         if self._loops is not None:
             carry = self._loops.apply_maps

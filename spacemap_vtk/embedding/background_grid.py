@@ -54,7 +54,7 @@ class BackgroundGrid:
             if not len(open_):
                 return found
             candidate = self._candidates[here]
-            fits = self._frames.inside(points[open_], candidate)
+            fits = self._frames.contains(points[open_], candidate)
             found[open_[fits]] = candidate[fits]
             np.logical_not(fits, out=fits)
             open_, here, end = open_[fits], here[fits] + 1, end[fits]

@@ -77,7 +77,7 @@ class Frames:
         result[:, 0] = 1.0 - (result[:, 1] + result[:, 2] + result[:, 3])
         return result
 
-    def inside(self, points: Floats, which: AnyInts) -> Bools:
+    def contains(self, points: Floats, which: AnyInts) -> Bools:
         """Check whether points lie in tetrahedra, including boundary and tolerance."""
         rows = np.take(self._table, which, axis=0)
         away = [points[:, i] - rows[:, i] for i in range(3)]

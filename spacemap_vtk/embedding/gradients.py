@@ -43,7 +43,7 @@ class QuadraticGradients:
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> nodes, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))
     >>> where = locate([[0.25, 0.5, 0.125]], corners, cells[:, :4])
-    >>> QuadraticGradients(where, nodes, cells).at(nodes**2)[0].round(9).tolist()
+    >>> QuadraticGradients(where, nodes, cells).compute(nodes**2)[0].round(9).tolist()
     [[1.5, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.25]]
     """
 
@@ -64,7 +64,7 @@ class QuadraticGradients:
             for axis in range(3)
         ]
 
-    def at(self, displacement: NDArray[Any]) -> Floats:
+    def compute(self, displacement: NDArray[Any]) -> Floats:
         """Compute the deformation gradient F at each point.
 
         Parameters

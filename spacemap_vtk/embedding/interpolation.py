@@ -51,13 +51,17 @@ class EmbeddedPoints:
     def __init__(self, points: int, vertices: int) -> None:
         self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
+    def _make_writer(
+        self, table: Floats, out: Points, points: Points | None = None
+    ) -> BlockFunction:
         """Make the function that computes the values at a block of points."""
         raise NotImplementedError
 
-    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> BlockFunction:
+    def _make_mover(
+        self, table: Floats, points: Points, moved: Points, shift: Points
+    ) -> BlockFunction:
         """Make the function that moves a block of points."""
-        write = self._writer(table, shift, points)
+        write = self._make_writer(table, shift, points)
 
         def move(block: slice) -> None:
             write(block)
@@ -91,7 +95,7 @@ class EmbeddedPoints:
             )
         columns = table.reshape(len(table), -1)
         result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
-        write = self._writer(columns, result)
+        write = self._make_writer(columns, result)
         for_each(self._blocks, lambda: write, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
@@ -124,7 +128,7 @@ class EmbeddedPoints:
             )
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
-        move = self._mover(table, points, moved, shift)
+        move = self._make_mover(table, points, moved, shift)
         for_each(self._blocks, lambda: move, self._threads)
         return moved, shift
 
@@ -180,7 +184,9 @@ class Interpolation(EmbeddedPoints):
                 weights = quadratic_weights(weights)
             self._writes.append(_make_writer(ride, weights, tetrahedron, corners))
 
-    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> BlockFunction:
+    def _make_writer(
+        self, table: Floats, out: Points, points: Points | None = None
+    ) -> BlockFunction:
         return lambda block: self._writes[block.start // _BLOCK](table, out[block])
 
 

@@ -44,7 +44,7 @@ class PlaneSlopes:
     >>> from spacemap_vtk.cage.lattice import build_lattice
     >>> vertices, cells = build_lattice([0, 2, 0, 2, 0, 1], [2, 2, 1])
     >>> bent = vertices[:, [0]] ** 2 * [0, 0, 1.0]
-    >>> PlaneSlopes(np.array([[0.5, 0.7, 0.5]]), vertices, cells).at(bent).tolist()
+    >>> PlaneSlopes(np.array([[0.5, 0.7, 0.5]]), vertices, cells).compute(bent).tolist()
     [[[1.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]]]
     """
 
@@ -66,7 +66,7 @@ class PlaneSlopes:
             where = locate(places, vertices, cells)
             self._along = _sheet_slopes(places, where, vertices, *self._surface[:2])
 
-    def at(self, displacement: NDArray[Any]) -> Floats:
+    def compute(self, displacement: NDArray[Any]) -> Floats:
         """Compute both vectors at each point.
 
         Parameters

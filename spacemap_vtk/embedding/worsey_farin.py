@@ -65,11 +65,11 @@ class CoefficientIndex:
     """Positions of the coefficients in the table of a tetrahedron."""
 
     def __init__(self) -> None:
-        self.place: dict[tuple[Any, ...], int] = {}
+        self.positions: dict[tuple[Any, ...], int] = {}
 
     def __call__(self, *key: Any) -> int:
         """Return the position of a coefficient; a new name gets the next one."""
-        return self.place.setdefault(key, len(self.place))
+        return self.positions.setdefault(key, len(self.positions))
 
 
 def _coefficient_name(i: int, parts: list[Any]) -> tuple[Any, ...]:
@@ -105,13 +105,13 @@ _INDEX, _TABLE = _number_coefficients()
 def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
     """Compute the control points of all pieces, as factors of the twenty numbers."""
     count = len(corners)
-    result = np.zeros((count, len(_INDEX.place), NUMBERS))
+    result = np.zeros((count, len(_INDEX.positions), NUMBERS))
 
     def put(i: int, parts: list[Any], value: Floats) -> None:
-        result[:, _INDEX.place[_coefficient_name(i, parts)]] = value
+        result[:, _INDEX.positions[_coefficient_name(i, parts)]] = value
 
     def get(i: int, parts: list[Any]) -> Floats:
-        return result[:, _INDEX.place[_coefficient_name(i, parts)]]
+        return result[:, _INDEX.positions[_coefficient_name(i, parts)]]
 
     unit = np.eye(NUMBERS)
 

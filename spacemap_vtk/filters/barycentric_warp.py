@@ -320,7 +320,7 @@ class _Ride:
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
         each: AnyInts = np.arange(len(normals))
         if isinstance(self._slopes, QuadraticGradients):
-            gradients = self._slopes.at(displacement)
+            gradients = self._slopes.compute(displacement)
         else:
             gradients = self._slopes.gradients(displacement)
             if isinstance(self._slopes, AffineInterpolation):

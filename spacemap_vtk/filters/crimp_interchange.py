@@ -77,35 +77,35 @@ class CrimpInterchange(YarnParameters, Stage):
     output_type = SAME_AS_INPUT
 
     _kept: _PreparedYarns | None = None
-    _crossed: _ClothCrossings | None = None
+    _cloth_crossings: _ClothCrossings | None = None
     #: The crossings of a whole cloth, and the share of them that the input has.
-    _lent: tuple[_ClothCrossings, YarnSelection] | None = None
+    _borrowed: tuple[_ClothCrossings, YarnSelection] | None = None
     #: Kinds of warnings issued so far. An animation would repeat them with each frame's numbers.
-    _told: set[str] | None = None
+    _warned_kinds: set[str] | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Compute the heights at the crossings and lay the yarns through them."""
         output.ShallowCopy(inputs[0])
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # this process has no points
-        lent = self._lent
+        lent = self._borrowed
         whole, part = lent or (self._crossings(*inputs), ALL_YARNS)
-        kept = self._prepared(inputs[0], inputs[1])
+        kept = self._prepare(inputs[0], inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "CrimpInterchange, on port 1,")
-        state, stretch = whole.at(field).cropped(part)
-        slopes, ends = kept.slopes.at(field), kept.recrimp.warp_rings
+        state, stretch = whole.solve(field).crop(part)
+        slopes, ends = kept.slopes.compute(field), kept.geometry.warp_rings
         along = np.concatenate([slopes[1, :ends], slopes[0, ends:]])
         normal = np.cross(slopes[0], slopes[1])
         size = np.sqrt(np.einsum("rc,rc->r", normal, normal))
         normal /= np.where(size > 0.0, size, 1.0)[:, None]
         data = output.GetPointData()
         data.AddArray(kept.foot)
-        offsets = kept.recrimp.vectors(state.height, stretch, along, normal, kept.precision)
+        offsets = kept.geometry.offsets(state.height, stretch, along, normal, kept.precision)
         add_array(data, OFFSET, offsets)
         tension = whole.tension
         if tension.size > 2:
             tension = tension[:, part.picks, part.ends]
-        weights = kept.recrimp.weights(state.height, stretch)
+        weights = kept.geometry.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
         # Keep the order of `arrays`, which a set would lose: pieces of a cloth must agree in it to
@@ -114,11 +114,11 @@ class CrimpInterchange(YarnParameters, Stage):
             values = _crossing_values(name, state, tension)
             if len(values) == 1:
                 values = np.concatenate([values, values])
-            add_array(output.GetCellData(), name, values.ravel()[kept.recrimp.crossing])
+            add_array(output.GetCellData(), name, values.ravel()[kept.geometry.crossing])
         if lent is None:
-            self._tell_of(state, stretch, whole.crimp)
+            self._warn_about(state, stretch, whole.crimp)
 
-    def at_crossings(
+    def crossing_values(
         self, name: str, weave: vtkPointSet, cage: vtkUnstructuredGrid
     ) -> NDArray[np.float32 | np.uint8]:
         """Return the values of a provided array at all crossings, without laying yarns.
@@ -146,11 +146,13 @@ class CrimpInterchange(YarnParameters, Stage):
         """
         whole = self._crossings(weave, cage)
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
-        now = whole.at(field)
-        self._tell_of(*now, whole.crimp)
+        now = whole.solve(field)
+        self._warn_about(*now, whole.crimp)
         return _crossing_values(name, now.state, whole.tension)
 
-    def borrow(self, whole: CrimpInterchange | None, part: YarnSelection = ALL_YARNS) -> None:
+    def use_crossings_of(
+        self, whole: CrimpInterchange | None, part: YarnSelection = ALL_YARNS
+    ) -> None:
         """Use the crossings of another stage's last update, which has the whole cloth.
 
         Parameters
@@ -163,17 +165,17 @@ class CrimpInterchange(YarnParameters, Stage):
         lent = None
         if whole is not None and whole._crossed is not None:
             lent = whole._crossed, part
-        if self._lent != lent:
-            self._lent = lent
+        if self._borrowed != lent:
+            self._borrowed = lent
             self.Modified()
 
-    def _tell_of(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
+    def _warn_about(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
         """Warn about jammed, slack and strained yarns."""
         count = state.distance.size
         if (jammed := state.jammed.any(axis=0)).any():
             pressed = np.where(state.jammed, stretch, np.inf)
             family, pick, end = np.unravel_index(int(np.argmin(pressed)), pressed.shape)
-            self._tell_once(
+            self._warn_once(
                 "jam",
                 f"{jammed.sum()} of {count} crossings jam: yarns there have no room left to bend, "
                 f"worst at end {end + 1} and pick {pick + 1}, where space along the "
@@ -182,32 +184,32 @@ class CrimpInterchange(YarnParameters, Stage):
         # Excess length: yarn length over path length, both per length of the cloth at rest.
         spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
         if (slack := (state.slack & (spare > _SLACK)).any(axis=0) & ~jammed).any():
-            self._tell_once(
+            self._warn_once(
                 "slack",
                 f"at {slack.sum()} of {count} crossings yarns lie slack: they are up to "
                 f"{100.0 * spare[:, slack].max():.3g} % longer than their room",
             )
         if self.inextensible and (worst := float(state.strain.max())) > _STRAIN:
             family, pick, end = np.unravel_index(int(np.argmax(state.strain)), state.strain.shape)
-            self._tell_once(
+            self._warn_once(
                 "strain",
                 f"space leaves yarns no crimp to give: the {FAMILIES[family]} strains by up to "
                 f"{100.0 * worst:.3g} %, most at end {end + 1} and pick {pick + 1}",
             )
 
-    def _tell_once(self, kind: str, text: str) -> None:
+    def _warn_once(self, kind: str, text: str) -> None:
         """Add a sentence to `warnings`; issue only the first of its kind as a Python warning."""
-        if self._told is None:
-            self._told = set()
-        if kind in self._told:
+        if self._warned_kinds is None:
+            self._warned_kinds = set()
+        if kind in self._warned_kinds:
             self._said.add(text)
-        self._told.add(kind)
+        self._warned_kinds.add(kind)
         self.warn(text)
 
     def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _ClothCrossings:
         """Return the crossings of the whole cloth of a weave or of a piece of it."""
-        kept, settings = self._crossed, tuple(self.settings.values())
-        if kept is None or not kept.serves(settings, weave, cage):
+        kept, settings = self._cloth_crossings, tuple(self.settings.values())
+        if kept is None or not kept.is_valid_for(settings, weave, cage):
             cloth = cloth_of(weave)
             if cloth is None:
                 raise InputError(
@@ -221,13 +223,15 @@ class CrimpInterchange(YarnParameters, Stage):
                     allowed='axis = "arcs" of [weave]',
                 )
             arrays = cloth_arrays(weave)
-            kept = self._crossed = _ClothCrossings(settings, arrays, cloth, self.yarns(cloth), cage)
+            kept = self._cloth_crossings = _ClothCrossings(
+                settings, arrays, cloth, self.yarns(cloth), cage
+            )
         return kept
 
-    def _prepared(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _PreparedYarns:
+    def _prepare(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _PreparedYarns:
         kept = self._kept
         settings = *self.settings.values(), *self.piece
-        if kept is not None and kept.settings == settings and kept.serves(weave, cage):
+        if kept is not None and kept.settings == settings and kept.is_valid_for(weave, cage):
             return kept
         count = weave.GetNumberOfPoints()
         require(
@@ -244,8 +248,8 @@ class CrimpInterchange(YarnParameters, Stage):
         )
         recrimp = CrimpGeometry(cloth, share)
         points = points_of(weave)
-        feet = recrimp.spread(recrimp.feet)
-        woven = feet + recrimp.rest
+        feet = recrimp.repeat_rings(recrimp.feet)
+        woven = feet + recrimp.rest_offsets
         if len(woven) != len(points) or abs(woven - points).max() > _APART * abs(woven).max():
             raise InputError(
                 "the points on port 0 are not where their cloth has been woven",
@@ -257,7 +261,7 @@ class CrimpInterchange(YarnParameters, Stage):
             settings=settings,
             weave=Geometry(weave),
             cage=Geometry(cage),
-            recrimp=recrimp,
+            geometry=recrimp,
             slopes=PlaneSlopes(recrimp.feet, vertices, elements_of(cage)),
             foot=to_array(feet.astype(precision, copy=False), FOOT),
             precision=precision,
@@ -289,7 +293,7 @@ class _CrossingState(NamedTuple):
     stretch: Floats
     """(2, picks, ends) Of space along warp and weft."""
 
-    def cropped(self, part: YarnSelection) -> _CrossingState:
+    def crop(self, part: YarnSelection) -> _CrossingState:
         """Return the state of a share of the yarns."""
         ends, picks = part
         fields: Any = (values[..., picks, ends] for values in self.state)
@@ -324,7 +328,7 @@ class _ClothCrossings:
         ]
         self._last: tuple[NDArray[Any], _CrossingState] | None = None
 
-    def serves(
+    def is_valid_for(
         self, settings: tuple[Any, ...], weave: vtkPointSet, cage: vtkUnstructuredGrid
     ) -> bool:
         """Return whether these crossings are still valid for a weave and a cage."""
@@ -333,11 +337,11 @@ class _ClothCrossings:
         same = same and all(np.array_equal(a, arrays[n], True) for n, a in self._arrays.items())
         return same and self._cage.matches(cage)
 
-    def at(self, field: NDArray[Any]) -> _CrossingState:
+    def solve(self, field: NDArray[Any]) -> _CrossingState:
         """Return the state of the crossings for a displacement of the cage's vertices."""
         if self._last is None or not np.array_equal(self._last[0], field):
             # `at` gives the images of unit vectors along x (weft), then y (warp); warp comes first.
-            found = [slopes.at(field)[::-1] for slopes in self._slopes]
+            found = [slopes.compute(field)[::-1] for slopes in self._slopes]
             stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
             asked = np.concatenate(stretch, axis=1).reshape(self._shape)
             self._last = field.copy(), _CrossingState(self._interchange.solve(asked), asked)
@@ -367,10 +371,10 @@ class _PreparedYarns:
     settings: tuple[Any, ...]
     weave: Geometry
     cage: Geometry
-    recrimp: CrimpGeometry
+    geometry: CrimpGeometry
     slopes: PlaneSlopes
     foot: vtkDataArray
     precision: Any
 
-    def serves(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> bool:
+    def is_valid_for(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> bool:
         return self.weave.matches(weave) and self.cage.matches(cage)

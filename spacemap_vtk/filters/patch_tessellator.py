@@ -40,7 +40,7 @@ STRANDS = "strands"
 #: Subdivisions if none are given and the size of a patch on the screen is unknown.
 AUTOMATIC_SIDES = 4
 #: Function that computes each patch's subdivisions from control points and patches; see
-#: `PatchTessellator.choose`.
+#: `PatchTessellator.set_detail`.
 Detail = Callable[[AnyFloats, AnyInts], AnyInts]
 #: Largest distance between a facet and the round surface [pixels].
 _CHORD = 0.3
@@ -106,11 +106,11 @@ class PatchTessellator(Stage):
         return self.subdivisions or self._chosen
 
     @property
-    def chosen(self) -> tuple[int, bool, Detail | None]:
+    def detail(self) -> tuple[int, bool, Detail | None]:
         """Arguments with which `choose` gives the same facets."""
         return self._chosen, self._strands, self._detail
 
-    def choose(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:
+    def set_detail(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:
         """Set the number of automatic subdivisions, and the data for shading.
 
         Parameters
@@ -144,8 +144,8 @@ class PatchTessellator(Stage):
             self._skin.extract(grid, self.sides, output)
             self._drop_ghosts(output)
             return
-        prepared = self._prepared(grid)
-        if any(group.tessellation.has_earned_loops for group in prepared.groups):
+        prepared = self._prepare(grid)
+        if any(group.tessellation.is_worth_compiling for group in prepared.groups):
             self.report(0.0, "compiling")
             for group in prepared.groups:
                 group.tessellation.compile()
@@ -189,13 +189,13 @@ class PatchTessellator(Stage):
             for data in (output.GetCellData(), output.GetPointData()):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
-    def _prepared(self, grid: vtkUnstructuredGrid) -> _PreparedPatches:
+    def _prepare(self, grid: vtkUnstructuredGrid) -> _PreparedPatches:
         sides: int | AnyInts = self.sides
         if self._detail is not None and self.subdivisions is None:
             patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
             each = self._detail(points_of(grid), patches)
             sides = int(each[0]) if len(each) and (each == each[0]).all() else each
-        if self._kept is None or not self._kept.serves(grid, sides):
+        if self._kept is None or not self._kept.is_valid_for(grid, sides):
             self._kept = _PreparedPatches(grid, sides)
         return self._kept
 
@@ -301,9 +301,9 @@ class _Group:
     ) -> tuple[AnyFloats, AnyFloats]:
         """Return positions and normals, shaped into plies."""
         surface = self.tessellation.evaluate(points, weights=weights)
-        if whole is not None and whole.makes_plies(self.sides):
+        if whole is not None and whole.can_shape_plies(self.sides):
             views = self.tessellation.views(*surface)
-            self.strands(whole).make(
+            self.strands(whole).shape_plies(
                 points, weights, ((self.numbers[which], *parts) for which, *parts in views)
             )
         return surface
@@ -353,10 +353,10 @@ class _PreparedPatches:
         self.polygons: vtkCellArray = to_cells(self._quads())
         self.patches = patches
         self._seams = _find_seams(patches, self.groups) if len(self.groups) > 1 else []
-        self.told: list[bytes | None] = []
-        self.placed: tuple[vtkDataArray, int] | None = None
-        self.woven: Strands | None = None
-        self.ways: vtkDataArray | None = None
+        self.strand_inputs: list[bytes | None] = []
+        self.places_state: tuple[vtkDataArray, int] | None = None
+        self.cloth_strands: Strands | None = None
+        self.fibre_directions: vtkDataArray | None = None
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
@@ -375,36 +375,36 @@ class _PreparedPatches:
         for fine, before, after, share in self._seams:
             positions[fine] = (1.0 - share) * positions[before] + share * positions[after]
 
-    def serves(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> bool:
+    def is_valid_for(self, grid: vtkUnstructuredGrid, subdivisions: int | AnyInts) -> bool:
         return np.array_equal(self.subdivisions, subdivisions) and self.cells.matches(grid)
 
     def strands(self, grid: vtkUnstructuredGrid) -> Strands | None:
         """Return the strands of fibres and plies of a whole weave; None for anything else."""
         places = grid.GetFieldData().GetArray(PLACES)
         # These arrays are always written together: the same array belongs to the same weave.
-        if places is not None and self.placed is not None:
-            array, time = self.placed
+        if places is not None and self.places_state is not None:
+            array, time = self.places_state
             if places is array and places.GetMTime() == time:
-                return self.woven
-        self.placed = None if places is None else (places, places.GetMTime())
+                return self.cloth_strands
+        self.places_state = None if places is None else (places, places.GetMTime())
         told = _strand_inputs(grid)
-        if told != self.told:
-            self.told, self.woven, self.ways = told, None, None
+        if told != self.strand_inputs:
+            self.strand_inputs, self.cloth_strands, self.fibre_directions = told, None, None
             cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
             if cloth is not None:
                 # Not possible for a part of a weave's patches.
                 with suppress(GeometryError):
                     places = vtk_to_numpy(places)
-                    self.woven = Strands(self.patches, cloth, places, self.groups[0].sides)
-        return self.woven
+                    self.cloth_strands = Strands(self.patches, cloth, places, self.groups[0].sides)
+        return self.cloth_strands
 
     def coordinates(self, strands: Strands) -> vtkDataArray:
         """Return the direction of the fibres: the same array as long as the yarns are the same."""
-        if self.ways is None:
-            self.ways = to_array(
+        if self.fibre_directions is None:
+            self.fibre_directions = to_array(
                 _concatenate([g.coordinates(strands) for g in self.groups]), STRANDS
             )
-        return self.ways
+        return self.fibre_directions
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
         """Return a point array as a cell array, if it has one integer for each patch."""

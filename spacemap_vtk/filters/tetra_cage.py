@@ -153,9 +153,9 @@ class TetraCage(Stage):
         """Make the mesh."""
         self.in_use, self._filled_share = {}, 1.0
         if self.method == "file":
-            self._from_file(output)
+            self._read_file(output)
         else:
-            self._round(inputs[0], output)
+            self._make_around(inputs[0], output)
         # A sheet may take its mass and stiffness from the weave inside.
         pass_cloth(inputs[0], output)
         if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
@@ -165,7 +165,7 @@ class TetraCage(Stage):
         if self._filled_share != 1.0:
             add_array(output.GetFieldData(), FILLED, np.array([self._filled_share]))
 
-    def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
+    def _make_around(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
         # Asking the stages above for the whole object would also give the whole to their other
@@ -181,7 +181,9 @@ class TetraCage(Stage):
                 value=self.method,
                 cure='Write the cage of the whole object to a file, and use method = "file".',
             )
-        vertices, tetrahedra = self._wild(data, cloth) if wild else self._box(data, cloth)
+        vertices, tetrahedra = (
+            self._make_tetwild(data, cloth) if wild else self._make_lattice(data, cloth)
+        )
         cell_type = VTK_TETRA
         if self.order == 2:
             vertices, tetrahedra = add_midpoints(vertices, tetrahedra)
@@ -189,7 +191,7 @@ class TetraCage(Stage):
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))
 
-    def _box(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
+    def _make_lattice(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(pad_bounds(whole, self.padding)).reshape(3, 2)
         chosen = self.divisions or _cubic_divisions(bounds)
@@ -239,7 +241,7 @@ class TetraCage(Stage):
         used, numbers = np.unique(groups, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
 
-    def _wild(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
+    def _make_tetwild(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
         low, high = np.array(whole).reshape(3, 2).T
         diagonal = float(np.linalg.norm(high - low))
@@ -247,12 +249,12 @@ class TetraCage(Stage):
             raise GeometryError("the object is a single point")
         if cloth is not None:
             touch = partial(_find_cells_of_yarns, cloth, points_of(data).dtype, whole)
-            return self._filled(envelope(low, high, touch, self.inflate), diagonal)
+            return self._fill(envelope(low, high, touch, self.inflate), diagonal)
         points, triangles = outline(data, polygons_of(data))
         touch = partial(find_touched_cells, points, triangles)
         tolerance = EPSILON * diagonal
         if self.inflate > 0.0:
-            made = self._filled(envelope(low, high, touch, self.inflate), diagonal)
+            made = self._fill(envelope(low, high, touch, self.inflate), diagonal)
             return enclose_points(points, *made, _FURTHEST * tolerance), made[1]
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
@@ -269,12 +271,12 @@ class TetraCage(Stage):
                 f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
                 "own judgement: compare the cage, or give it an envelope (cage.inflate)"
             )
-        vertices, tetrahedra = self._filled((points, triangles), diagonal)
+        vertices, tetrahedra = self._fill((points, triangles), diagonal)
         inside = float(tetrahedron_volumes(vertices, tetrahedra).sum())
         sizes, loose = count_parts(tetrahedra)
         if len(sizes) > loose:
             # A part that can rotate about an edge or a vertex is not held: solvers would fail.
-            join = partial(self._joined, partial(envelope, low, high, touch), diagonal)
+            join = partial(self._join_parts, partial(envelope, low, high, touch), diagonal)
             length = self.edge_length or diagonal / 10
             mesh = load_or_make(join, points, triangles, length, _ENVELOPES, EPSILON)
             vertices, tetrahedra = mesh["vertices"], mesh["tetrahedra"]
@@ -296,13 +298,13 @@ class TetraCage(Stage):
             )
         return vertices, tetrahedra
 
-    def _joined(self, around: Callable[[float], Outline], diagonal: float) -> dict[str, Any]:
+    def _join_parts(self, around: Callable[[float], Outline], diagonal: float) -> dict[str, Any]:
         """Return the mesh of the narrowest envelope that joins all that the widest one joins."""
         most = count_bodies(*around(_ENVELOPES[-1] * diagonal))
         for share in _ENVELOPES:
             skin = around(share * diagonal)
             if count_bodies(*skin) <= most:
-                vertices, tetrahedra = self._filled(skin, diagonal)
+                vertices, tetrahedra = self._fill(skin, diagonal)
                 sizes, loose = count_parts(tetrahedra)
                 if len(sizes) == loose <= most:
                     break
@@ -312,7 +314,7 @@ class TetraCage(Stage):
             "distance": np.array(share * diagonal),
         }
 
-    def _filled(self, surface: Outline, diagonal: float) -> tuple[Floats, Ints]:
+    def _fill(self, surface: Outline, diagonal: float) -> tuple[Floats, Ints]:
         vertices, made = fill_surface(*surface, self.edge_length or diagonal / 10)
         tetrahedra, _, flat = repair_tetrahedra(vertices, made)
         if not len(tetrahedra):
@@ -323,7 +325,7 @@ class TetraCage(Stage):
         used, numbers = np.unique(tetrahedra, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
 
-    def _from_file(self, output: vtkUnstructuredGrid) -> None:
+    def _read_file(self, output: vtkUnstructuredGrid) -> None:
         if self.order == 2:
             raise InputError(
                 "a cage from a file keeps its points, so that none can be put on its edges",

@@ -67,7 +67,7 @@ class Textile:
         return None
 
     @property
-    def measures(self) -> Sequence[FabricFigure]:
+    def figures(self) -> Sequence[FabricFigure]:
         """Other figures."""
         return ()
 
@@ -152,7 +152,7 @@ class Woven(Textile):
         return {}
 
     @property
-    def found(self) -> Mapping[str, float]:
+    def automatic_values(self) -> Mapping[str, float]:
         """Values of automatic parameters, by name, where one value holds for all yarns.
 
         Raises

@@ -85,10 +85,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     def cloth(self) -> Cloth:
         """The cloth that the parameters describe."""
         # Cached, because drawing requests it in every frame.
-        key = (*self.settings.values(), *self._stamp)
+        key = (*self.settings.values(), *self._draft_state)
         if self._resolved is None or self._resolved[0] != key:
             try:
-                source, asked = self.source, self.asked
+                source, asked = self.source, self.request
             except InputError as error:
                 if isinstance(error.value, float) and error.key in self.parameters:
                     error.value = self.parameter(error.key).show(error.value)  # with its unit
@@ -139,10 +139,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         # This works also for yarns that do not fit.
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
-        return as_draft(self.cloth, self.source, self.asked, title)
+        return as_draft(self.cloth, self.source, self.request, title)
 
     @property
-    def asked(self) -> ClothRequest:
+    def request(self) -> ClothRequest:
         """Values of the parameters for the fabric, including a pattern's default size.
 
         Raises
@@ -151,7 +151,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             If parameters contradict each other.
         """
         # Only here are the parameters' names, which users write, translated to warp and weft.
-        self._refuse_rivals()
+        self._refuse_alternatives()
         size = SIZE if self.draft is None else None
         each = [field.name for field in fields(ThreadsRequest)]
         warp, weft = (
@@ -164,7 +164,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         own |= {"ends": self.ends or size, "picks": self.picks or size}
         return ClothRequest(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
 
-    def _refuse_rivals(self) -> None:
+    def _refuse_alternatives(self) -> None:
         for rivals in _ALTERNATIVES:
             given = [key for key in rivals if getattr(self, key) is not None]
             if given[1:]:
@@ -179,7 +179,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 )
 
     @property
-    def found(self) -> dict[str, float]:
+    def automatic_values(self) -> dict[str, float]:
         """Values of automatic parameters, where one value holds for all yarns."""
         cloth = self.cloth
         values = {
@@ -214,12 +214,12 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 value=self.draft,
                 allowed=describe_readers("draft"),
             )
-        if self._read is None or self._read[0] != self._stamp:
-            self._read = self._stamp, read_draft(self.draft, self.trim)
+        if self._read is None or self._read[0] != self._draft_state:
+            self._read = self._draft_state, read_draft(self.draft, self.trim)
         return self._read[1]
 
     @property
-    def _stamp(self) -> tuple[Any, ...]:
+    def _draft_state(self) -> tuple[Any, ...]:
         """The draft's file, when it was last written, and whether it is trimmed."""
         return self.draft, written(self.draft), self.trim
 

@@ -74,7 +74,7 @@ def textile(scene: Scene) -> dict[str, Any] | None:
         "diameters": [float(diameters.min()), float(diameters.max())],
         "extent": None if extent is None else extent.tolist(),
         "linear_densities": None if masses is None else [float(masses.min()), float(masses.max())],
-        **{measure.key: measure.value for measure in made.measures},
+        **{measure.key: measure.value for measure in made.figures},
     }
 
 

@@ -199,7 +199,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
         found.append(Figure("linear_density", "yarn count", _cell(mean, "kg/m"), mean, "kg/m"))
     if (extent := textile.extent) is not None:
         found.append(Figure("extent", "extent", " x ".join(_cell(x, "m") for x in extent.tolist())))
-    for key, label, value, unit in textile.measures:
+    for key, label, value, unit in textile.figures:
         found.append(Figure(key, label, _cell(value, unit), value, unit))
     return found
 

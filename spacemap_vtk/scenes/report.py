@@ -315,8 +315,8 @@ def cloth(scene: Scene) -> dict[str, Any]:
         figures["feasible_height"] = list(woven.feasible_heights)
         counts, figures["radial_error"] = count_patches(woven)
         figures["patches"], figures["control_points"] = counts.patches, counts.points
-        figures["memory_bytes"] = counts.bytes(woven.exact)
-    loom = textile.source.loom_for(over)
+        figures["memory_bytes"] = counts.estimate_bytes(woven.exact)
+    loom = textile.source.find_loom(over)
     floats, means = drawdown.longest_floats(over), drawdown.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)

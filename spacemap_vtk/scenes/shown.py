@@ -99,7 +99,7 @@ def shown_of(woven: Woven) -> Shown:
     # Rows and pictures contain no loom.
     reader = None if file is None else registry.reader(file, "draft")
     return Shown(
-        source.loom_for(cloth.drawdown),
+        source.find_loom(cloth.drawdown),
         cloth.drawdown,
         cloth.warp.colors,
         cloth.weft.colors,
@@ -117,10 +117,10 @@ def as_draft(shown: Shown) -> Draft:
     return Draft(
         shown.drawdown,
         shown.loom,
-        source.warp.repeated(ends),
-        source.weft.repeated(picks),
+        source.warp.repeat(ends),
+        source.weft.repeat(picks),
         title=source.title,
-        besides=source.besides,
+        other_sections=source.other_sections,
     )
 
 

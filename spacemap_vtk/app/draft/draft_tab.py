@@ -191,7 +191,7 @@ class DraftTab(QWidget):
     def _show_counts(self, shown: Shown) -> None:
         loom = shown.loom
         lifted = loom.liftplan is not None
-        least = loom.used
+        least = loom.highest_used
         for name, value, low in (
             ("ends", shown.size[0], 1),
             ("picks", shown.size[1], 1),
@@ -267,7 +267,7 @@ class DraftTab(QWidget):
         else:
             loom = shown.loom
             sizes = {"shafts": loom.shafts, "treadles": loom.treadles, name: value}
-            self._set_loom(loom.sized(**sizes), name)
+            self._set_loom(loom.resize(**sizes), name)
 
     def _set_loom_kind(self, index: int) -> None:
         shown = self.grid.shown

@@ -59,7 +59,7 @@ class Stroke:
         if self._sets_marks and not self._several:
             marks = (number,)
         elif (number in row) != self._sets_marks:
-            marks = shown.loom.toggled(row, number)
+            marks = shown.loom.toggle(row, number)
         return shown if marks == row else shown.with_loom(changed(marks))
 
     def _paint(self, shown: Shown, grid_cell: GridCell) -> Shown:
@@ -78,8 +78,16 @@ def _marks_of(
     """Return the marks of an end, pick or treadle, the cell's number, and a setter of marks."""
     loom = shown.loom
     if grid_cell.panel == "threading":
-        return loom.threading[grid_cell.x - 1], grid_cell.y, partial(loom.threaded, grid_cell.x)
+        return (
+            loom.threading[grid_cell.x - 1],
+            grid_cell.y,
+            partial(loom.replace_threading, grid_cell.x),
+        )
     if grid_cell.panel == "treadling":
-        return shown.lifted[grid_cell.y - 1], grid_cell.x, partial(loom.treadled, grid_cell.y)
+        return (
+            shown.lifted[grid_cell.y - 1],
+            grid_cell.x,
+            partial(loom.replace_treadling, grid_cell.y),
+        )
     tied = loom.tieup[grid_cell.x - 1] if grid_cell.x <= len(loom.tieup) else ()
-    return tied, grid_cell.y, partial(loom.tied, grid_cell.x)
+    return tied, grid_cell.y, partial(loom.replace_tie, grid_cell.x)

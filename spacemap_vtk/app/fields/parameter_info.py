@@ -38,7 +38,7 @@ def automatic_values(part: Parameterised) -> dict[str, Any]:
             if (values == values[0]).all()
         }
         return {
-            **part.found,
+            **part.automatic_values,
             **{f"{family}_color": tuple(values) for family, values in uniform.items()},
         }
     except SpacemapError:

@@ -59,7 +59,7 @@ class YarnRecorder:
             return
         if self._strands == "yarns":
             points = points_of(self._scene.patches)
-            found = np.concatenate([tubes.middles(points) for tubes in self._made.tubes])
+            found = np.concatenate([tubes.ring_centres(points) for tubes in self._made.tubes])
         else:
             count = int(self._strands) if self._strands.isdecimal() else None
             self._curves = self.strands(0 if self._strands == "plies" else count)

@@ -45,7 +45,7 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
         raise
     if draft.loom is None:
         return replace(draft, loom=Loom.from_drawdown(draft.drawdown))
-    small = draft.trimmed()
+    small = draft.trim()
     if small is draft:
         return draft
     (ends, picks), (more_ends, more_picks) = small.size, draft.size

@@ -79,7 +79,7 @@ def parse_wif(data: str | bytes) -> Draft:
     return Draft(
         *(loom.drawdown(), loom, warp, weft, title.value if title else ""),
         warnings=warnings.texts(),
-        besides=text.besides,
+        other_sections=text.besides,
     )
 
 

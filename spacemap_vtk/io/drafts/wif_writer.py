@@ -28,7 +28,7 @@ def format_wif(draft: Draft) -> bytes:
     numbers = [[place + 1 for place in family] for family in places]
     title = re.sub("[\r\n]+", " ", draft.title).strip()
     sections: dict[str, list[str]] = {
-        "TEXT": [*([f"Title={title}"] if title else []), *draft.besides.get("TEXT", ())],
+        "TEXT": [*([f"Title={title}"] if title else []), *draft.other_sections.get("TEXT", ())],
         "WEAVING": [
             f"Shafts={loom.shafts}",
             f"Treadles={loom.treadles or loom.shafts}",
@@ -50,7 +50,9 @@ def format_wif(draft: Draft) -> bytes:
         "WARP THICKNESS": _length_lines(draft.warp.thickness),
         "WEFT THICKNESS": _length_lines(draft.weft.thickness),
     }
-    sections |= {name: list(lines) for name, lines in draft.besides.items() if name != "TEXT"}
+    sections |= {
+        name: list(lines) for name, lines in draft.other_sections.items() if name != "TEXT"
+    }
     sections = {name: lines for name, lines in sections.items() if lines}
     head = {
         "WIF": [

@@ -126,7 +126,7 @@ def _read_draft(data: _ByteReader, title: str) -> Draft:
         for sett, used, count in zip(head[9:11], colors, size, strict=True)
     )
     # The room is a canvas, 1200 x 1200 at first; edges that are not woven are no part of the cloth.
-    draft = Draft(loom.drawdown(), loom, warp, weft, title).trimmed()
+    draft = Draft(loom.drawdown(), loom, warp, weft, title).trim()
     assert draft.loom is not None
     return replace(draft, warnings=(*warnings, *loose_thread_warnings(draft.loom)))
 

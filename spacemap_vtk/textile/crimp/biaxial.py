@@ -116,7 +116,7 @@ def compute_stretch_map(crossings: Interchange) -> StretchMap:
     crimp = state.crimp.max(axis=(1, 2))
     share, some, most = _RANGE_ABOVE
     high = 1.0 + crimp + np.clip(share * crimp, some, most)
-    side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kinds), *_SIDE))
+    side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kind_count), *_SIDE))
     low = np.empty(2)
     for family in (0, 1):
         jam = _jam_stretch(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some

@@ -71,7 +71,7 @@ class CrimpEnergy(NamedTuple):
     full: Floats
     """(n,) D at rest."""
 
-    def unpulled(
+    def without_pull(
         self, theta: Floats, distance: Floats
     ) -> tuple[Floats, Floats, Floats, Floats | float]:
         """Compute energy without the yarns' pull, two derivatives by D, and the first by theta."""
@@ -109,7 +109,7 @@ class AngleDerivatives(NamedTuple):
     curve: Floats
     """(3, n) Second derivatives of the same: by theta1 twice, by both, by theta2 twice."""
 
-    def pulled(self, stiff: Floats) -> AngleDerivatives:
+    def add_pull(self, stiff: Floats) -> AngleDerivatives:
         """Add the pull of yarns of a given stiffness; slack yarns push."""
         own, other = stiff * self.own, stiff * self.other
         slope = self.slope + own * self.over + (other * self.over)[::-1]
@@ -141,7 +141,7 @@ def angle_derivatives(
     weight = s / both
     stiff = energy.tension * (over > 0.0)
     force = stiff * over
-    value, free, steep, moment = energy.unpulled(theta, distance)
+    value, free, steep, moment = energy.without_pull(theta, distance)
     value += 0.5 * (force[0] * over[0] + force[1] * over[1])
     free = free - press
     aside = bow[::-1] * sin
@@ -190,7 +190,7 @@ def yarn_forces(
     """Compute the forces, (2, n), as derivatives at given heights, without the push of jams."""
     gap = solve_gaps(room, heights, distance)
     force = energy.tension * np.maximum(gap.length - length, 0.0)
-    moment = energy.unpulled(gap.theta, distance)[-1]
+    moment = energy.without_pull(gap.theta, distance)[-1]
     lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
     return force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
 
@@ -223,9 +223,9 @@ def energy_derivatives(
     # A yarn that is neither slack nor strained counts as pulling: then the stiffness at rest is
     # that of a cloth under tension.
     pull = energy.tension * (now.over >= -1e-12 * length)
-    now = now.pulled(pull * (now.over <= 0.0))
+    now = now.add_pull(pull * (now.over <= 0.0))
     force = pull * np.maximum(now.over, 0.0)
-    _, free, steep, moment = energy.unpulled(now.theta, distance)
+    _, free, steep, moment = energy.without_pull(now.theta, distance)
     free = free - press
     # At given angles lengths are linear in the rooms. Arrays are (2, stretches, n), and each
     # stretch changes the room of one yarn.
@@ -357,7 +357,7 @@ def _newton_step(
             break
         taut[:, which] |= new[:, which]
         mine = (one.take(which, axis=-1) for one in (d, press, low, high))
-        pushed = select_crossings(now, which).pulled(
+        pushed = select_crossings(now, which).add_pull(
             tension[:, which] * (taut & (now.over <= 0.0))[:, which]
         )
         found = _bounded_step(pushed, *mine)

@@ -50,7 +50,7 @@ class CrimpGeometry:
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
     >>> yarns = CrimpGeometry(cloth)
-    >>> woven = yarns.spread(yarns.feet) + yarns.rest
+    >>> woven = yarns.repeat_rings(yarns.feet) + yarns.rest_offsets
     >>> yarns.feet.shape, bool(np.allclose(woven, build_weave(cloth).points, atol=1e-15))
     ((64, 3), True)
     """
@@ -61,7 +61,7 @@ class CrimpGeometry:
         self._families: list[_Family] = []
         rings = points = 0
         for number in range(2):
-            family = self._family(number, rings, points)
+            family = self._prepare_family(number, rings, points)
             self._families.append(family)
             count = len(family.radius)
             rings, points = rings + count, points + count * family.shape.size
@@ -78,7 +78,7 @@ class CrimpGeometry:
         )
 
     @property
-    def rest(self) -> AnyFloats:
+    def rest_offsets(self) -> AnyFloats:
         """(N, 3) Vectors from feet to control points at rest [m]."""
         still = np.ones((2, *self.cloth.drawdown.shape))
         shares = np.reshape(self.cloth.shares, (2, 1, 1))
@@ -86,7 +86,7 @@ class CrimpGeometry:
         for number, family in enumerate(self._families):
             along[family.rings, 1 - number] = 1.0
         up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
-        return self.vectors(shares * self._distance, still, along, up)
+        return self.offsets(shares * self._distance, still, along, up)
 
     @property
     def warp_rings(self) -> int:
@@ -110,9 +110,9 @@ class CrimpGeometry:
         Axes
             ``along`` is as in the cloth at rest; lengths, angles and curvatures are stretched.
         """
-        return self._laid(number, height, stretch)[0]
+        return self._build_axes(number, height, stretch)[0]
 
-    def vectors(
+    def offsets(
         self,
         height: Floats,
         stretch: Floats,
@@ -146,9 +146,13 @@ class CrimpGeometry:
         thinner = height.sum(axis=0) / self._distance
         pressed = bool((abs(thinner - 1.0) > 1e-12).any())
         for number, family in enumerate(self._families):
-            path, of_part = self._laid(number, height, stretch)
+            path, of_part = self._build_axes(number, height, stretch)
             rings = _compute_rings(path, of_part)
-            flat = family.at_rings(_yarn_rows(thinner, number, self.share)) if pressed else None
+            flat = (
+                family.interpolate_to_rings(_yarn_rows(thinner, number, self.share))
+                if pressed
+                else None
+            )
             _write_tube_points(
                 family, rings, (along[family.rings], normal[family.rings]), flat, result
             )
@@ -159,7 +163,7 @@ class CrimpGeometry:
                 new += len(here)
         return result
 
-    def spread(self, of_rings: Floats) -> Floats:
+    def repeat_rings(self, of_rings: Floats) -> Floats:
         """Repeat values of rings for their control points.
 
         Parameters
@@ -196,11 +200,11 @@ class CrimpGeometry:
             return None
         result = np.ones(len(self.feet))
         for number, family in enumerate(self._families):
-            path = self._laid(number, height, stretch)[0]
+            path = self._build_axes(number, height, stretch)[0]
             owner = path.owner
             ring = family.first + 3 * np.arange(len(owner)) + owner
             result[ring + 1] = result[ring + 2] = path.weight
-        weights = self.spread(result)
+        weights = self.repeat_rings(result)
         begin = 0
         for family in self._families:
             here = weights[begin : begin + len(family.radius) * family.shape.size]
@@ -219,7 +223,7 @@ class CrimpGeometry:
         warp, weft = self.cloth.yarns
         return 0.5 * (weft.diameter[:, None] + warp.diameter)
 
-    def _laid(self, number: int, height: Floats, stretch: Floats) -> tuple[Axes, Floats]:
+    def _build_axes(self, number: int, height: Floats, stretch: Floats) -> tuple[Axes, Floats]:
         """Compute the axes of a family, and the stretch along each part."""
         family, crossed = self._families[number], self.cloth.yarns[1 - number]
         rows = _yarn_rows(height[number], number, self.share)
@@ -235,10 +239,10 @@ class CrimpGeometry:
         path = build_axes(radius, family.lateral, gaps, self.cloth.exact, family.plan)
         return path, gaps.stretch.ravel()[family.gap]
 
-    def _family(self, number: int, first: int, point: int) -> _Family:
+    def _prepare_family(self, number: int, first: int, point: int) -> _Family:
         cloth, some = self.cloth, self.share[number]
-        own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
-        upper = cloth.upper(number, some)
+        own, crossed = cloth.yarns[number].select(some), cloth.yarns[1 - number]
+        upper = cloth.is_over(number, some)
         gaps = woven_gaps(cloth, number, some)
         plan = plan_parts(gaps, cloth.exact)
         path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan)
@@ -318,7 +322,7 @@ class _Family(NamedTuple):
     def rings(self) -> slice:
         return slice(self.first, self.first + len(self.radius))
 
-    def at_rings(self, at_crossings: Floats) -> Floats:
+    def interpolate_to_rings(self, at_crossings: Floats) -> Floats:
         """Interpolate from crossings (yarns, crossings) to rings, with zero slope at crossings."""
         row = np.repeat(np.arange(len(self.lateral)), 3 * self.tubes.parts + 1)
         last = len(self.place) - 1

@@ -25,7 +25,7 @@ _LEAST_CONTACT = 1e-12
 class Crossings(NamedTuple):
     """Crossings of a cloth: arrays (2, n), families first, or (n,)."""
 
-    own: Floats
+    gap_spacing: Floats
     """Spacing of the gap in which the yarn changes side; 0 for a yarn that never does."""
     flat: Floats
     """Part of the spacing that is flat."""
@@ -33,10 +33,10 @@ class Crossings(NamedTuple):
     """Length of floats for each gap with a change of side."""
     length: Floats
     """Length of the yarn in the gap at rest, without the flat."""
-    whole: Floats
+    full_length: Floats
     """The same with flat and floats."""
     spacing: Floats
-    loose: Floats
+    is_straight: Floats
     """Whether the yarn never changes side."""
     theta: Floats
     """Angle at rest."""
@@ -48,48 +48,48 @@ class Crossings(NamedTuple):
     """Derivative of h1 at rest by the stretch along each family, where bending alone decides."""
     jam: Floats
     """Stretch at which the yarn, at its length at rest, has no straight part."""
-    most: Floats
+    largest_height: Floats
     """Height of the yarn at that stretch, its largest."""
-    full: Floats
+    rest_distance: Floats
     """(n,) D at rest."""
-    floor: Floats
+    least_distance: Floats
     """(n,) Least D."""
-    rest: Floats
+    rest_height: Floats
     """(n,) h1 at rest."""
     contact: Floats
     """(n,) k_D over D at rest; 0 for hard contact."""
 
-    def asked(self, stretch: Floats) -> tuple[Floats, Floats]:
+    def room_and_length(self, stretch: Floats) -> tuple[Floats, Floats]:
         """Compute the room for the arcs of each gap, and the yarn length that is left for it."""
         return (
-            np.maximum(self.own * stretch - self.flat, _LEAST_ROOM * self.full),
+            np.maximum(self.gap_spacing * stretch - self.flat, _LEAST_ROOM * self.rest_distance),
             self.length + self.floats * (1.0 - stretch),
         )
 
-    def held(self, stretch: Floats) -> tuple[Floats, Floats]:
+    def reach_stretch(self, stretch: Floats) -> tuple[Floats, Floats]:
         """Compute the stretch that crossings reach, and the heights that D at rest allows there."""
-        room, length = self.asked(stretch)
-        full = np.broadcast_to(self.full, room.shape)
+        room, length = self.room_and_length(stretch)
+        full = np.broadcast_to(self.rest_distance, room.shape)
         height = taut_height(room, length, full)
         # A jammed yarn leaves the other one at least this height.
-        needed = np.clip(full - height[::-1], 0.0, self.most)
-        own = np.where(self.own > 0.0, self.own, 1.0)
+        needed = np.clip(full - height[::-1], 0.0, self.largest_height)
+        own = np.where(self.gap_spacing > 0.0, self.gap_spacing, 1.0)
         jam = (np.sqrt(needed * (2.0 * full - needed)) + self.flat) / own
-        jam = np.where(self.own > 0.0, np.minimum(jam, self.jam), -inf)
+        jam = np.where(self.gap_spacing > 0.0, np.minimum(jam, self.jam), -inf)
         jammed = stretch < jam
         return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
 
     def energy(self, hinged: bool) -> CrimpEnergy:
         """Build the energy of the crossings, with or without bending."""
         hinge = self.hinge if hinged else np.zeros_like(self.hinge)
-        tension = np.where(self.loose, 0.0, self.tension)
+        tension = np.where(self.is_straight, 0.0, self.tension)
         contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
-        return CrimpEnergy(tension, contact, hinge, self.theta, self.full)
+        return CrimpEnergy(tension, contact, hinge, self.theta, self.rest_distance)
 
-    def bending(self) -> CrimpEnergy:
+    def bending_energy(self) -> CrimpEnergy:
         """Build the energy of bending alone, which decides where yarns are slack."""
         zero = np.zeros_like(self.hinge)
-        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.full)
+        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.rest_distance)
 
 
 def build_crossings(

@@ -166,10 +166,10 @@ class Interchange:
         self._contact = yarns.contact
         #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
         self.cell: Floats
-        self._cells, self.cell = build_crossings(cloth, tension, *yarns[1:])
-        same = all((field == field[..., :1]).all() for field in self._cells)
-        loose = self._cells.loose.reshape(2, *self.shape)
-        self._joined = None if same else LengthCorrection(cloth, loose)
+        self._crossings, self.cell = build_crossings(cloth, tension, *yarns[1:])
+        same = all((field == field[..., :1]).all() for field in self._crossings)
+        loose = self._crossings.is_straight.reshape(2, *self.shape)
+        self._correction = None if same else LengthCorrection(cloth, loose)
 
     def solve(self, stretch: ArrayLike) -> CrimpState:
         """Compute the state of the crossings.
@@ -184,20 +184,21 @@ class Interchange:
         CrimpState
             Continuous in the stretch, and finite for every finite stretch.
         """
-        cells, asked, back = self._alike(stretch)
+        cells, asked, back = self._distinct_crossings(stretch)
         found = []
         for begin in range(0, asked.shape[1], _BLOCK):
             cancel.check()
             here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
-            found.append(self._solved(select_crossings(cells, here), asked[:, here]))
+            found.append(self._solve_block(select_crossings(cells, here), asked[:, here]))
         *fields, grown, slack = (
-            self._laid(np.concatenate(parts, axis=-1), back) for parts in zip(*found, strict=True)
+            self._arrange(np.concatenate(parts, axis=-1), back)
+            for parts in zip(*found, strict=True)
         )
         state = CrimpState(*fields)
-        if self._joined is None:
+        if self._correction is None:
             return state
-        floor = 0.5 * self._laid(cells.floor, back)
-        height = self._joined.heights(
+        floor = 0.5 * self._arrange(cells.least_distance, back)
+        height = self._correction.correct_heights(
             state.height, floor, CrossingResults(grown, state.stretch, slack)
         )
         return state._replace(height=height, distance=2.0 * height.sum(axis=0))
@@ -222,9 +223,9 @@ class Interchange:
         InputError
             The yarns do not stretch, so there is no energy.
         """
-        cells, asked, back = self._alike(stretch)
-        found = self._pulls(cells, asked)
-        return EnergyDerivatives(*(self._laid(array, back) for array in found))
+        cells, asked, back = self._distinct_crossings(stretch)
+        found = self._energy_derivatives(cells, asked)
+        return EnergyDerivatives(*(self._arrange(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
         """Compute the forces of the whole cloth for many uniform stretches.
@@ -242,44 +243,44 @@ class Interchange:
         asked = np.asarray(stretch, np.float64)
         first, back = self._kinds
         shape = 2, len(first), asked.shape[1]
-        cells = select_crossings(self._cells, np.repeat(first, asked.shape[1]))
-        held, h, d = self._find(cells, np.tile(asked, len(first)))
-        room, length = cells.asked(held)
-        over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.whole
-        over = np.where(cells.loose, held - 1.0, over)
+        cells = select_crossings(self._crossings, np.repeat(first, asked.shape[1]))
+        held, h, d = self._solve_heights(cells, np.tile(asked, len(first)))
+        room, length = cells.room_and_length(held)
+        over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.full_length
+        over = np.where(cells.is_straight, held - 1.0, over)
         strain = np.maximum(over, 0.0)
         force = np.zeros_like(held)
         if self._stretches:
-            along = cells.own, cells.floats
+            along = cells.gap_spacing, cells.floats
             energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
             force = yarn_forces(energy, room, length, heights, d, along)
-            force += np.where(cells.loose, cells.tension * strain * cells.spacing**2, 0.0)
+            force += np.where(cells.is_straight, cells.tension * strain * cells.spacing**2, 0.0)
         weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
         return Resultants(
             np.einsum("fkn,k->fn", force.reshape(shape), weights),
             strain.reshape(shape).max(axis=1),
             np.maximum(-over, 0.0).reshape(shape).min(axis=1),
-            (d / cells.full).reshape(shape[1:]).min(axis=0),
+            (d / cells.rest_distance).reshape(shape[1:]).min(axis=0),
             held.reshape(shape).max(axis=1),
         )
 
     @property
-    def kinds(self) -> int:
+    def kind_count(self) -> int:
         """Number of different crossings."""
         return len(self._kinds[0])
 
-    def _solved(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
+    def _solve_block(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
         """Compute the fields of `CrimpState`, and lengths and slack for `CrossingResults`."""
-        held, h, d = self._find(cells, asked)
+        held, h, d = self._solve_heights(cells, asked)
         heights = np.stack([h, d - h])
-        room, length = cells.asked(held)
+        room, length = cells.room_and_length(held)
         gap = solve_gaps(room, heights, d)
-        over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
+        over = np.where(cells.is_straight, cells.spacing * (held - 1.0), gap.length - length)
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
-        contact = 2.0 * cells.contact * (cells.full - d)
+        contact = 2.0 * cells.contact * (cells.rest_distance - d)
         # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
-        at = np.flatnonzero(d <= cells.floor)
+        at = np.flatnonzero(d <= cells.least_distance)
         if self._stretches and len(at):
             free = select_crossings(
                 cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at
@@ -290,17 +291,17 @@ class Interchange:
             0.5 * heights,
             d,
             gap.theta,
-            np.where(cells.loose, 0.0, crimp),
-            np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
+            np.where(cells.is_straight, 0.0, crimp),
+            np.where(over > _SLACK * cells.full_length, over / cells.full_length, 0.0),
             contact,
-            over < -_SLACK * cells.whole,
+            over < -_SLACK * cells.full_length,
             held > asked,
             held,
             gap.length - cells.length,
-            np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0),
+            np.maximum(-over / cells.full_length, 0.0) + (held - asked).max(axis=0),
         )
 
-    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
+    def _distinct_crossings(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
         """Return distinct crossings, their stretches, and which of them each crossing is."""
         asked = np.asarray(stretch, np.float64)
         if asked.shape != (2, *self.shape):
@@ -312,10 +313,10 @@ class Interchange:
         asked = asked.reshape(2, -1)
         if np.ptp(asked, axis=1).max() <= 1e-14:
             first, back = self._kinds
-            return select_crossings(self._cells, first), asked[:, first], back
-        return self._cells, asked, slice(None)
+            return select_crossings(self._crossings, first), asked[:, first], back
+        return self._crossings, asked, slice(None)
 
-    def _laid(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
+    def _arrange(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
         """Arrange values of crossings as in the cloth."""
         if not isinstance(back, slice):
             array = array.take(back, axis=-1)
@@ -324,12 +325,14 @@ class Interchange:
     @cached_property
     def _kinds(self) -> tuple[Ints, Ints]:
         """First crossing of each kind, and the kind of each crossing."""
-        c = self._cells
-        rows = np.concatenate([c.own, c.flat, c.floats, c.tension, c.full[None]])
+        c = self._crossings
+        rows = np.concatenate([c.gap_spacing, c.flat, c.floats, c.tension, c.rest_distance[None]])
         _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
         return first, back.ravel()
 
-    def _pulls(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
+    def _energy_derivatives(
+        self, cells: Crossings, stretch: Floats
+    ) -> tuple[Floats, Floats, Floats]:
         """Compute the energy and its derivatives by the stretches that the crossings reach."""
         if not self._stretches:
             raise InputError(
@@ -338,28 +341,31 @@ class Interchange:
                 allowed="a finite EA of warp and weft",
                 cure="Give the yarns a tension, such as their modulus times their section",
             )
-        held, h, d = self._find(cells, stretch)
-        energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
-        along, bounds = (cells.own, cells.floats), (cells.floor, cells.full)
+        held, h, d = self._solve_heights(cells, stretch)
+        energy, (room, length) = cells.energy(self._hinged), cells.room_and_length(held)
+        along, bounds = (
+            (cells.gap_spacing, cells.floats),
+            (cells.least_distance, cells.rest_distance),
+        )
         value, force, tangent = energy_derivatives(
             energy, room, length, np.stack([h, d - h]), d, along, bounds
         )
         # Yarns that never change side are straight.
-        pull = np.where(cells.loose, cells.tension, 0.0)
+        pull = np.where(cells.is_straight, cells.tension, 0.0)
         over = np.maximum(held - 1.0, 0.0) * cells.spacing
         force += pull * over * cells.spacing
         tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
         value += (0.5 * pull * over**2).sum(axis=0)
         return value, force, tangent
 
-    def _find(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
+    def _solve_heights(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
         """Compute the stretch that the crossings reach, h1 and D."""
-        held, most = cells.held(stretch)
-        room, length = cells.asked(held)
-        full, floor = cells.full, cells.floor
+        held, most = cells.reach_stretch(stretch)
+        room, length = cells.room_and_length(held)
+        full, floor = cells.rest_distance, cells.least_distance
         # `most` holds the heights that yarns reach while D is as at rest.
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
-        bent = cells.rest + (cells.gain * (held - 1.0)).sum(axis=0)
+        bent = cells.rest_height + (cells.gain * (held - 1.0)).sum(axis=0)
         # Where bending alone would strain a yarn, the yarn keeps its length.
         between = full - most[1], np.maximum(most[0], full - most[1])
         h = np.clip(bent, *between)
@@ -381,7 +387,7 @@ class Interchange:
                 h[chosen], d[chosen] = minimise_energy(select_crossings(energy, chosen), *mine)
 
         h = np.where(slack, bent, h)
-        settle(slack, cells.bending(), full, full)
+        settle(slack, cells.bending_energy(), full, full)
         h = np.where(slack, np.clip(h, *between), h)
         pulled = ~slack
         if not self._stretches or self._contact == 0.0:

@@ -30,7 +30,7 @@ _TOLERANCE, _STEPS = 1e-11, 12
 class CrossingResults(NamedTuple):
     """Results of separate crossings; arrays are (2, picks, ends)."""
 
-    grown: Floats
+    lengthening: Floats
     """Length of a gap's axis less that at rest, in metres."""
     stretch: Floats
     """Stretch that the crossings reach."""
@@ -58,14 +58,14 @@ class LengthCorrection:
         self._families: list[_FamilyGaps] = []
         rest = np.reshape(cloth.shares, (2, 1, 1)) * self._full
         for number, crossed in enumerate((weft, warp)):
-            upper = cloth.upper(number)
+            upper = cloth.is_over(number)
             flat = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
             changes = upper[:, 1:] != upper[:, :-1]
             self._families.append(_FamilyGaps(changes, crossed.spacing, flat, np.zeros(len(upper))))
-            length = self._drawn(number, rest, crossed.spacing - flat).length.sum(axis=1)
+            length = self._solve_gaps(number, rest, crossed.spacing - flat).length.sum(axis=1)
             self._families[number] = self._families[number]._replace(length=length)
 
-    def heights(self, height: Floats, floor: Floats, said: CrossingResults) -> Floats:
+    def correct_heights(self, height: Floats, floor: Floats, said: CrossingResults) -> Floats:
         """Correct heights so that yarns have the given lengths; `floor` is their least sum."""
         height = height.copy()
         taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _SLACK_LIMIT, 0.0, 1.0))
@@ -78,7 +78,7 @@ class LengthCorrection:
         for number, family in enumerate(self._families):
             wider = family.spacing * (_average_neighbours(_yarn_rows(said.stretch, number)) - 1.0)
             grown = np.where(
-                family.changes, _average_neighbours(_yarn_rows(said.grown, number)), wider
+                family.changes, _average_neighbours(_yarn_rows(said.lengthening, number)), wider
             )
             goals.append(family.length + grown.sum(axis=1))
             rooms.append(
@@ -90,7 +90,7 @@ class LengthCorrection:
             found = True
             for number, family in enumerate(self._families):
                 gap, part = (
-                    self._drawn(number, height, rooms[number]),
+                    self._solve_gaps(number, height, rooms[number]),
                     _yarn_rows(taut, number)[:, 0],
                 )
                 own = _yarn_rows(height, number)
@@ -123,7 +123,7 @@ class LengthCorrection:
                 break
         return height
 
-    def _drawn(self, number: int, height: Floats, room: Floats) -> Gap:
+    def _solve_gaps(self, number: int, height: Floats, room: Floats) -> Gap:
         """Compute the gaps of warp or weft as drawn, without the flats."""
         family, rows = self._families[number], _yarn_rows(height, number)
         wide = 2.0 * height.sum(axis=0)

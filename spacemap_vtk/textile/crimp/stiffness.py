@@ -155,9 +155,9 @@ def _mean_yarn(cloth: Cloth, number: int) -> _MeanYarn:
     across = float(spacing.sum())
     flats = 0.5 * (flat + np.roll(flat, -1))
     bending = sheared = pressure = 0.0
-    for some in cloth.in_blocks(number, count):
-        upper = cloth.upper(number, some)[:, :width]
-        arc, height, _ = cloth.passing(number, some)
+    for some in cloth.yarn_blocks(number, count):
+        upper = cloth.is_over(number, some)[:, :width]
+        arc, height, _ = cloth.crossing_profile(number, some)
         arc, height = arc[:, :width], height[:, :width]
         rise = np.abs(np.roll(height, -1, axis=1) - height)
         arcs = arc + np.roll(arc, -1, axis=1)

@@ -38,7 +38,7 @@ class DraftThreads:
         if self.colors is not None:
             object.__setattr__(self, "colors", np.ascontiguousarray(self.colors, dtype=np.uint8))
 
-    def repeated(self, count: int) -> DraftThreads:
+    def repeat(self, count: int) -> DraftThreads:
         """Repeat the values over a number of threads.
 
         Parameters
@@ -58,13 +58,13 @@ class DraftThreads:
             colors=None if self.colors is None else np.resize(self.colors, (count, 3)),
         )
 
-    def side_by_side(self, spacing: float) -> DraftThreads:
+    def fill_spaces(self, spacing: float) -> DraftThreads:
         # Threads without a thickness fill their spaces, in m.
         if self.thickness is not None:
             return self
         return replace(self, thickness=spacing if self.spacing is None else self.spacing)
 
-    def cut(self, part: slice) -> DraftThreads:
+    def crop(self, part: slice) -> DraftThreads:
         # Some of the threads.
         values = {name: getattr(self, name) for name in ("spacing", "thickness", "colors")}
         own = {name: value[part] for name, value in values.items() if np.ndim(value)}
@@ -87,7 +87,7 @@ class Draft:
         Name of the draft.
     warnings : tuple of str, optional
         Problems found in the source of the draft.
-    besides : dict of str to tuple of str, optional
+    other_sections : dict of str to tuple of str, optional
         Contents of a WIF file that do not describe the cloth, such as its author: lines by section.
 
     Raises
@@ -108,7 +108,7 @@ class Draft:
     weft: DraftThreads = field(default_factory=DraftThreads)
     title: str = ""
     warnings: tuple[str, ...] = ()
-    besides: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    other_sections: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))
@@ -130,7 +130,7 @@ class Draft:
         """Numbers of ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
-    def trimmed(self) -> Draft:
+    def trim(self) -> Draft:
         """Remove unused threads at the edges.
 
         Returns
@@ -153,10 +153,10 @@ class Draft:
             treadling=loom.treadling[picks],
             liftplan=lifted,
         )
-        warp, weft = self.warp.cut(ends), self.weft.cut(picks)
+        warp, weft = self.warp.crop(ends), self.weft.crop(picks)
         return replace(self, drawdown=drawdown, loom=loom, warp=warp, weft=weft)
 
-    def loom_for(self, drawdown: Bools) -> Loom:
+    def find_loom(self, drawdown: Bools) -> Loom:
         """Find a loom that weaves a cloth.
 
         Parameters
@@ -171,7 +171,7 @@ class Draft:
             does.
         """
         if self.loom is not None:
-            loom = self.loom.tiled(drawdown.shape[1], len(drawdown))
+            loom = self.loom.repeat(drawdown.shape[1], len(drawdown))
             if np.array_equal(loom.drawdown(), drawdown):
                 return loom
         return Loom.from_drawdown(drawdown)

@@ -120,17 +120,17 @@ class Loom:
             treadling=tuple((treadle,) for treadle in treadle_of_pick),
         )
 
-    def threaded(self, end: int, shafts: tuple[int, ...]) -> Loom:
+    def replace_threading(self, end: int, shafts: tuple[int, ...]) -> Loom:
         # An end without shafts floats. Shafts beyond the last one are added to the loom.
         return replace(self, threading=_replace_row(self.threading, end, shafts, "end"))
 
-    def treadled(self, pick: int, pressed: tuple[int, ...]) -> Loom:
+    def replace_treadling(self, pick: int, pressed: tuple[int, ...]) -> Loom:
         # `pressed` holds treadles, or shafts if there is a liftplan.
         name = "treadling" if self.liftplan is None else "liftplan"
         rows: Rows = getattr(self, name)
         return replace(self, **{name: _replace_row(rows, pick, pressed, "pick")})  # type: ignore[arg-type]
 
-    def tied(self, treadle: int, shafts: tuple[int, ...]) -> Loom:
+    def replace_tie(self, treadle: int, shafts: tuple[int, ...]) -> Loom:
         if self.liftplan is not None:
             raise InputError(
                 "a liftplan needs no tie-up", cure="Turn the liftplan into treadles first."
@@ -140,23 +140,23 @@ class Loom:
         return replace(self, tieup=_replace_row(ties, treadle, shafts, "treadle"))
 
     @staticmethod
-    def toggled(row: tuple[int, ...], number: int) -> tuple[int, ...]:
+    def toggle(row: tuple[int, ...], number: int) -> tuple[int, ...]:
         # Add the shaft or treadle to the row, or remove it.
         return tuple(sorted(set(row) ^ {number}))
 
-    def sized(self, shafts: int, treadles: int) -> Loom:
+    def resize(self, shafts: int, treadles: int) -> Loom:
         # Tied treadles are kept.
-        ties = self.tieup[: max(treadles, self.used[1])]
+        ties = self.tieup[: max(treadles, self.highest_used[1])]
         return replace(self, shafts=shafts, treadles=treadles, tieup=ties)
 
     @property
-    def used(self) -> tuple[int, int]:
+    def highest_used(self) -> tuple[int, int]:
         """Highest shaft and treadle in use: the loom needs at least that many."""
         lifted = self.tieup if self.liftplan is None else self.liftplan
         ties = max((number for number, tie in enumerate(self.tieup, start=1) if tie), default=0)
         return highest_number(self.threading, lifted), max(ties, highest_number(self.treadling))
 
-    def tiled(self, ends: int, picks: int) -> Loom:
+    def repeat(self, ends: int, picks: int) -> Loom:
         # Repeat threading and treadling over a cloth of another size, and cut them off there.
         return replace(
             self,

@@ -51,7 +51,9 @@ class Axes(NamedTuple):
         """(yarns,) Last station of each yarn."""
         return np.cumsum(self.parts) + np.arange(len(self.parts))
 
-    def at(self, part: Ints, station: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats]:
+    def evaluate(
+        self, part: Ints, station: Ints, fraction: Floats
+    ) -> tuple[Floats, Floats, Floats]:
         """Compute position along the yarn, height and slope at fractions of parts."""
         place, slope = (self.along, self.height), self.angle
         if self.cubic:

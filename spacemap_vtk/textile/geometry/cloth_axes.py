@@ -36,9 +36,9 @@ def cloth_axes(cloth: Cloth, share: YarnSelection = ALL_YARNS) -> tuple[Axes, Ax
 
 def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
     """Compute the axes of some ends (0) or picks (1)."""
-    own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
+    own, crossed = cloth.yarns[number].select(some), cloth.yarns[1 - number]
     if cloth.axis == "spline":
-        height = cloth.passing(number, some).height
+        height = cloth.crossing_profile(number, some).height
         return build_spline_axes(own, crossed, height, cloth.families[number].overhang)
     return build_axes(
         0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact
@@ -47,7 +47,7 @@ def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
 
 def woven_gaps(cloth: Cloth, number: int, some: YarnIndices = slice(None)) -> Gaps:
     """Compute the gaps of ends (0) or picks (1) as woven, for axes by arcs."""
-    arc, height, kept = cloth.passing(number, some)
+    arc, height, kept = cloth.crossing_profile(number, some)
     past = cloth.families[number].overhang
     return build_gaps(cloth.yarns[1 - number], arc, height, past, kept=kept)
 
@@ -73,7 +73,7 @@ def sample_axes(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int3
     for number, family in enumerate(cloth_axes(cloth)):
         part, station, fraction = sample_places(family, samples)
         points = np.empty((len(part), 3))
-        points[:, 1 - number], points[:, 2], _ = family.at(part, station, fraction)
+        points[:, 1 - number], points[:, 2], _ = family.evaluate(part, station, fraction)
         yarn = station - part
         points[:, number] = family.lateral[yarn]
         result.append(points)

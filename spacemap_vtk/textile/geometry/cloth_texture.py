@@ -98,9 +98,9 @@ def color_layers(
     if double is not None:
         # The first two layers are seen on the front, the others on the back. Alpha is not light
         # and keeps its value.
-        for behind, two in ((~double.above, made[:2]), (double.above, made[2:])):
+        for behind, two in ((~double.in_upper_cloth, made[:2]), (double.in_upper_cloth, made[2:])):
             for seen in two:
-                light = np.where(double.own & behind, _SHADE, 1.0)[..., None]
+                light = np.where(double.same_cloth & behind, _SHADE, 1.0)[..., None]
                 seen[..., :3] = np.rint(seen[..., :3] * light)
     return made
 

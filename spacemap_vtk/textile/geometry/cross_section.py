@@ -121,11 +121,11 @@ def cut_cloth(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSectio
     crossings = min(max(repeat_size(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
     first, last = _choose_view(cloth, family, yarn, min(crossings, crossed))
     window = np.arange(first, last + 1)
-    own, across = cloth.yarns[family], cloth.yarns[1 - family].chosen(window)
+    own, across = cloth.yarns[family], cloth.yarns[1 - family].select(window)
 
     path = family_axes(cloth, family, np.array([yarn]))
     part, station, fraction = sample_places(path, _SAMPLES)
-    along, height, slope = path.at(part, station, fraction)
+    along, height, slope = path.evaluate(part, station, fraction)
     passed = np.cumsum(path.length)[part] - path.length[part] * (1.0 - fraction)
     place = across.position
     passes, lengths = np.interp(place, along, height), np.interp(place, along, passed)
@@ -168,13 +168,13 @@ def _find_touched(cloth: Cloth, family: int, yarn: int) -> Bools:
     """Find the crossed yarns that a yarn touches."""
     if cloth.layers is None:
         return np.ones(cloth.size[1 - family], bool)
-    own = cloth.layers.own
+    own = cloth.layers.same_cloth
     return np.array(own[yarn] if family else own[:, yarn], bool)
 
 
 def _find_changes(cloth: Cloth, family: int, yarn: int, window: slice = slice(None)) -> Ints:
     """Find the pairs of touching crossings between which a yarn changes side, (n, 2)."""
-    upper = cloth.upper(family, np.array([yarn]))[0, window]
+    upper = cloth.is_over(family, np.array([yarn]))[0, window]
     places = np.flatnonzero(_find_touched(cloth, family, yarn)[window])
     changed = np.flatnonzero(np.diff(upper[places].astype(np.int8)))
     return np.stack([places[changed], places[changed + 1]], axis=1)
@@ -203,7 +203,7 @@ def _view_ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float,
 def _crossed_centres(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats]:
     """Compute centres and slopes of the crossed yarns in the cutting plane."""
     part, station, fraction = sample_places(other, _SAMPLES)
-    along, height, slope = other.at(part, station, fraction)
+    along, height, slope = other.evaluate(part, station, fraction)
     owner = station - part
     found = np.array(
         [

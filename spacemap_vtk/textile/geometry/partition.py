@@ -114,7 +114,7 @@ def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
     warp, weft = threads
     drawdown, layers = cloth.drawdown[part.picks, part.ends], None
     if cloth.layers is not None:
-        layers = cloth.layers.cropped(part.ends, part.picks)
+        layers = cloth.layers.crop(part.ends, part.picks)
     made = replace(
         cloth,
         drawdown=drawdown,
@@ -159,7 +159,7 @@ def cloth_bounds(cloth: Cloth) -> Floats:
     nothing = np.empty(0, dtype=np.int64)
     for number in (0, 1):
         chosen = _outermost_yarns(cloth, number)
-        for block in cloth.in_blocks(number, len(chosen)):
+        for block in cloth.yarn_blocks(number, len(chosen)):
             some = chosen[block]
             share = YarnSelection(nothing, some) if number else YarnSelection(some, nothing)
             points = build_weave(cloth, share).points
@@ -224,7 +224,7 @@ def representative_parts(cloth: Cloth, most: int) -> tuple[list[tuple[slice, sli
 
 def _estimate_patches(cloth: Cloth, number: int) -> Floats:
     """Estimate the number of patches of each yarn of a family."""
-    upper, threads = cloth.upper(number), cloth.threads[number]
+    upper, threads = cloth.is_over(number), cloth.threads[number]
     ring = build_section(threads.shape, threads.aspect, cloth.exact).size
     gaps = upper.shape[1] + 1
     if cloth.axis == "spline":
@@ -235,16 +235,16 @@ def _estimate_patches(cloth: Cloth, number: int) -> Floats:
 
 def _outermost_yarns(cloth: Cloth, number: int) -> Ints:
     """Find the yarns that bound a family."""
-    own, upper = cloth.yarns[number], cloth.upper(number)
+    own, upper = cloth.yarns[number], cloth.is_over(number)
     radius = 0.5 * own.diameter
     wide = own.aspect * radius
     telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
     if cloth.axis == "spline":
-        telling |= set(cloth.courses[number][0].tolist())
+        telling |= set(cloth.yarn_groups[number][0].tolist())
         return np.array(sorted(telling))
     top, bottom = np.empty(len(upper)), np.empty(len(upper))
-    for some in cloth.in_blocks(number, len(upper)):
-        height = cloth.passing(number, some).height
+    for some in cloth.yarn_blocks(number, len(upper)):
+        height = cloth.crossing_profile(number, some).height
         top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
     telling |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
     return np.array(sorted(telling))
@@ -268,7 +268,7 @@ def _encode_crossings(cloth: Cloth) -> Ints:
     """Encode the yarns and the local weave of each crossing in one number."""
     state, states = cloth.drawdown + 1, 3
     if cloth.layers is not None:
-        state, states = state + 2 * cloth.layers.own + 4 * cloth.layers.above, 9
+        state, states = state + 2 * cloth.layers.same_cloth + 4 * cloth.layers.in_upper_cloth, 9
     state = np.pad(state, 1)  # 0: past the edge
     rows, columns = cloth.drawdown.shape
     codes = np.zeros((rows, columns), np.int64)

@@ -124,7 +124,7 @@ class Strands:
             )
         self._net = patches[:, _ORDER].reshape(-1, 4, 4)
         self._around, self._first = around, np.cumsum(around) - around
-        self.tubes = int(around.sum())
+        self.tube_count = int(around.sum())
         #: Part of a yarn for each patch; for patches that close a yarn, also the last ring.
         self._part = np.concatenate(
             [np.repeat(np.arange(len(yarn)), around), np.repeat(ends.ravel(), closing)]
@@ -134,8 +134,8 @@ class Strands:
         self._half = half
         # Phi runs from the end of the top over the side; a racetrack has flats between quarters.
         quarter, length = 0.5 * pi, 2.0 * pi + 4.0 * half
-        part = self._part[: self.tubes]
-        step, flattened = np.arange(self.tubes) - self._first[part], around[part] > 4
+        part = self._part[: self.tube_count]
+        step, flattened = np.arange(self.tube_count) - self._first[part], around[part] > 4
         flats, flat = flattened & (step > 2), flattened & (step % 3 == 2)
         begun = quarter * (step - flats) + 2.0 * half[part] * flats
         long = np.where(flat, 2.0 * half[part], quarter)
@@ -159,9 +159,9 @@ class Strands:
             [np.kron(curve, curve), np.kron(curve, slope), np.kron(slope, curve)]
         )
         #: Whether plies get a shape; with too few samples they are only shaded.
-        self.made = self.makes_plies(sides)
+        self.has_plies = self.can_shape_plies(sides)
 
-    def makes_plies(self, sides: int) -> bool:
+    def can_shape_plies(self, sides: int) -> bool:
         """Check whether plies get a shape and not only shading.
 
         Parameters
@@ -211,18 +211,18 @@ class Strands:
         """
         part = self._part[which]
         found = np.zeros((len(self._u), len(part), 3), np.float32)
-        tubes = int(np.searchsorted(which, self.tubes))
+        tubes = int(np.searchsorted(which, self.tube_count))
         part = part[:tubes]
-        phi, turned, along = self._ways(which[:tubes], part)
+        phi, turned, along = self._winding(which[:tubes], part)
         plied = self._plies[part] > 1
         # Fibres of plies run about along the yarn, because plies are twisted against their singles.
         found[:, :tubes, 0] = phi + np.where(plied, 0.0, turned)
-        if not self.made:
+        if not self.has_plies:
             found[:, :tubes, 1] = np.where(plied, self._plies[part] * (phi + turned), 0.0)
         found[:, :tubes, 2] = along / self._diameter[part]
         return found
 
-    def _ways(self, which: Ints, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
+    def _winding(self, which: Ints, part: Ints) -> tuple[AnyFloats, AnyFloats, AnyFloats]:
         """Compute turns around the yarn, twist and position along it at samples on tubes."""
         begin, span = self._phi[:, which]
         turned, more = (each[part] for each in self._turned)
@@ -230,7 +230,7 @@ class Strands:
         u, v = self._u[:, None], self._v[:, None]
         return begin + v * span, turned + u * more, along + u * further
 
-    def make(
+    def shape_plies(
         self,
         points: NDArray[Any],
         weights: NDArray[Any] | None,
@@ -256,20 +256,20 @@ class Strands:
             ring = np.moveaxis(ring, 3, 1).reshape(len(some), 4, -1)
             middle[some], top[some], side[some] = ring_frames(points[ring].astype(np.float64))
         for which, surface, across in views:
-            stop = int(np.searchsorted(which, self.tubes))
+            stop = int(np.searchsorted(which, self.tube_count))
             plied = self._plies[self._part[which]] > 1
             on = np.flatnonzero(plied[:stop])
             if len(on):
-                made = self._tube(which[on], points, weights, middle)
+                made = self._shape_tubes(which[on], points, weights, middle)
                 surface[:, on], across[:, on] = made
             closing = np.flatnonzero(plied[stop:]) + stop
             if len(closing):
                 patch = which[closing]
-                part, ring = self._part[patch], self._ring[patch - self.tubes]
+                part, ring = self._part[patch], self._ring[patch - self.tube_count]
                 axes = (each[part, ring] for each in (middle, top, side))
-                surface[:, closing] = self._cap(surface[:, closing], part, ring, *axes)
+                surface[:, closing] = self._shape_caps(surface[:, closing], part, ring, *axes)
 
-    def _tube(
+    def _shape_tubes(
         self, patch: Ints, points: NDArray[Any], weights: NDArray[Any] | None, middle: AnyFloats
     ) -> tuple[AnyFloats, AnyFloats]:
         """Compute positions and normals, (samples, patches, 3), on tubes."""
@@ -304,7 +304,7 @@ class Strands:
         normal /= np.linalg.norm(normal, axis=2, keepdims=True)
         return (first + centre + reach * arm).swapaxes(0, 1), normal.swapaxes(0, 1)
 
-    def _cap(
+    def _shape_caps(
         self,
         place: AnyFloats,
         part: Ints,

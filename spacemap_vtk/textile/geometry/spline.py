@@ -85,10 +85,10 @@ def offset_error(family: Axes) -> float:
             )
             nearest = np.full(len(part), t)
             for _ in range(4):
-                along, height, angle = family.at(part, station, nearest)
+                along, height, angle = family.evaluate(part, station, nearest)
                 ahead = (point[0] - along) * np.cos(angle) + (point[1] - height) * np.sin(angle)
                 nearest = np.clip(nearest + ahead / family.length, 0.0, 1.0)
-            along, height, _ = family.at(part, station, nearest)
+            along, height, _ = family.evaluate(part, station, nearest)
             distance = np.hypot(point[0] - along, point[1] - height)
             worst = max(worst, float(np.max(np.abs(distance / radius - 1.0))))
     return worst

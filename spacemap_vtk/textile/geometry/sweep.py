@@ -88,7 +88,7 @@ class Tubes(NamedTuple):
         last = 3 * np.cumsum(self.parts) + np.arange(len(self.parts))
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
 
-    def middles(self, points: NDArray[Any]) -> NDArray[Any]:
+    def ring_centres(self, points: NDArray[Any]) -> NDArray[Any]:
         """Compute the centres of all rings, (rings, 3): control points of cubic Bézier curves."""
         rings = 3 * int(self.parts.sum()) + len(self.parts)
         there = points[self.first : self.first + rings * self.ring]

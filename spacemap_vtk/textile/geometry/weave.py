@@ -167,7 +167,7 @@ class PatchCounts(NamedTuple):
     parts: int
     """Parts of the axes of all yarns."""
 
-    def bytes(self, exact: bool = False, single: bool = False) -> int:
+    def estimate_bytes(self, exact: bool = False, single: bool = False) -> int:
         """Estimate the memory of built patches, as `filters.WeaveSource` stores them.
 
         Parameters
@@ -223,7 +223,7 @@ def estimate_counts(cloth: Cloth) -> PatchCounts:
             continue
         passed = yarns * crossings
         if cloth.layers is not None:
-            passed = int(np.count_nonzero(cloth.layers.kept(number)))
+            passed = int(np.count_nonzero(cloth.layers.bends(number)))
         changes = passed - yarns
         # Floats over yarns of unequal diameters bend too, and yarns that change cloths.
         if not np.ndim(crossed.diameter) and cloth.layers is None:
@@ -262,9 +262,9 @@ def count_patches(cloth: Cloth) -> tuple[PatchCounts, float]:
     """
     parts, worst = [0, 0], 0.0
     for number, shape in enumerate(_family_sections(cloth)):
-        chosen, which = cloth.courses[number]
+        chosen, which = cloth.yarn_groups[number]
         yarns = np.bincount(which)
-        for some in cloth.in_blocks(number, len(chosen)):
+        for some in cloth.yarn_blocks(number, len(chosen)):
             path = family_axes(cloth, number, chosen[some])
             parts[number] += int(path.parts @ yarns[some])
             worst = max(worst, _radial_error(path, shape.error, cloth.exact))
@@ -319,7 +319,7 @@ def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
     """
     counts, (ends, picks) = estimate_counts(cloth), cloth.size
     return (
-        counts.bytes(cloth.exact, single)
+        counts.estimate_bytes(cloth.exact, single)
         + (_SPLINE_PART_BYTES if cloth.axis == "spline" else _PART_BYTES) * counts.parts
         + _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
     )

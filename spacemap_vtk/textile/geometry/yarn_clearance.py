@@ -104,9 +104,9 @@ def find_contact(cloth: Cloth) -> Clearance:
     cloth.check()
     pick, end = 0, 0
     if cloth.layers is not None:
-        pick, end = np.argwhere(cloth.layers.own)[0].tolist()
+        pick, end = np.argwhere(cloth.layers.same_cloth)[0].tolist()
     one = slice(end, end + 1)
-    height = float(cloth.passing(0, one).height[0, pick])
+    height = float(cloth.crossing_profile(0, one).height[0, pick])
     radius = 0.5 * float(cloth.yarns[0].diameter[end])
     place = [
         cloth.yarns[0].position[end],
@@ -253,7 +253,7 @@ def _tubes_at_rest(cloth: Cloth) -> _Tubes:
             mine = (part >= first) == bool(number)
             own = part[mine] - first * number
             yarn = owners[number][own]
-            along, height, angle = family.at(own, own + yarn, fraction[mine])
+            along, height, angle = family.evaluate(own, own + yarn, fraction[mine])
             radius = family.radius[yarn]
             point[mine, 1 - number], point[mine, 2] = along, height
             point[mine, number] = family.lateral[yarn]

@@ -30,7 +30,7 @@ class RobustNormals:
         self, chunk: Chunk, found: NDArray[np.intp], degree: tuple[int, int], subdivisions: int
     ) -> None:
         #: Indices of the samples in the chunk.
-        self.found = found
+        self.samples = found
         sample, patch = np.divmod(found, chunk.patch_count)
         samples, self._row = np.unique(sample, return_inverse=True)
         patches, self._column = np.unique(patch, return_inverse=True)
@@ -43,7 +43,7 @@ class RobustNormals:
         self._places += np.concatenate([self._column, self._column])
         self._middle = _bases(degree, *np.full((2, 1), 0.5))
 
-    def of(
+    def compute(
         self,
         points: NDArray[Any],
         weights: NDArray[Any] | None = None,
@@ -51,7 +51,7 @@ class RobustNormals:
     ) -> Floats:
         """Compute unit normals, (n, 3); never NaN for finite control points."""
         if loops is not None and weights is None:
-            made = np.empty((len(self.found), 3))
+            made = np.empty((len(self.samples), 3))
             places = self._nets, self._row, self._column
             if loops.robust_normals(points, *places, self._bases, _INSIDE, _LEAST_AREA, made):
                 return made
@@ -64,7 +64,7 @@ class RobustNormals:
             weights = weights[self._nets].astype(np.float64)
         du, dv = _tangents(self._bases, local, weights, self._places)
         both = _cross(du, dv)
-        lengths, count = _length(both), len(self.found)
+        lengths, count = _length(both), len(self.samples)
         here, length = both[:, :count], lengths[:count]
         inside, within = both[:, count:], lengths[count:]
         clear = length > np.maximum(_LEAST_AREA, _INSIDE * within)

@@ -115,7 +115,7 @@ class Scratch:
         self._places = np.empty(size * most, np.intp)
         self._gathered = aligned(3 * size * most)
         self._net = aligned(3 * (size + 1) * most)
-        self._apart = aligned(3 * size * most)
+        self._components = aligned(3 * size * most)
         self._values = aligned(3 * rows * most)
         self._normal = [aligned(rows // 3 * most) for _ in range(3)]
         self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
@@ -139,10 +139,10 @@ class Scratch:
             net[:-1] = gathered
         return net
 
-    def apart(self, net: AnyFloats) -> AnyFloats:
+    def separate_components(self, net: AnyFloats) -> AnyFloats:
         """Separate the components of a net."""
         size, count, columns = net.shape
-        result = _view_start(self._apart, (columns, size - 1, count), net.dtype)
+        result = _view_start(self._components, (columns, size - 1, count), net.dtype)
         for column, component in enumerate(result):
             component[:] = net[:-1, :, column]
         return result

@@ -155,7 +155,7 @@ def robust_normals(
     nothing: float,
     normals: Floats,
 ) -> bool:
-    """Write the normals of `RobustNormals.of`; return False if a patch has no area inside."""
+    """Write the normals of `RobustNormals.compute`; return False if a patch has no area inside."""
     size, patches = nets.shape
     half = bases.shape[1] // 2
     local = np.zeros((patches, size, 3))

@@ -105,25 +105,25 @@ class Tessellation:
         self._threads = threads or (None if many else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an interpolated array
-        self._idle: list[Scratch] = []
+        self._idle_scratch: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
         #: Evaluator with compiled loops, once they are in use.
         self.bicubic: Bicubic | None = None
         #: Whether the surface gets compiled loops after enough steps.
-        self.earns_loops = self.degree == (3, 3)
+        self.can_compile = self.degree == (3, 3)
         self._evaluated = 0
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         samples = (subdivisions + 1) ** 2
         self._chunks = cut_into_chunks(patches[:, order], 3 * samples, narrow=many)
-        self._take_loops(many)
+        self._load_loops(many)
         some = self._chunks[:: max(1, len(self._chunks) // 16)]
         nets = [chunk.net(np.array([0, -1])) for chunk in some]
         #: Control points of a few patches, from which the size of the patches is estimated.
-        self._some = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
+        self._sample_nets = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
         #: Robust normals of each chunk that were evaluated last, with their data.
-        self._repaired: dict[int, RobustNormals] = {}
+        self._robust_normals: dict[int, RobustNormals] = {}
         #: Matrices of the last scales and types: for points, and for interpolated arrays.
-        self._kept: dict[tuple[float, np.dtype[Any]], tuple[AnyFloats, AnyFloats]] = {}
+        self._matrix_cache: dict[tuple[float, np.dtype[Any]], tuple[AnyFloats, AnyFloats]] = {}
 
     def evaluate(
         self,
@@ -160,15 +160,15 @@ class Tessellation:
         InputError
             The type is neither float32 nor float64.
         """
-        points = self._checked(control_points)
+        points = self._check_rows(control_points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise GeometryError(f"control points of shape {points.shape}", allowed="(N, 3)")
         kind = np.dtype(dtype)
         if kind not in (np.float32, np.float64):
             raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
-        rational = None if weights is None else self._checked_weights(weights)
+        rational = None if weights is None else self._check_weights(weights)
         # Squares of cross products are fourth powers of lengths; micrometres would underflow.
-        scale = _patch_size(points.take(self._some, axis=0))
+        scale = _patch_size(points.take(self._sample_nets, axis=0))
         stacked, with_origin = self._matrices(scale, kind)
         self._evaluated += self.point_count
         positions = self._recycler.empty((self.point_count, 3), kind)
@@ -187,13 +187,15 @@ class Tessellation:
                 found = by_products(chunk, surface, across)
             if len(found):
                 with np.errstate(all="ignore"):  # infinite control points
-                    robust = self._robust(chunk, found).of(points, rational, self._loops)
+                    robust = self._get_robust_normals(chunk, found).compute(
+                        points, rational, self._loops
+                    )
                 across.reshape(-1, 3)[found] = robust
 
         def by_products(chunk: Chunk, surface: AnyFloats, across: AnyFloats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 net = scratch.net(chunk, points[chunk.rows], kind)
-                apart = scratch.apart(net)
+                apart = scratch.separate_components(net)
                 if rational is None:
                     multiply(with_origin, _flatten(net), _flatten(surface))
                     slopes = scratch.multiply(stacked[samples:], apart)
@@ -232,10 +234,10 @@ class Tessellation:
         GeometryError
             There are fewer rows than control points, or more than two axes.
         """
-        table = self._checked(values)
+        table = self._check_rows(values)
         if table.ndim not in (1, 2):
             raise GeometryError(f"point array of shape {table.shape}", allowed="(N,) or (N, k)")
-        rational = None if weights is None else self._checked_weights(weights)
+        rational = None if weights is None else self._check_weights(weights)
         columns = table if table.ndim == 2 else table[:, None]
         kind = np.dtype(dtype or (np.float32 if table.dtype == np.float32 else np.float64))
         if columns.dtype not in (np.float32, np.float64):
@@ -264,7 +266,7 @@ class Tessellation:
                             part[..., few] = out
                     else:
                         values = scratch.multiply_rational(
-                            chunk, matrix, scratch.apart(net), rational, len(matrix)
+                            chunk, matrix, scratch.separate_components(net), rational, len(matrix)
                         )
                         _add_origin(values, net, part[..., few])
 
@@ -314,24 +316,24 @@ class Tessellation:
         return result.reshape(-1, 4)
 
     @property
-    def has_earned_loops(self) -> bool:
+    def is_worth_compiling(self) -> bool:
         """Whether `compile` pays: after this many steps more are likely."""
-        return self.earns_loops and self._evaluated > COMPILE_AFTER
+        return self.can_compile and self._evaluated > COMPILE_AFTER
 
     def compile(self) -> None:
         """Switch to compiled loops if there is a compiler; they round differently."""
-        self._take_loops(True)
-        self.earns_loops = False
+        self._load_loops(True)
+        self.can_compile = False
 
-    def _take_loops(self, many: bool) -> None:
+    def _load_loops(self, many: bool) -> None:
         self._loops = (
-            loops("spacemap_vtk.textile.patches.patch_loops", many) if self.earns_loops else None
+            loops("spacemap_vtk.textile.patches.patch_loops", many) if self.can_compile else None
         )
         if self._loops is not None:
-            self.bicubic, self.earns_loops = Bicubic(self._loops, self.subdivisions), False
+            self.bicubic, self.can_compile = Bicubic(self._loops, self.subdivisions), False
             self._chunks = [narrow_indices(chunk) for chunk in self._chunks]
 
-    def _checked(self, values: ArrayLike) -> NDArray[Any]:
+    def _check_rows(self, values: ArrayLike) -> NDArray[Any]:
         table = np.asarray(values)
         if table.ndim < 1 or len(table) < self._least_points:
             raise GeometryError(
@@ -341,8 +343,8 @@ class Tessellation:
             )
         return table
 
-    def _checked_weights(self, weights: ArrayLike) -> NDArray[Any]:
-        table = self._checked(weights)
+    def _check_weights(self, weights: ArrayLike) -> NDArray[Any]:
+        table = self._check_rows(weights)
         if table.ndim != 1 or not (table > 0.0).all():
             raise GeometryError(
                 "rational weights that are no positive numbers, one for each control point"
@@ -353,13 +355,13 @@ class Tessellation:
     def _scratch(self) -> Iterator[Scratch]:
         """Lend working memory and keep it: new pages would cost a small surface a fifth."""
         try:
-            scratch = self._idle.pop()
+            scratch = self._idle_scratch.pop()
         except IndexError:
             scratch = Scratch(self._chunks, 3 * self._basis.shape[1], self._basis.shape[2])
         try:
             yield scratch
         finally:
-            self._idle.append(scratch)
+            self._idle_scratch.append(scratch)
 
     def _part(self, array: AnyFloats, chunk: Chunk) -> AnyFloats:
         """View a chunk's rows as (samples, count, columns)."""
@@ -369,21 +371,24 @@ class Tessellation:
 
     def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[AnyFloats, AnyFloats]:
         """Return B over Bu and Bv for patches of a size, and B with the origin; both are cached."""
-        kept = self._kept.get((scale, kind))
+        kept = self._matrix_cache.get((scale, kind))
         if kept is None:
             basis = self._basis.copy()
             basis[1:] /= scale
             stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
             kept = stacked, _append_ones(stacked[: len(stacked) // 3])
-            self._kept = {**dict(list(self._kept.items())[-2:]), (scale, kind): kept}
+            self._matrix_cache = {
+                **dict(list(self._matrix_cache.items())[-2:]),
+                (scale, kind): kept,
+            }
         return kept
 
-    def _robust(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
+    def _get_robust_normals(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
         """Return robust normals of suspect samples; poles of caps are suspect at each step."""
-        kept = self._repaired.get(chunk.first)
-        if kept is None or not np.array_equal(kept.found, found):
+        kept = self._robust_normals.get(chunk.first)
+        if kept is None or not np.array_equal(kept.samples, found):
             kept = RobustNormals(chunk, found, self.degree, self.subdivisions)
-            self._repaired[chunk.first] = kept
+            self._robust_normals[chunk.first] = kept
         return kept
 
 

@@ -41,13 +41,13 @@ def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -
     families = []
     for number, (own, wanted) in enumerate(((draft.warp, asked.warp), (draft.weft, asked.weft))):
         threads, count = cloth.threads[number], cloth.size[number]
-        kept = own.repeated(count)
+        kept = own.repeat(count)
         spacing, thickness = kept.spacing, kept.thickness
         colors: NDArray[np.uint8] | None = threads.colors
         bare = draft.loom is None
         if wanted.spacing is not None or wanted.sett is not None or (bare and spacing is None):
             spacing = _collapse_equal(_thread_spaces(cloth, number))
-        if wanted.thick or wanted.aspect is not None or (bare and thickness is None):
+        if wanted.has_thickness or wanted.aspect is not None or (bare and thickness is None):
             thickness = _collapse_equal(
                 np.resize(threads.aspect * np.asarray(threads.diameter), count)
             )
@@ -56,12 +56,12 @@ def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -
         families.append(DraftThreads(spacing=spacing, thickness=thickness, colors=colors))
     return Draft(
         cloth.drawdown,
-        draft.loom_for(cloth.drawdown),
+        draft.find_loom(cloth.drawdown),
         warp=families[0],
         weft=families[1],
         title=draft.title or title,
         warnings=draft.warnings,
-        besides=draft.besides,
+        other_sections=draft.other_sections,
     )
 
 

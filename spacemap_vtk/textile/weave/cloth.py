@@ -50,7 +50,7 @@ _TOLERANCE = 1e-9
 _CROSSINGS = 20_000
 #: Default gap between the two cloths of a double weave, as a share of D.
 _LAYER_GAP = 0.1
-#: First yarn of each course, ascending, and the course of each yarn; see `Cloth.courses`.
+#: First yarn of each course, ascending, and the course of each yarn; see `Cloth.yarn_groups`.
 YarnGroups = tuple[Ints, Ints]
 
 
@@ -61,7 +61,7 @@ class CrossingProfile(NamedTuple):
     """Radii of the arcs; where yarns touch, the radius is the distance R of the axes."""
     height: Floats
     """Heights of the axes, in z."""
-    kept: Bools | None
+    bends: Bools | None
     """Whether the yarn bends at the crossing; None: it bends at every crossing."""
 
 
@@ -181,8 +181,8 @@ class Cloth:
         """Crimp height h1 of the warp, in metres; the weft has D - h1."""
         try:
             self._check_measures()
-            height = self._chosen_height()
-            check_height(*self._tightest, self.diameter_sum, height, self.names)
+            height = self._choose_height()
+            check_height(*self._tightest_spacings, self.diameter_sum, height, self.names)
         except GeometryError as error:
             if self.cure:
                 error.cure = f"{self.cure} {error.cure}"
@@ -193,13 +193,13 @@ class Cloth:
     def feasible_heights(self) -> tuple[float, float]:
         """Interval of the warp's crimp height h1, in metres, that leaves room for all yarns."""
         self._check_measures()
-        tightest, sum_ = self._tightest, self.diameter_sum
+        tightest, sum_ = self._tightest_spacings, self.diameter_sum
         check_height(*tightest, sum_, balanced_height(*tightest, sum_), self.names)
         return feasible_height(*tightest, sum_)
 
     def feasible_crimps(self, number: int) -> tuple[float, float]:
         # The low and the high end, for warp (0) or weft (1).
-        low, high = (self._crimp_at(number, height) for height in self.feasible_heights)
+        low, high = (self._crimp_for_height(number, height) for height in self.feasible_heights)
         return min(low, high), max(low, high)
 
     @property
@@ -218,7 +218,7 @@ class Cloth:
         if self.axis == "spline":
             return 4
         # An arc of more than 60 degrees needs a height of more than half the sum of its radii.
-        steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.joined))
+        steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.has_changes))
         arcs = 2 if steep and not self.exact else 1
         return 2 * arcs + 1 + (max(self.warp.aspect, self.weft.aspect) > 1.0)
 
@@ -238,7 +238,7 @@ class Cloth:
             for second, count in zip((self.layers.ends, self.layers.picks), self.size, strict=True)
         )
         return tuple(
-            (self.warp.chosen(ends == second), self.weft.chosen(picks == second))
+            (self.warp.select(ends == second), self.weft.select(picks == second))
             for second in (False, True)
         )
 
@@ -263,7 +263,7 @@ class Cloth:
         """Numbers of ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
-    def in_blocks(self, number: int, count: int) -> list[slice]:
+    def yarn_blocks(self, number: int, count: int) -> list[slice]:
         # Blocks of `count` ends (0) or picks (1) whose crossings are processed together.
         return blocks(count, max(1, _CROSSINGS // self.size[1 - number]))
 
@@ -283,20 +283,21 @@ class Cloth:
         )
         return warp, weft
 
-    def upper(self, number: int, which: YarnIndices = slice(None)) -> Bools:
+    def is_over(self, number: int, which: YarnIndices = slice(None)) -> Bools:
         # (yarns, crossings) Whether ends (0) or picks (1) lie over the yarns that they cross.
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
-    def passing(self, number: int, which: YarnIndices = slice(None)) -> CrossingProfile:
+    def crossing_profile(self, number: int, which: YarnIndices = slice(None)) -> CrossingProfile:
         # Radii and heights of ends (0) or picks (1) at the yarns that they cross, a row per yarn.
         own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
         arc = 0.5 * (own[:, None] + crossed)
-        upper, share = self.upper(number, which), self.shares[number]
+        upper, share = self.is_over(number, which), self.shares[number]
         height = np.where(upper, share, -share) * arc
         if self.layers is None:
             return CrossingProfile(arc, height, None)
         same, above = (
-            (table if number else table.T)[which] for table in (self.layers.own, self.layers.above)
+            (table if number else table.T)[which]
+            for table in (self.layers.same_cloth, self.layers.in_upper_cloth)
         )
         height = np.where(
             same,
@@ -304,20 +305,23 @@ class Cloth:
             np.where(upper, self.level, -self.level) - height,
         )
         arc = np.where(same, arc, (1.0 + LAYER_CLEARANCE) * arc)
-        return CrossingProfile(arc, height, self.layers.kept(number)[which])
+        return CrossingProfile(arc, height, self.layers.bends(number)[which])
 
     @cached_property
-    def courses(self) -> tuple[YarnGroups, YarnGroups]:
+    def yarn_groups(self) -> tuple[YarnGroups, YarnGroups]:
         """Courses of warp and weft; yarns of one course have equal axes."""
-        return self._courses_of(0), self._courses_of(1)
+        return self._group_yarns(0), self._group_yarns(1)
 
-    def _courses_of(self, number: int) -> YarnGroups:
-        upper, diameter = self.upper(number), self.yarns[number].diameter
+    def _group_yarns(self, number: int) -> YarnGroups:
+        upper, diameter = self.is_over(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)
         told = [upper]
         if self.layers is not None:
-            same, above = self.layers.own, self.layers.own & self.layers.above
-            told += [self.layers.kept(number), *((t if number else t.T) for t in (same, above))]
+            same, above = (
+                self.layers.same_cloth,
+                self.layers.same_cloth & self.layers.in_upper_cloth,
+            )
+            told += [self.layers.bends(number), *((t if number else t.T) for t in (same, above))]
         table = np.column_stack([*(np.packbits(one, axis=1) for one in told), sizes])
         _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)
@@ -336,14 +340,14 @@ class Cloth:
         return min(max(height / self.diameter_sum, 0.0), 1.0)
 
     @cached_property
-    def _tightest(self) -> tuple[float, float]:
+    def _tightest_spacings(self) -> tuple[float, float]:
         """Spacings p1 and p2 that make yarns of mean diameters as tight as the tightest gaps."""
         # Feasible heights over D depend on p'/D only.
         result = []
         for number in (0, 1):
             ratio = inf
             # Threads that change from one cloth to the other may be neighbours in either cloth.
-            fixed = self.layers is None or self.layers.fixed
+            fixed = self.layers is None or self.layers.is_fixed
             for threads in [s[number] for s in self.sheets] if fixed else [self.threads[number]]:
                 room, diameters = threads.gaps()
                 sums = diameters + np.max(self.threads[1 - number].diameter)
@@ -379,18 +383,18 @@ class Cloth:
             width=threads.aspect * own,
         )
 
-    def _crimp_at(self, number: int, height: float) -> float:
+    def _crimp_for_height(self, number: int, height: float) -> float:
         """Compute the crimp of a family at a warp crimp height."""
         share = self._share(height)
         return float(self._family(number, 1.0 - share if number else share).crimp.crimp)
 
-    def _chosen_height(self) -> float:
+    def _choose_height(self) -> float:
         if self.crimp_height is not None:
             return self.crimp_height
         for number, threads in enumerate(self.threads):
             if threads.crimp is not None:
                 return self._height_for_crimp(number, threads.crimp)
-        return balanced_height(*self._tightest, self.diameter_sum)
+        return balanced_height(*self._tightest_spacings, self.diameter_sum)
 
     def _height_for_crimp(self, number: int, crimp: float) -> float:
         """Find the warp crimp height at which a family has a given crimp."""
@@ -410,7 +414,7 @@ class Cloth:
                 return height
 
         def remainder(height: float) -> float:
-            return self._crimp_at(number, height) - crimp
+            return self._crimp_for_height(number, height) - crimp
 
         from scipy.optimize import brentq  # imported here: it takes a tenth of a second
 
@@ -423,7 +427,7 @@ class Cloth:
         for number in (0, 1):
             # Yarns of two cloths that never change places lie above each other, so they may overlap
             # in plan view.
-            apart = self.layers is not None and not self.layers.joined[number]
+            apart = self.layers is not None and not self.layers.has_changes[number]
             for threads in [s[number] for s in self.sheets] if apart else [self.threads[number]]:
                 threads.check_neighbours(number, JAM, self.diameter_sum, self.names)
         if self.layers is not None:

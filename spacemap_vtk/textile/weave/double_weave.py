@@ -93,7 +93,8 @@ class Layers:
     >>> both = np.zeros((8, 8), dtype=bool)
     >>> both[::2, ::2], both[1::2, 1::2], both[1::2, ::2] = plain, plain, True
     >>> layers = Layers(both, np.arange(8) % 2 == 1, np.arange(8) % 2 == 1)
-    >>> bool(layers.above[::2, ::2].all()), bool(layers.above[1::2, 1::2].any()), layers.joined
+    >>> upper = layers.in_upper_cloth
+    >>> bool(upper[::2, ::2].all()), bool(upper[1::2, 1::2].any()), layers.has_changes
     (True, False, (False, False))
     """
 
@@ -102,21 +103,21 @@ class Layers:
     picks: Bools | None
 
     @property
-    def fixed(self) -> bool:
+    def is_fixed(self) -> bool:
         """Whether every thread stays in one cloth."""
         return self.ends is not None and self.picks is not None
 
     @property
-    def own(self) -> Bools:
+    def same_cloth(self) -> Bools:
         """(picks, ends) Whether both threads of a crossing belong to the same cloth there."""
         return self._crossings[0]
 
     @property
-    def above(self) -> Bools:
+    def in_upper_cloth(self) -> Bools:
         """(picks, ends) Whether the cloth of both threads is the upper one; see `own`."""
         return self._crossings[1]
 
-    def cropped(self, ends: YarnIndices, picks: YarnIndices) -> Layers:
+    def crop(self, ends: YarnIndices, picks: YarnIndices) -> Layers:
         """Select some neighbouring threads; all threads still decide which cloth is above.
 
         Parameters
@@ -135,7 +136,10 @@ class Layers:
             None if self.picks is None else self.picks[picks],
         )
         # Threads that are cut off have decided too.
-        part.__dict__["_crossings"] = self.own[picks][:, ends], self.above[picks][:, ends]
+        part.__dict__["_crossings"] = (
+            self.same_cloth[picks][:, ends],
+            self.in_upper_cloth[picks][:, ends],
+        )
         return part
 
     @cached_property
@@ -150,14 +154,14 @@ class Layers:
         own = self.ends != _is_above_by_nearest(~self.drawdown.T, self.ends).T
         return own, np.broadcast_to(~self.ends, own.shape)
 
-    def kept(self, number: int) -> Bools:
+    def bends(self, number: int) -> Bools:
         # (yarns, crossings) The crossings at which ends (0) or picks (1) bend.
-        return self._passes[number][0]
+        return self._family_bends[number][0]
 
     @property
-    def joined(self) -> tuple[bool, bool]:
+    def has_changes(self) -> tuple[bool, bool]:
         """Whether any end, and any pick, passes from one cloth to the other."""
-        return self._passes[0][1], self._passes[1][1]
+        return self._family_bends[0][1], self._family_bends[1][1]
 
     def check_room(
         self,
@@ -185,7 +189,7 @@ class Layers:
             )
         for number, (own, crossed) in enumerate((threads, threads[::-1])):
             room, between = crossed.gaps()
-            if not (self.joined[number] and room.size):
+            if not (self.has_changes[number] and room.size):
                 continue
             # With less room an arc would turn by more than a right angle.
             needed = (1.0 + LAYER_CLEARANCE) * (between + np.max(own.diameter))
@@ -208,12 +212,16 @@ class Layers:
                 )
 
     @cached_property
-    def _passes(self) -> tuple[tuple[Bools, bool], tuple[Bools, bool]]:
-        warp, weft = (self._passed(number) for number in (0, 1))
+    def _family_bends(self) -> tuple[tuple[Bools, bool], tuple[Bools, bool]]:
+        warp, weft = (self._find_bends(number) for number in (0, 1))
         return warp, weft
 
-    def _passed(self, number: int) -> tuple[Bools, bool]:
-        own, above = (self.own, self.above) if number else (self.own.T, self.above.T)
+    def _find_bends(self, number: int) -> tuple[Bools, bool]:
+        own, above = (
+            (self.same_cloth, self.in_upper_cloth)
+            if number
+            else (self.same_cloth.T, self.in_upper_cloth.T)
+        )
         upper = ~self.drawdown if number else self.drawdown.T
         before, after = _values_before_and_after(own, above)
         astray = ~own & ((upper != before) | (upper != after))
@@ -347,7 +355,7 @@ def _may_be_double(layers: Layers) -> bool:
     """Check quickly whether two cloths are possible at all."""
     ends, picks = layers.ends, layers.picks
     if ends is None or picks is None:
-        above = layers.own == layers.above  # for the yarns that change
+        above = layers.same_cloth == layers.in_upper_cloth  # for the yarns that change
         changes = np.count_nonzero(np.diff(above, axis=0 if ends is None else 1))
         return changes * _CROSSINGS_PER_CHANGE < above.size
     # Neighbouring crossings with the other cloth mostly agree on which cloth is above.
@@ -368,7 +376,11 @@ def _fitting_share(layers: Layers) -> float:
     """Compute the share of crossings with the other cloth that fit two cloths; 0: none do."""
     share = 1.0
     for number in (0, 1):
-        own, above = (layers.own, layers.above) if number else (layers.own.T, layers.above.T)
+        own, above = (
+            (layers.same_cloth, layers.in_upper_cloth)
+            if number
+            else (layers.same_cloth.T, layers.in_upper_cloth.T)
+        )
         upper = ~layers.drawdown if number else layers.drawdown.T
         before, after = _values_before_and_after(own, above)
         astray, of_other = (upper != before).astype(np.int8) + (upper != after), ~own

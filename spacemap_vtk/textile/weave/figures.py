@@ -78,13 +78,13 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
 def _excess_lengths(cloth: Cloth, number: int) -> Floats:
     """Compute how much longer each yarn of a family is than its straight projection, in m."""
-    chosen, which = cloth.courses[number]
+    chosen, which = cloth.yarn_groups[number]
     if cloth.axis == "spline":
         path = family_axes(cloth, number, chosen)
         straight = path.along[path.last] - path.along[0]
         return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
     excess = np.empty(len(chosen))
-    for some in cloth.in_blocks(number, len(excess)):
+    for some in cloth.yarn_blocks(number, len(excess)):
         gaps = woven_gaps(cloth, number, chosen[some])
         rise = np.abs(np.diff(gaps.height, axis=1))
         crimp = solve(gaps.spacing, rise, gaps.arc[:, 1:] + gaps.arc[:, :-1]).crimp

@@ -57,7 +57,7 @@ class ThreadsRequest:
     plies: int | tuple[int, ...] | None = None
 
     @property
-    def thick(self) -> bool:
+    def has_thickness(self) -> bool:
         """Whether the thickness of the yarns is given."""
         return self.diameter is not None or self.count is not None
 
@@ -104,7 +104,7 @@ def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_n
     """
     ends, picks = asked.ends or draft.size[0], asked.picks or draft.size[1]
     if asked.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
-        warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
+        warp, weft = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
     layers, told = _find_layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
     filling = _default_filling(layers)
@@ -126,7 +126,7 @@ def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_n
     drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
     if asked.thick_yarns == "refuse" and any(drawn):
         return replace(cloth, cure='Let thick_yarns "scale" or "flatten" the draft\'s yarns.')
-    thick = drawn[0] and not asked.warp.thick, drawn[1] and not asked.weft.thick
+    thick = drawn[0] and not asked.warp.has_thickness, drawn[1] and not asked.weft.has_thickness
     if not any(thick):
         return cloth
     mend = flatten_yarns if asked.thick_yarns == "flatten" else scale_yarns
@@ -162,7 +162,7 @@ def _find_layers(
     if found is None:
         return None, ()
     remark = Remark(f"{_DOUBLE_WEAVE}; {one_layer_cure(names)}")
-    return found.cropped(slice(size[0]), slice(size[1])), () if known else (remark,)
+    return found.crop(slice(size[0]), slice(size[1])), () if known else (remark,)
 
 
 def _default_filling(layers: Layers | None) -> float:
@@ -172,7 +172,7 @@ def _default_filling(layers: Layers | None) -> float:
     # In two cloths of every other thread that are nowhere joined, spacings are twice as wide.
     families = layers.ends, layers.picks
     apart = all(one is not None and bool(np.diff(one).all()) for one in families)
-    return LAYERED_FILLING * (2.0 if apart and not any(layers.joined) else 1.0)
+    return LAYERED_FILLING * (2.0 if apart and not any(layers.has_changes) else 1.0)
 
 
 def _resolve_threads(

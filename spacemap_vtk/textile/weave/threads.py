@@ -38,7 +38,7 @@ class Yarns(NamedTuple):
     position: Floats
     """(n,) Positions across the whole family."""
 
-    def chosen(self, which: YarnIndices) -> Yarns:
+    def select(self, which: YarnIndices) -> Yarns:
         """Select some of the yarns; their positions stay unchanged."""
         position = self.position[which]
         return self._replace(
@@ -120,15 +120,15 @@ class Threads:
     def gaps(self) -> tuple[Floats, Floats]:
         # Room of gaps for yarns that pass, p' (spacing less half the flats on both sides), and the
         # mean diameter of both neighbours.
-        mean = self._between()
+        mean = self._neighbour_diameters()
         if mean.size == 0 or np.size(self.spacing) == 0:
             return np.empty(0), np.empty(0)
         room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
         return np.atleast_1d(room), np.atleast_1d(mean)
 
-    def chosen(self, which: Bools) -> Threads:
+    def select(self, which: Bools) -> Threads:
         # Selects some threads; their positions stay unchanged.
-        yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
+        yarns = self.yarns(len(which)).select(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
         twist, plies = self.twist, self.plies
         return replace(
@@ -221,7 +221,7 @@ class Threads:
         self, family: int, grace: float, diameter_sum: float, names: QuantityNames = quantity_name
     ) -> None:
         """Refuse yarns that overlap their neighbours by more than a share of their size."""
-        mean = self._between()
+        mean = self._neighbour_diameters()
         if mean.size == 0 or np.size(self.spacing) == 0:
             return
         width, room = np.broadcast_arrays(self.aspect * mean, np.asarray(self.spacing))
@@ -244,7 +244,7 @@ class Threads:
                 cure=f"Make {diameter} smaller or {spacing} larger",
             )
 
-    def _between(self) -> Floats:
+    def _neighbour_diameters(self) -> Floats:
         """Compute mean diameters of neighbours: (n - 1,), or a scalar if all yarns are equal."""
         values = np.asarray(self.diameter)
         return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
