@@ -13,9 +13,9 @@ resource = pytest.importorskip("resource")
 _LIMITED = """
 import resource, sys, os, signal, time
 resource.setrlimit(resource.RLIMIT_AS, (2**30, resource.getrlimit(resource.RLIMIT_AS)[1]))
-from spacemap_vtk.cli.main import outlived
+from spacemap_vtk.cli.main import survive_memory_limit
 from spacemap_vtk.memory import available
-outlived()
+survive_memory_limit()
 """
 _ARRAY = (
     "from vtkmodules.vtkCommonCore import vtkUnsignedCharArray as A; A().SetNumberOfTuples(2**32)"
@@ -53,6 +53,6 @@ def test_a_signal_is_passed_on_to_the_command() -> None:
 
 
 def test_without_a_memory_limit_no_process_is_forked() -> None:
-    code = "import os; from spacemap_vtk.cli.main import outlived; a = os.getpid(); outlived()"
+    code = "import os; from spacemap_vtk.cli.main import survive_memory_limit; a = os.getpid(); survive_memory_limit()"
     done = subprocess.run([sys.executable, "-c", f"{code}; assert a == os.getpid()"], check=False)
     assert done.returncode == 0

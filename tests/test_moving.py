@@ -184,7 +184,7 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
     assert told is not None
     for more, said in (
         (["--tolerance", "1e-20"], "no number of targets"),
-        (["--tolerance", "0mm"], "a length above 0"),
+        (["--tolerance", "0mm"], "must be a length"),
         (["--modes", "--tolerance", "1mm"], "modes are written without a tolerance"),
         (["--times", "0.1,0.05"], "times that ascend"),
         (["--times", "0,0.05", "--fps", "3"], "--times: cannot be combined with --fps"),

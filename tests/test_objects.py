@@ -339,7 +339,7 @@ def test_bad_files_are_refused_in_words(tmp_path: Path) -> None:
         ObjectSource().update()
 
 
-REFUSED = r"a\.png.*(no picture|too large|memory)"
+REFUSED = r"a\.png.*(not a picture|too large|memory)"
 
 
 @pytest.mark.parametrize(

@@ -171,6 +171,6 @@ def test_output_too_large_for_the_disk_is_refused_early(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
-    with pytest.raises(SpacemapError, match=r"5 times take about .* more, .* has 0 MB free\. Make"):
+    with pytest.raises(SpacemapError, match=r"5 times need about .* more, .* has 0 MB free\. Free"):
         write(scene, tmp_path / "cloth.pvd", times=[0.0, 0.1, 0.2, 0.3, 0.4])
     assert list(tmp_path.iterdir()) == []

@@ -64,7 +64,7 @@ class DataJob(Job):
         return cls(output, kind, **fields)
 
     @property
-    def writes_numbered_files(self) -> bool:
+    def is_numbered(self) -> bool:
         """Whether each time is written into a separate file."""
         return writes_numbered_files(self.output, self.kind)
 
