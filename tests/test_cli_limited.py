@@ -53,6 +53,13 @@ def test_a_signal_is_passed_on_to_the_command() -> None:
 
 
 def test_without_a_memory_limit_no_process_is_forked() -> None:
-    code = "import os; from spacemap_vtk.cli.main import survive_memory_limit; a = os.getpid(); survive_memory_limit()"
-    done = subprocess.run([sys.executable, "-c", f"{code}; assert a == os.getpid()"], check=False)
+    code = """
+import os
+from spacemap_vtk.cli.main import survive_memory_limit
+
+before = os.getpid()
+survive_memory_limit()
+assert os.getpid() == before
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == 0
