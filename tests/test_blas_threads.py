@@ -39,7 +39,7 @@ def taken() -> dict[str, set[int]]:
     return found
 
 
-def test_large_blocks_alone_are_shared():
+def test_only_large_blocks_use_several_threads():
     with blas_threads.use_one_thread():
         assert taken() == {"numpy": {1}, "scipy": {1}}
         with blas_threads.use_threads_for(1e6):
@@ -78,7 +78,7 @@ with blas_threads.one():
 """
 
 
-def test_what_is_loaded_later_takes_one_thread_too():
+def test_library_loaded_later_is_limited_too():
     """Modes from disk need no SciPy; a drag's first solution came upon its two threads."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2"}
     made = subprocess.run(

@@ -45,7 +45,7 @@ def assert_alike(plate, other):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * expected.max())
 
 
-def test_without_measures_a_sheet_is_the_homogeneous_plate():
+def test_sheet_without_measurements_is_a_homogeneous_plate():
     made = ModalSolver(youngs_modulus="2 MPa", poissons_ratio=0.2, density=500.0)
     for normal in range(3):
         plate, mass = made.sheet_stiffness(H, normal)
@@ -53,7 +53,7 @@ def test_without_measures_a_sheet_is_the_homogeneous_plate():
         assert mass == pytest.approx(500 * H)
 
 
-def test_a_data_sheet_in_the_units_of_the_trade():
+def test_data_sheet_accepts_customary_units():
     made = ModalSolver(
         tensile_rigidity="2 kN/m, 1 kN/m",
         shear_rigidity="1 gf/cm.deg",
@@ -71,7 +71,7 @@ def test_a_data_sheet_in_the_units_of_the_trade():
     assert mass == pytest.approx(6 * 0.0339057, rel=1e-5)
 
 
-def test_one_value_is_for_warp_and_weft():
+def test_one_value_applies_to_warp_and_weft():
     made = ModalSolver(tensile_rigidity="1500 N/m", bending_rigidity=1e-5)
     assert made.bending_rigidity == 1e-5
     plate, _ = made.sheet_stiffness(H)
@@ -84,7 +84,7 @@ def test_one_value_is_for_warp_and_weft():
         ModalSolver(bending_rigidity=[1e-5, 0.0])
 
 
-def test_bending_length_is_that_of_peirce():
+def test_bending_length_is_peirces():
     """CSIRO's FAST: rigidity in µN·m = 9.81e-6 times g/m² times the cube of c in mm."""
     made = ModalSolver(bending_length=["20 mm", "15 mm"], areal_mass="200 g/m2", poissons_ratio=0.0)
     plate, _ = made.sheet_stiffness(H)
@@ -101,7 +101,7 @@ def test_bending_length_is_that_of_peirce():
         ModalSolver(bending_length="2 cm", bending_rigidity="5 uN.m").check()
 
 
-def test_which_mass_counts():
+def test_mass_is_taken_from_the_most_specific_source():
     woven = 0.21
     assert ModalSolver().sheet_stiffness(H, woven=woven)[1] == woven
     assert ModalSolver().sheet_stiffness(H)[1] == pytest.approx(300 * H)
@@ -113,7 +113,7 @@ def test_which_mass_counts():
 
 
 @pytest.mark.parametrize("name", FABRICS)
-def test_a_measured_fabric_keeps_its_stretch_and_its_bending(name):
+def test_measured_fabric_keeps_its_stretch_and_bending(name):
     """However thick the cage is, and without a warning of it."""
     for thickness in (1e-5, 1e-2):
         plate, mass = ModalSolver(material=name).sheet_stiffness(thickness)
@@ -130,7 +130,7 @@ def test_a_measured_fabric_keeps_its_stretch_and_its_bending(name):
     assert plate.membrane[2, 2] == pytest.approx(FABRICS[name].sheet.membrane[2, 2])
 
 
-def test_measures_of_a_sheet_are_none_of_tetrahedra():
+def test_sheet_constants_are_refused_for_tetrahedra():
     for key in (
         "tensile_rigidity",
         "shear_rigidity",
@@ -148,7 +148,7 @@ def test_measures_of_a_sheet_are_none_of_tetrahedra():
         made.check()
 
 
-def test_of_two_that_do_not_count_the_same_is_told_whichever_was_set_first():
+def test_reported_constant_does_not_depend_on_the_order_of_setting():
     given = {"youngs_moduli": [2, 1, 2], "poissons_ratios": [0.6, 0.3, 0.6]}
     for names in (given, reversed(given)):
         made = ModalSolver()
@@ -158,13 +158,13 @@ def test_of_two_that_do_not_count_the_same_is_told_whichever_was_set_first():
             made.check()
 
 
-def test_what_is_not_positive_definite_is_refused_before_anything_runs():
+def test_indefinite_sheet_is_refused_before_anything_runs():
     with pytest.raises(InputError, match=r"poissons_ratio_in_plane = .*between -1 and 1"):
         ModalSolver(tensile_rigidity=1e3, poissons_ratio_in_plane=1.2).check()
 
 
 @pytest.mark.parametrize("method", ["lattice", "carved"])
-def test_a_weaves_own_mass_reaches_its_cage(method):
+def test_cage_has_the_mass_of_its_weave(method):
     weave, cage = WeaveSource(warp_count="40 tex"), TetraCage(method=method)
     cage.SetInputConnection(weave.GetOutputPort())
     mass = vtk_to_numpy(cage.update().output.GetFieldData().GetArray("areal_mass"))
@@ -186,7 +186,7 @@ def strip(solver, along="y"):
 
 
 @pytest.mark.parametrize(("along", "rigidity"), [("y", 9e-6), ("x", 4e-6)])
-def test_a_strip_swings_as_a_cantilever_of_its_rigidity(along, rigidity):
+def test_strip_vibrates_like_a_cantilever_of_its_rigidity(along, rigidity):
     """Euler: f = 1.8751² sqrt(B/m) / (2π L²), along the warp (y) and along the weft (x)."""
     made = ModalSolver(elements="sheet", bending_rigidity=[9e-6, 4e-6], fixed=f"+{along}", modes=1)
     length = strip(made, along)
@@ -197,7 +197,7 @@ def test_a_strip_swings_as_a_cantilever_of_its_rigidity(along, rigidity):
     assert made.warnings == ()
 
 
-def test_a_strip_of_denim_bends_as_denim_without_a_warning():
+def test_strip_of_denim_bends_like_denim_without_a_warning():
     made = ModalSolver(elements="sheet", material="denim", modes=1)
     length = strip(made)
     denim = FABRICS["denim"]
@@ -207,7 +207,7 @@ def test_a_strip_of_denim_bends_as_denim_without_a_warning():
     assert made.warnings == ()
 
 
-def test_a_sheet_weighs_as_the_weave_in_it():
+def test_sheet_has_the_mass_of_its_weave():
     made = ModalSolver(elements="sheet", modes=1)
     weave = WeaveSource()
     connect(weave, TetraCage(padding=0.1), made)
@@ -221,7 +221,7 @@ def test_a_sheet_weighs_as_the_weave_in_it():
     assert data.GetFieldData().GetArray("density").GetValue(0) == 300.0
 
 
-def test_measures_for_other_elements_are_told():
+def test_constants_for_other_elements_are_reported():
     made = ModalSolver(bending_rigidity="5 uN.m", modes=1)
     connect(WeaveSource(), TetraCage(divisions=(3, 3, 3)), made)
     text = 'modal.bending_rigidity has no effect: the cage is not a sheet; elements = "sheet"'
@@ -232,7 +232,7 @@ def test_measures_for_other_elements_are_told():
     assert any(text in told for told in made.update().warnings)
 
 
-def test_a_sheet_is_as_stiff_as_the_yarns_of_the_weave_in_it():
+def test_sheet_has_the_stiffness_of_its_yarns():
     made = ModalSolver(elements="sheet", material="yarns", modes=1)
     made.yarns = COTTON
     weave = WeaveSource()
@@ -253,7 +253,7 @@ def test_a_sheet_is_as_stiff_as_the_yarns_of_the_weave_in_it():
     assert made.measures(made.output).tensile_rigidity == found.tensile_rigidity
 
 
-def test_yarns_run_the_solver_again_where_they_count():
+def test_yarns_run_the_solver_again_only_if_used():
     made = ModalSolver(elements="sheet", modes=1)
     made.yarns = COTTON
     connect(WeaveSource(), TetraCage(), made)
@@ -282,7 +282,7 @@ def test_yarns_run_the_solver_again_where_they_count():
     assert made.update().executions == 6
 
 
-def test_what_yarns_need_to_make_a_sheet_is_told():
+def test_missing_data_of_yarns_is_reported():
     made = ModalSolver(material="yarns")
     with pytest.raises(InputError, match=r"the stiffness of the yarns is not given.*spacemap info"):
         made.check()
@@ -312,7 +312,7 @@ def test_what_yarns_need_to_make_a_sheet_is_told():
 
 @pytest.mark.parametrize(("along", "across"), [("y", "x"), ("x", "y")])
 @pytest.mark.parametrize("pull", ["5 Pa of its own weight", "20 N/m"])
-def test_yarns_bear_what_their_cloth_bears(along, across, pull):
+def test_stiffness_of_yarns_carries_the_load_of_their_cloth(along, across, pull):
     """Held at its sides: the tension of the yarns, EA ε cosθ over p, is the load per width."""
     tension = {"y": 90.0, "x": 60.0}[along]
     weave, cage, response = WeaveSource(ends=16, picks=16), TetraCage(), ModalResponse()

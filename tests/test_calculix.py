@@ -56,7 +56,7 @@ def eigenvalues(folder, points, cells, material, held):
 @needs_calculix
 @pytest.mark.parametrize("material", [ISOTROPIC, WOVEN], ids=["isotropic", "orthotropic"])
 @pytest.mark.parametrize(("divisions", "order"), [((5, 5, 1), 1), ((3, 3, 1), 2)])
-def test_eigenvalues_with_its_mass(tmp_path, divisions, order, material):
+def test_eigenvalues_agree_with_the_mass_of_calculix(tmp_path, divisions, order, material):
     points, cells = mesh(divisions, order, SLAB)
     held = points[:, 1] == 1
     theirs = eigenvalues(tmp_path, points, cells, material, held)
@@ -71,7 +71,7 @@ def test_eigenvalues_with_its_mass(tmp_path, divisions, order, material):
 
 @needs_calculix
 @pytest.mark.parametrize(("order", "most"), [(1, 0.15), (2, 0.03)])
-def test_refinement_brings_agreement(tmp_path, order, most):
+def test_eigenvalues_converge_to_those_of_calculix(tmp_path, order, most):
     differences = []
     for divisions in ((5, 5, 1), (10, 10, 2)) if order == 1 else ((3, 3, 1), (6, 6, 2)):
         points, cells = mesh(divisions, order, SLAB)
@@ -86,7 +86,7 @@ def test_refinement_brings_agreement(tmp_path, order, most):
 
 
 @needs_calculix
-def test_factors_of_tetrahedra(tmp_path):
+def test_stiffness_and_density_factors_are_written(tmp_path):
     points, cells = mesh((3, 3, 1), 1, SLAB)
     stiff, heavy = np.ones(len(cells)), np.ones(len(cells))
     stiff[:20], heavy[10:30] = 3.0, 2.0
@@ -135,7 +135,7 @@ def exported(folder, mass="lumped", **modal):
 
 @needs_calculix
 @pytest.mark.parametrize("mass", ["lumped", "consistent"])
-def test_scene(tmp_path, mass):
+def test_exported_scene_has_the_same_frequencies(tmp_path, mass):
     scene = exported(tmp_path, mass)
     frequencies = calculix(tmp_path / "slab.inp")[1][:10]
     found = scene.stage("solver").output
@@ -152,7 +152,7 @@ def test_scene(tmp_path, mass):
     np.testing.assert_allclose(moved, rest, rtol=0, atol=1e-5 * abs(rest).max())
 
 
-def test_what_is_not_written(tmp_path):
+def test_features_that_calculix_lacks_are_refused(tmp_path):
     scene = exported(tmp_path)
     sentence = "loads[1], a pressure (harmonic), is not in the static step"
     assert sentence in scene.warnings

@@ -51,7 +51,9 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("order", [1, 2], ids=["C3D4", "C3D10"])
-def test_a_force_on_a_vertex(name: str, order: int, tmp_path: Path) -> None:
+def test_response_to_a_vertex_force_equals_that_of_calculix(
+    name: str, order: int, tmp_path: Path
+) -> None:
     amplitude, damping_card, function, damping = CASES[name]
     points, cells = mesh((2, 4, 1), order, (0, 1, 0, 2, 0, 0.4))
     held = points[:, 1] == 0

@@ -43,7 +43,7 @@ def test_a_sheet_in_cells_twice_as_wide_is_the_same_sheet(normal, cells):
     np.testing.assert_allclose(rates, fine.modes(5).eigenvalues * fine.modulus, rtol=0.35)
 
 
-def test_what_has_no_cells_twice_as_wide():
+def test_meshes_without_wider_cells_are_not_coarsened():
     assert coarsen(sheet(2, (3, 12))) is None
     points, cells = build_lattice((0, 1, 0, 1, 0, 0.01), (8, 8, 1))
     held = np.repeat(points[:, :1] == 0, 3, axis=1)
@@ -52,7 +52,7 @@ def test_what_has_no_cells_twice_as_wide():
     assert coarsen(sheet(2, (8, 8), fittings=heavy)) is None
 
 
-def test_a_drape_coefficient_tells_how_much_it_depends_on_its_cells():
+def test_drape_coefficient_reports_its_dependence_on_cells():
     """Its error is what it differs by from that of the scene in cells twice as wide."""
     found = []
     for divide in (1, 2):

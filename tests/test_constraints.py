@@ -37,7 +37,7 @@ def frequencies(model, count):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_inclined_slider_is_one_along_an_axis_turned(kind):
+def test_inclined_slider_equals_a_rotated_axis_slider(kind):
     points, cells, material = cage(kind)
     side, corner = points[:, 0] == 0, (points[:, :2] == points[:, :2].max(axis=0)).all(axis=1)
     held = np.zeros(points.shape, bool)
@@ -69,7 +69,7 @@ def test_an_inclined_slider_is_one_along_an_axis_turned(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_body_that_is_rigid_as_a_whole_has_six_motions(kind):
+def test_fully_rigid_body_has_six_motions(kind):
     points, cells, material = cage(kind)
     bodies = rigid_bodies(points, ["box(-inf, inf, -inf, inf, -inf, inf)"])
     nothing = np.zeros(points.shape, bool)
@@ -87,7 +87,7 @@ def test_a_body_that_is_rigid_as_a_whole_has_six_motions(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_rigid_side_moves_as_one(kind):
+def test_rigid_side_moves_as_one_body(kind):
     points, cells, material = cage(kind)
     right = points[:, 0] == points[:, 0].max()
     bodies = rigid_bodies(points, ["+x"])
@@ -113,7 +113,7 @@ def test_a_rigid_side_moves_as_one(kind):
 
 
 @pytest.mark.parametrize("kind", ["quadratic", "sheet"])
-def test_a_clamped_strip_with_a_rigid_end(kind):
+def test_strip_with_a_rigid_end_has_closed_form_frequencies(kind):
     # Euler and Bernoulli's cantilever of length L, at its tip a rigid block of length a: of mass m,
     # its middle at c = a/2 and J about it; w = cosh - cos - s (sinh - sin), and at the tip
     # EI w'' = ω² ((J + m c²) w' + m c w),  EI w''' = -ω² (m w + m c w').
@@ -168,7 +168,7 @@ def test_two_bodies_with_masses_on_them_balance():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_response_meets_the_statics_of_what_is_fitted(kind):
+def test_response_has_the_static_limit_with_fittings(kind):
     points, cells, material = cage(kind)
     normals = held_directions(points, ["-x:(1, 2, 2)", "-y:(1, -1, 0)"])
     fitted = Fittings(
@@ -193,7 +193,7 @@ def test_a_response_meets_the_statics_of_what_is_fitted(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_rigid_box_on_soft_springs(kind):
+def test_rigid_box_on_soft_springs_has_closed_form_frequencies(kind):
     # ω² = k/m up and down, though the springs are 10¹² times softer than the box's material.
     points, cells, material = cage(kind)
     everywhere = "box(-inf, inf, -inf, inf, -inf, inf)"
@@ -224,7 +224,7 @@ def test_a_rigid_box_on_soft_springs(kind):
         (["+y 2 N/m", "-x:z 1 N/m"], 0),
     ],
 )
-def test_a_rigid_box_partly_on_springs(kind, spring, free):
+def test_rigid_box_partly_on_springs_has_closed_form_frequencies(kind, spring, free):
     # Its six degrees of freedom by hand: K = Σ Rᵀ k R, M of the box, about its middle.
     points, cells, material = cage(kind)
     springs = spring_stiffness(points, cells, spring)
@@ -252,7 +252,7 @@ def test_a_rigid_box_partly_on_springs(kind, spring, free):
         np.testing.assert_allclose(moved, expected, atol=1e-8 * abs(expected).max())
 
 
-def test_a_single_degree_of_freedom():
+def test_single_degree_of_freedom_is_solved():
     # One corner of a tetrahedron, up and down: a spring of E V/h², with a tenth of its mass.
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     held = np.arange(12).reshape(4, 3) < 11

@@ -40,7 +40,9 @@ def test_two_pairs_make_alpha_and_beta() -> None:
         ),
     ],
 )
-def test_contradictions_name_both(values: dict[str, Any], names: tuple[str, str]) -> None:
+def test_contradictory_parameters_are_both_named(
+    values: dict[str, Any], names: tuple[str, str]
+) -> None:
     chain = Chain(**values)
     with pytest.raises(InputError) as caught:
         chain.response.update(0.1)
@@ -49,7 +51,7 @@ def test_contradictions_name_both(values: dict[str, Any], names: tuple[str, str]
     assert Chain(damping_ratio=0.1, alpha=0.0).response.damping.ratio == 0.1
 
 
-def test_one_ratio_damps_every_mode_alike() -> None:
+def test_one_ratio_damps_all_modes() -> None:
     chain = Chain(damping_ratio=0.05, gravity=(0, 0, 0), initial_velocity=(0, 0, 0.1))
     chain.response.residual_vectors = False
     eigenvalues = chain.at(0.0, "eigenvalues")
@@ -63,7 +65,7 @@ def test_one_ratio_damps_every_mode_alike() -> None:
     np.testing.assert_allclose(chain.at(0.02, "modal_coordinates"), expected, rtol=1e-10)
 
 
-def test_each_mode_has_a_ratio_of_its_own_and_the_last_holds_for_all_that_follow() -> None:
+def test_last_of_several_ratios_applies_to_higher_modes() -> None:
     chain = Chain(damping_ratio=[0.3, 0.05], gravity=(0, 0, 0), initial_velocity=(0, 0, 0.1))
     chain.response.residual_vectors = False
     omega = np.sqrt(chain.at(0.0, "eigenvalues"))
@@ -86,7 +88,7 @@ def test_each_mode_has_a_ratio_of_its_own_and_the_last_holds_for_all_that_follow
         (["10 %", 0.05, 0], (0.1, 0.05, 0.0)),
     ],
 )
-def test_a_list_of_ratios_travels_as_text(value: Any, expected: Any) -> None:
+def test_list_of_ratios_round_trips_as_text(value: Any, expected: Any) -> None:
     response = ModalResponse(damping_ratio=value, alpha=0.0)
     assert response.damping == Damping(ratio=expected)
     parameter = ModalResponse.parameter("damping_ratio")
@@ -105,12 +107,12 @@ def test_a_list_of_ratios_travels_as_text(value: Any, expected: Any) -> None:
         ("", "not a number"),
     ],
 )
-def test_what_is_no_ratio_is_refused(value: Any, message: str) -> None:
+def test_invalid_ratios_are_refused(value: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         ModalResponse(damping_ratio=value)
 
 
-def test_ratios_in_a_file_count_from_the_scenes_folder(tmp_path: Path) -> None:
+def test_file_of_ratios_is_relative_to_the_scene(tmp_path: Path) -> None:
     (tmp_path / "ratios.txt").write_text("ratio\n0.08  # the first bends\n0,05\n\n0.02\n")
     scene_file = tmp_path / "mine.toml"
     scene_file.write_text("""

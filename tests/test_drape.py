@@ -22,7 +22,7 @@ def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
     return points, np.concatenate([first, second])
 
 
-def test_a_flat_cloth_has_its_own_shadow() -> None:
+def test_shadow_of_flat_cloth_is_its_area() -> None:
     points, triangles = grid(7)
     assert shadow_area(points, triangles, [0.0, 0.0, -9.81]) == pytest.approx(1.0, rel=1e-12)
     # Tilted light, light along the cloth, and the shadow of an affine image.
@@ -34,7 +34,7 @@ def test_a_flat_cloth_has_its_own_shadow() -> None:
     assert drape_coefficient(1.0, 1.0, 0.3) == 1.0
 
 
-def test_what_lies_one_above_the_other_counts_once() -> None:
+def test_overlapping_parts_count_once() -> None:
     points, triangles = grid(30)
     u = points[:, 0].copy()
     # In three layers, back and forth, then upright.
@@ -45,7 +45,7 @@ def test_what_lies_one_above_the_other_counts_once() -> None:
     assert shadow_area(points, triangles, [0.0, 0.0, 1.0]) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_limp_cloth_over_a_disc_drapes_to_nothing() -> None:
+def test_limp_cloth_has_drape_coefficient_zero() -> None:
     # A round cloth of radius 1 in n sectors; beyond the disc it hangs down as a pleated tube whose
     # folds go in and out by a tenth: the shadow is that star's.
     radius, depth, around = 0.6, 0.06, 400
@@ -72,7 +72,7 @@ def test_a_limp_cloth_over_a_disc_drapes_to_nothing() -> None:
     assert drape_coefficient(found, math.pi, star) == pytest.approx(0.0, abs=1e-4)
 
 
-def test_more_lines_show_more_digits() -> None:
+def test_more_lines_give_more_digits() -> None:
     # A disc of 600 sides.
     angle = np.linspace(0.0, 2 * math.pi, 601)
     points = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
@@ -84,7 +84,7 @@ def test_more_lines_show_more_digits() -> None:
     assert off[1] < 2e-5
 
 
-def test_refusals() -> None:
+def test_impossible_shadows_and_discs_are_refused() -> None:
     points, triangles = grid(2)
     with pytest.raises(InputError, match="no direction"):
         shadow_area(points, triangles, [0.0, 0.0, 0.0])

@@ -71,7 +71,7 @@ def check(K, M, free, eigenvalues, shapes):
     assert (S[first, range(S.shape[1])] > 0).all()
 
 
-def test_the_papers_cage(solver):
+def test_modes_of_the_papers_cage_satisfy_the_equations(solver):
     K, M, free, points = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)
     assert len(points) == 72
     assert free.sum() == 180
@@ -93,7 +93,7 @@ def test_both_solvers_find_the_same_modes(monkeypatch):
 
 
 @pytest.mark.parametrize("divisions", [(4, 4, 3), (40, 2, 1)])
-def test_six_rigid_modes(solver, divisions):
+def test_free_body_has_six_rigid_modes(solver, divisions):
     bounds = tuple(np.ravel([(0, 0.25 * n) for n in divisions]))
     K, M, free, points = problem(divisions, bounds)
     eigenvalues, shapes = solve_matrices(K, M, free, 10)
@@ -109,7 +109,7 @@ def test_six_rigid_modes(solver, divisions):
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 6, 7])
-def test_any_number_of_modes_of_a_free_body(monkeypatch, count):
+def test_any_number_of_modes_of_a_free_body_can_be_requested(monkeypatch, count):
     monkeypatch.setattr(eigen, "DENSE", 0)
     K, M, free, _ = problem((5, 4, 3))
     eigenvalues, shapes = solve_matrices(K, M, free, count)
@@ -118,7 +118,7 @@ def test_any_number_of_modes_of_a_free_body(monkeypatch, count):
 
 
 @pytest.mark.parametrize(("held", "rigid"), [(1, 3), (2, 1), (3, 0)])
-def test_a_vertex_held_leaves_rotations(solver, held, rigid):
+def test_body_held_at_a_vertex_keeps_three_rotations(solver, held, rigid):
     corners = [0, 4, 20][:held]
     K, M, free, _ = problem((4, 4, 4), fixed=lambda p: np.isin(np.arange(len(p)), corners))
     eigenvalues, shapes = solve_matrices(K, M, free, 8)
@@ -126,7 +126,7 @@ def test_a_vertex_held_leaves_rotations(solver, held, rigid):
     assert (eigenvalues == 0).sum() == rigid
 
 
-def test_double_eigenvalues_of_a_square(solver):
+def test_square_has_double_eigenvalues(solver):
     # Bending of a clamped column of square section, either way; (2, 2) keeps the symmetry.
     K, M, free, _ = problem((10, 2, 2), (0, 5, 0, 1, 0, 1), left)
     eigenvalues, shapes = solve_matrices(K, M, free, 12)
@@ -138,7 +138,7 @@ def test_double_eigenvalues_of_a_square(solver):
     np.testing.assert_allclose(odd, eigenvalues[:4], rtol=1e-9)
 
 
-def test_a_cube_has_triple_eigenvalues(solver):
+def test_cube_has_triple_eigenvalues(solver):
     K, M, free, _ = problem((4, 4, 4))
     eigenvalues, _ = solve_matrices(K, M, free, 30)
     exact = lapack(K, M, free)[6:30]
@@ -146,7 +146,7 @@ def test_a_cube_has_triple_eigenvalues(solver):
     np.testing.assert_allclose(eigenvalues[6:], exact, rtol=1e-9)
 
 
-def test_any_number_of_equal_pieces(solver):
+def test_equal_pieces_have_multiple_eigenvalues(solver):
     # ARPACK silently misses copies here: see the head of lanczos.py.
     K, M, free, _ = problem((3, 3, 3), fixed=top)
     one = lapack(K, M, free)
@@ -157,7 +157,7 @@ def test_any_number_of_equal_pieces(solver):
     check(K, M, np.tile(free, copies), eigenvalues, shapes)
 
 
-def test_pieces_without_supports_are_rigid_each():
+def test_each_unsupported_piece_has_six_rigid_modes():
     K, M, free, _ = problem((2, 2, 2))
     K, M = (sp.block_diag([matrix] * 3, format="csr") for matrix in (K, M))
     eigenvalues, _ = solve_matrices(K, M, np.tile(free, 3), 20)
@@ -165,7 +165,7 @@ def test_pieces_without_supports_are_rigid_each():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
-def test_length_and_material_only_scale(solver, scale):
+def test_length_and_material_only_scale_the_modes(solver, scale):
     reference = solve_matrices(*problem((8, 6, 1), (0, 1, 0, 1, 0, 0.1), top)[:3], 15)
     bounds = tuple(scale * x for x in (0, 1, 0, 1, 0, 0.1))
     case = problem((8, 6, 1), bounds, top, young=1e6 * 200e3, density=300 * 1e-9)
@@ -205,7 +205,7 @@ def test_free_bar_converges_with_order_two():
 @pytest.mark.parametrize(
     ("cells", "first"), [(1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533), (6, 8.272)]
 )
-def test_cantilever(cells, first):
+def test_cantilever_frequency_converges_to_beam_theory(cells, first):
     K, M, free, points = problem(
         (10 * cells, cells, cells), (0, 10, 0, 1, 0, 1), left, young=200e9, density=8000.0
     )
@@ -222,7 +222,7 @@ def test_cantilever(cells, first):
     assert 125.0 < axial < 125.0 * 1.02
 
 
-def test_springs_and_masses_in_a_row():
+def test_spring_mass_chain_has_its_closed_form_modes():
     # Four masses, one component of four vertices each; the last, of a half, is free.
     chain = 1e4 * (2 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
     chain[3, 3] = 1e4
@@ -237,7 +237,7 @@ def test_springs_and_masses_in_a_row():
     assert not shapes[:, :, 1:].any()
 
 
-def test_more_modes_than_there_are_gives_all(solver):
+def test_requesting_too_many_modes_returns_all(solver):
     K, M, free, _ = problem((2, 2, 1), fixed=top)
     eigenvalues, shapes = solve_matrices(K, M, free, 10_000)
     assert len(eigenvalues) == free.sum()
@@ -248,14 +248,14 @@ def test_more_modes_than_there_are_gives_all(solver):
     np.testing.assert_allclose(S @ S.T @ M[free][:, free].toarray(), np.eye(len(S)), atol=1e-10)
 
 
-def test_twice_the_same(solver):
+def test_repeated_solutions_are_identical(solver):
     case = problem((6, 6, 2), fixed=top)[:3]
     first, second = (solve_matrices(*case, 12) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
     np.testing.assert_array_equal(first[1], second[1])
 
 
-def test_the_shift_may_be_far_off(monkeypatch):
+def test_modes_do_not_depend_on_the_shift(monkeypatch):
     monkeypatch.setattr(eigen, "DENSE", 0)
     case = problem((10, 10, 2), (0, 1, 0, 1, 0, 0.1))
     reference, right = solve_matrices(*case[:3], 12)[0], lanczos.choose_shift
@@ -295,14 +295,14 @@ def losing(monkeypatch):
     return lose
 
 
-def test_a_lost_mode_is_found(losing):
+def test_missed_mode_is_detected_and_found(losing):
     case = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)[:3]
     eigenvalues, _ = solve_matrices(*case, 12)
     np.testing.assert_allclose(eigenvalues, lapack(*case)[:12], rtol=1e-9)
     assert losing.lost == [0, 1]
 
 
-def test_a_mode_that_stays_lost_is_an_error(losing):
+def test_mode_that_stays_missed_is_an_error(losing):
     losing.times = 100
     with pytest.raises(SolverError, match=r"(\d+) modes lie below .* Hz, but \d+ were"):
         solve_matrices(*problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)[:3], 12)
@@ -326,7 +326,7 @@ def test_progress_rises_from_0_to_1_and_may_cancel(solver):
         solve_matrices(*case, 12, cancel)
 
 
-def test_nothing_free_is_refused():
+def test_fully_fixed_cage_is_refused():
     K, M, free, _ = problem((2, 2, 1))
     with pytest.raises(InputError, match="fixed"):
         solve_matrices(K, M, np.zeros_like(free), 3)
@@ -341,13 +341,13 @@ def test_arguments_are_checked():
         solve_matrices(*stray, np.append(free, [True] * 3), 3)
 
 
-def test_a_stiffness_that_is_not_one_is_refused(solver):
+def test_indefinite_stiffness_is_refused(solver):
     K, M, free, _ = problem((4, 4, 2), fixed=top)
     with pytest.raises(SolverError):
         solve_matrices(-K, M, free, 5)
 
 
-def test_a_poor_solution_is_refused(monkeypatch):
+def test_inaccurate_modes_are_refused(monkeypatch):
     monkeypatch.setattr(eigen, "DENSE", 0)
     right = lanczos.lowest_modes
 
@@ -374,7 +374,7 @@ def test_memory_is_estimated_from_above_and_in_order():
 
 @pytest.mark.parametrize("aspect", [1e4, 1e5])
 @pytest.mark.parametrize("clamped", [True, False])
-def test_a_foil_has_its_modes(aspect, clamped):
+def test_very_thin_sheet_has_all_its_modes(aspect, clamped):
     """Leissa, Vibration of Plates (1969), ω a² √(ρh/D): by one side, and free; ν = 0.3."""
     thickness = 1 / aspect
     points, cells = build_lattice((0, 1, 0, 1, 0, thickness), (16, 16, 1))
@@ -390,7 +390,7 @@ def test_a_foil_has_its_modes(aspect, clamped):
     np.testing.assert_allclose(found, known, rtol=0.02)
 
 
-def test_a_part_without_modes_among_the_lowest_is_not_solved(monkeypatch):
+def test_component_without_low_modes_is_not_solved(monkeypatch):
     """A sheet's thickness, whose modes lie so close together that no iteration tells them apart."""
     points, cells = build_lattice((0, 1, 0, 1, -0.1, 0.1), (8, 8, 1))
     held = np.repeat(points[:, 1:2] == 1.0, 3, axis=1)

@@ -49,7 +49,7 @@ def matrices(mesh):
     return stiffness_and_mass(*mesh, isotropic(YOUNG, POISSON), DENSITY)
 
 
-def test_patch():
+def test_linear_elements_pass_the_patch_test():
     points, tetrahedra, inner = perturbed()
     K, _ = stiffness_and_mass(points, tetrahedra, isotropic(YOUNG, POISSON), DENSITY)
     gradient = np.random.default_rng(2).standard_normal((3, 3))
@@ -65,7 +65,7 @@ def test_patch():
     assert exact @ K @ exact / 2 == pytest.approx(energy, rel=1e-12)
 
 
-def test_rigid_motions_cost_nothing(mesh, matrices):
+def test_rigid_motions_store_no_energy(mesh, matrices):
     K = matrices[0]
     norm = np.linalg.norm(K.toarray(), 2)
     for axis in np.eye(3):
@@ -129,13 +129,13 @@ def test_orientation_does_not_matter(mesh, matrices):
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
-def test_scale(mesh, matrices, scale):
+def test_matrices_scale_with_the_unit_of_length(mesh, matrices, scale):
     K, M = stiffness_and_mass(mesh[0] * scale, mesh[1], isotropic(YOUNG, POISSON), DENSITY)
     close(K, matrices[0] * scale, 1e-13)
     close(M, matrices[1] * scale**3, 1e-13)
 
 
-def test_a_new_material_needs_no_new_assembly(mesh, matrices):
+def test_one_assembly_serves_all_materials(mesh, matrices):
     assembly = assemble(*mesh)
     close(stiffness_matrix(assembly, isotropic(10 * YOUNG, POISSON)), 10 * matrices[0], 1e-14)
     close(mass_matrix(assembly, 10 * DENSITY), 10 * matrices[1], 1e-14)
@@ -148,7 +148,7 @@ def test_matrices_are_symmetric_csr(matrices):
         close(matrix, matrix.T, 1e-15)
 
 
-def test_young_and_poisson_are_what_a_pulled_bar_shows():
+def test_pulled_bar_has_its_youngs_modulus_and_poissons_ratio():
     compliance = np.linalg.inv(isotropic(YOUNG, POISSON))
     assert compliance[0, 0] == pytest.approx(1 / YOUNG)
     assert compliance[0, 1] == pytest.approx(-POISSON / YOUNG)
@@ -168,7 +168,7 @@ def test_flat_tetrahedra_are_counted_and_named(mesh):
     assert volumes(corners, np.arange(4)[None]) == pytest.approx(1e-6 / 6)
 
 
-def test_points_that_are_not_numbers_are_counted_and_named(mesh):
+def test_non_finite_points_are_counted_and_named(mesh):
     points = mesh[0].copy()
     points[[5, 9], 1] = np.nan, np.inf
     with pytest.raises(GeometryError, match=r"2 of 80 points.*not finite.*index 5"):
@@ -185,7 +185,7 @@ def test_points_that_are_not_numbers_are_counted_and_named(mesh):
         (np.eye(4, 2), [[0, 1, 2, 3]], r"shape \(V, 3\)"),
     ],
 )
-def test_what_is_no_mesh_is_refused(points, tetrahedra, what):
+def test_invalid_meshes_are_refused(points, tetrahedra, what):
     with pytest.raises(GeometryError, match=what):
         assemble(points, tetrahedra)
 

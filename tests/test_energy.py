@@ -65,12 +65,12 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
     ],
 )
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_balance(function, damping, base):
+def test_energies_balance(function, damping, base):
     check(ModalMotion(STIFFNESS, DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], base)]))
 
 
 @pytest.mark.parametrize("damping", ["none", "alpha"])
-def test_balance_of_everything_at_once(damping):
+def test_energies_balance_with_all_kinds_of_loads(damping):
     drives = [
         ModalLoad(np.roll(GAIN, k), function, k % 3 == 0)
         for k, function in enumerate(FUNCTIONS.values())
@@ -86,7 +86,7 @@ def test_balance_of_everything_at_once(damping):
     )
 
 
-def test_no_damping_loses_nothing_over_ten_thousand_periods():
+def test_undamped_motion_conserves_energy_over_ten_thousand_periods():
     motion = ModalMotion(STIFFNESS, np.zeros(5), [ModalLoad(GAIN, tf.step())], rate=GAIN)
     account = EnergyAccount(motion)
     for time in (1.0, 1e2, 1e4 * 2 * math.pi / math.sqrt(40.0)):
@@ -96,7 +96,7 @@ def test_no_damping_loses_nothing_over_ten_thousand_periods():
         assert stored == pytest.approx(energy.work, rel=1e-10)
 
 
-def test_work_behind_too_many_periods_is_not_added_up():
+def test_work_after_too_many_periods_is_nan():
     """Kinetic and strain energy are known at any time, and at once."""
     motion = ModalMotion(
         STIFFNESS, DAMPING["mixed"], [ModalLoad(GAIN, tf.periodic([0, 0.01], [0, 1]))]
@@ -110,7 +110,7 @@ def test_work_behind_too_many_periods_is_not_added_up():
     assert early.kinetic + early.strain + early.dissipated == pytest.approx(early.work, rel=1e-10)
 
 
-def test_equilibrium_holds_the_work_that_led_there():
+def test_initial_equilibrium_counts_as_work():
     gain = GAIN * (STIFFNESS > 0)
     motion = ModalMotion(
         STIFFNESS,
@@ -180,7 +180,7 @@ def test_the_balance_agrees_with_an_integration_of_the_equations_of_motion(alpha
     assert (found.dissipated.max() > 0.1 * size) == (alpha > 0.0)
 
 
-def test_an_undamped_cage_that_is_thrown_under_its_weight_keeps_its_total():
+def test_undamped_thrown_cage_conserves_total_energy():
     cage = held_block()
     weight = cage.load_vector("gravity", (0.0, -3.0, -9.8), tf.step())
     thrown = 10.0 * cage.model.points
@@ -192,7 +192,7 @@ def test_an_undamped_cage_that_is_thrown_under_its_weight_keeps_its_total():
 
 
 @pytest.mark.parametrize("alpha", [0.0, 5.0])
-def test_a_motion_by_steps_keeps_its_total_while_a_load_works(alpha):
+def test_stepped_motion_conserves_total_energy_under_a_load(alpha):
     cage = held_block()
     weight = cage.load_vector("gravity", (0.0, 0.0, -9.8), tf.step())
     gust = cage.load_vector("pressure", 20.0, tf.table([0, 0.05, 0.05], [1, 1, 0]), "+z")

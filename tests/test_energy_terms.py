@@ -165,7 +165,7 @@ def underside(stage: Any) -> FloatArray:
     return np.asarray((points + moved)[points[:, 2] < 1e-12, 2])
 
 
-def test_the_page_on_adding_an_energy_can_be_followed_word_by_word(
+def test_code_of_the_page_on_adding_an_energy_works(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(energy_terms, "_MAKERS", dict(energy_terms._MAKERS))
@@ -200,7 +200,7 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(maker: Any, sheet: boo
 
 
 @pytest.mark.parametrize("height", [1e-4, -5e-3])
-def test_what_rests_on_a_soft_half_space_sinks_until_that_bears_its_weight(height: float) -> None:
+def test_body_sinks_into_a_soft_half_space_by_its_weight(height: float) -> None:
     """Touching it at first or not; W = k A d, as a rod presses its base evenly."""
     stage = solver(gravity=(0, 0, -GRAVITY), height=height)
     stage.update()
@@ -212,7 +212,7 @@ def test_what_rests_on_a_soft_half_space_sinks_until_that_bears_its_weight(heigh
     assert term.forces(points + moved)[:, 2].sum() == pytest.approx(-WEIGHT, rel=1e-7)
 
 
-def test_a_sheet_rests_on_it_too() -> None:
+def test_sheet_rests_on_a_soft_half_space() -> None:
     """Whose unknowns are mid-points and half thicknesses."""
     thickness = 1e-3
     stage = solver(
@@ -227,14 +227,14 @@ def test_a_sheet_rests_on_it_too() -> None:
     assert depth == pytest.approx(DENSITY * thickness * GRAVITY / 1e4, rel=1e-2)
 
 
-def test_a_barrier_that_is_no_polynomial_is_never_passed() -> None:
+def test_barrier_is_never_passed() -> None:
     """W = k A/gap; steps are as long as the term admits."""
     stage = solver(gravity=(0, 0, -GRAVITY), kind="barrier", height=-0.05, stiffness=1.0)
     stage.update()
     assert underside(stage) + 0.05 == pytest.approx(1.0 * AREA / WEIGHT, rel=1e-2)
 
 
-def test_a_column_on_it_vibrates_as_one_on_a_spring() -> None:
+def test_column_on_a_half_space_vibrates_as_on_a_spring() -> None:
     """β L tan β L = k L/E, ω = β √(E/ρ); where it does not touch, the lowest mode is rigid."""
     stiffness = YOUNG / SIDE
     stage = solver(divisions=(1, 1, 16), stiffness=stiffness, gravity=(0, 0, -1e-3), height=0.0)
@@ -249,7 +249,7 @@ def test_a_column_on_it_vibrates_as_one_on_a_spring() -> None:
     assert array_of(stage.output.GetFieldData(), "frequencies", "the test")[0] < 1e-3 * found[0]
 
 
-def test_a_block_that_bounces_keeps_its_energy() -> None:
+def test_bouncing_block_conserves_energy() -> None:
     """Dropped by h it sinks to d with k A d²/2 = W (h + d), and comes back to where it was."""
     drop, stiffness = 5e-3, 2e5
     stage = solver(divisions=(1, 1, 1), height=-drop, stiffness=stiffness, youngs_modulus=2e7)
@@ -274,7 +274,7 @@ def test_a_block_that_bounces_keeps_its_energy() -> None:
     np.testing.assert_allclose(height[fall], -GRAVITY * times[fall] ** 2 / 2, atol=1e-9)
 
 
-def test_what_falls_onto_a_barrier_turns_before_it() -> None:
+def test_body_falling_onto_a_barrier_turns_before_it() -> None:
     """The block floats on k A log(gap), about the gap k A/W, and keeps its energy."""
     stage = solver(
         divisions=(1, 1, 1),
@@ -299,7 +299,7 @@ def test_what_falls_onto_a_barrier_turns_before_it() -> None:
     assert gap.min() == pytest.approx(nearest, rel=2e-2)
 
 
-def test_terms_that_differ_never_share_an_entry_of_the_cache() -> None:
+def test_different_terms_have_different_cache_entries() -> None:
     """Two heights, two stiffnesses, two kinds: each a model, modes and a file of its own."""
     ways: list[dict[str, Any]] = [
         {"height": 1e-4},
@@ -319,7 +319,7 @@ def test_terms_that_differ_never_share_an_entry_of_the_cache() -> None:
     assert model_of(again.output).digest == models[1].digest
 
 
-def test_a_change_of_terms_runs_the_solver_again_and_the_same_terms_do_not() -> None:
+def test_only_changed_terms_run_the_solver_again() -> None:
     stage = solver()
     stage.update()
     stage.terms = [{"kind": "half-space", "height": 1e-4, "stiffness": 1e5}]
@@ -338,8 +338,6 @@ def test_a_change_of_terms_runs_the_solver_again_and_the_same_terms_do_not() -> 
         ({"kind": "half-space", "height": 0.0, "stiffness": 1.0, "colour": 2}, "colour"),
     ],
 )
-def test_a_recipe_that_cannot_be_followed_is_refused_in_a_sentence(
-    recipe: dict[str, Any], text: str
-) -> None:
+def test_invalid_recipe_is_refused(recipe: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         ModalSolver(terms=[recipe])

@@ -97,7 +97,7 @@ def tip(made: Sheet, found: Equilibrium) -> FloatArray:
 
 
 @pytest.mark.parametrize(("cells", "degrees"), [(5, 42.37), (10, 41.72), (20, 41.56), (40, 41.52)])
-def test_peirces_cantilever_hangs_by_its_angle(cells: int, degrees: float) -> None:
+def test_peirces_cantilever_has_an_angle_of_41_5_degrees(cells: int, degrees: float) -> None:
     """Peirce 1930: at twice the bending length its chord hangs by 41.5° (elastica: 2.00035 c)."""
     made, held = strip(2.00035, cells)
     found = made.hung(held, (0, 0, -WEIGHT))
@@ -108,7 +108,7 @@ def test_peirces_cantilever_hangs_by_its_angle(cells: int, degrees: float) -> No
 
 
 @pytest.mark.parametrize("thickness", [1e-6, 1e-4, 1e-2, 0.1])
-def test_a_cantilever_of_any_thickness_hangs_alike(thickness: float) -> None:
+def test_cantilever_shape_does_not_depend_on_thickness(thickness: float) -> None:
     """Its bending length is kept: the sheet is as light as it is thin."""
     bending = BENDING * (thickness / 1e-4) ** 3
     stretch = 12 * bending / thickness**2
@@ -119,7 +119,7 @@ def test_a_cantilever_of_any_thickness_hangs_alike(thickness: float) -> None:
     assert np.degrees(np.arctan2(-z, x)) == pytest.approx(41.72, abs=0.02)
 
 
-def test_a_long_strip_hangs_as_the_elastica() -> None:
+def test_long_strip_hangs_like_the_elastica() -> None:
     """Of 7.3211 c; in forty cells it is 0.3 % off, and that falls with their square."""
     ends = []
     for cells in (20, 40):
@@ -131,7 +131,7 @@ def test_a_long_strip_hangs_as_the_elastica() -> None:
     np.testing.assert_allclose(fine + (fine - coarse) / 3, (0.074836, 0.969545), atol=3e-4)
 
 
-def test_what_hangs_stretches_by_its_weight() -> None:
+def test_hanging_strip_stretches_under_its_weight() -> None:
     """A strip hung by its upper edge: W L²/2 A; the same where a hinge lets it fall from level."""
     made, held = strip(20, 20)
     length = made.middle[:, 0].max()
@@ -194,7 +194,7 @@ def test_a_strip_pressed_along_its_length_buckles_at_eulers_load() -> None:
         assert turned == pytest.approx(expected, rel=5e-3)
 
 
-def test_a_strip_that_stands_on_its_edge_falls_over() -> None:
+def test_strip_on_its_edge_falls_over() -> None:
     """A column buckles under its own weight from w L³ = 7.8373 B on (Greenhill 1881)."""
     made, held = strip(1.9, 20)
     assert made.hung(held, (-WEIGHT, 0, 0)).critical is None
@@ -219,7 +219,7 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
     assert (-moved[2], -moved[0]) == pytest.approx(table[int(load)], abs=1.5e-3)
 
 
-def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> None:
+def test_very_flat_tetrahedra_reach_equilibrium() -> None:
     """Rounding leaves 6 % of the load unbalanced, and yet the stretch is that of ρ g L²/2 E."""
     points, cells = add_midpoints(*build_lattice((0, 0.1, 0, 1, 0, 3e-4), (2, 20, 1)))
     edges = points[cells[:, 1:4]] - points[cells[:, :1]]
@@ -233,7 +233,7 @@ def test_tetrahedra_far_thinner_than_wide_hang_although_digits_are_short() -> No
     assert low == pytest.approx(-300 * 9.81 / (2 * 40e6), rel=1e-3)
 
 
-def test_what_would_be_turned_inside_out_is_refused() -> None:
+def test_state_with_inverted_elements_is_refused() -> None:
     """A column of tetrahedra bears E A/√27 at most, as its stress is E λ (λ² - 1)/2."""
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 2))
     top, height = points[:, 2] > 1 - 1e-12, points[:, 2]
@@ -257,7 +257,7 @@ def drape(cells: int) -> tuple[Sheet, NDArray[np.bool_]]:
     return made, np.hypot(*(made.middle[:, :2] - 0.15).T) <= 0.09 + 1e-9
 
 
-def test_a_level_cloth_drapes_in_folds_that_are_stable() -> None:
+def test_draped_cloth_has_stable_folds() -> None:
     """However symmetric at first; in some twenty steps, where less energy alone took 82."""
     made, held = drape(24)
     told: list[float] = []
@@ -276,7 +276,7 @@ def test_a_level_cloth_drapes_in_folds_that_are_stable() -> None:
     np.testing.assert_allclose(lengths, made.start[len(held) :, 2], rtol=1e-3)
 
 
-def test_a_state_does_not_depend_on_the_steps_of_the_load() -> None:
+def test_equilibrium_does_not_depend_on_load_steps() -> None:
     """Half of the weight first, or the whole at once; and with none it is flat again."""
     made, held = strip(5, 20)
     load = np.zeros_like(made.start)
@@ -291,7 +291,7 @@ def test_a_state_does_not_depend_on_the_steps_of_the_load() -> None:
     np.testing.assert_allclose(flat, made.start, atol=1e-7 * size)
 
 
-def test_supports_may_slide_along_any_line() -> None:
+def test_supports_can_slide_along_any_line() -> None:
     """On a line at 30° as on an axis in a frame turned by 30°."""
     made = sheet((0.1, 0.02), (12, 2))
     x = made.middle[:, 0]
@@ -315,7 +315,7 @@ def test_supports_may_slide_along_any_line() -> None:
     assert abs(straight.positions - made.start).max() > 0.01
 
 
-def test_what_nothing_holds_is_refused() -> None:
+def test_unsupported_body_is_refused() -> None:
     """Free, and where only one part of two is held; a free body without a net force may rest."""
     made, held = strip(2, 6)
     with pytest.raises(InputError, match="the cage, or a part of it, is not held"):
@@ -337,7 +337,7 @@ def test_what_nothing_holds_is_refused() -> None:
     assert resting.residual < 1e-7
 
 
-def test_too_few_steps_say_how_far_they_came() -> None:
+def test_too_few_steps_report_the_share_of_the_load() -> None:
     """And what to do."""
     made, held = drape(8)
     with pytest.raises(
@@ -351,7 +351,7 @@ def test_too_few_steps_say_how_far_they_came() -> None:
         column(5.0, steps=12)
 
 
-def test_it_can_be_cancelled() -> None:
+def test_search_can_be_cancelled() -> None:
     """At any step: what progress raises comes out."""
     made, held = drape(8)
     count = 0

@@ -42,7 +42,7 @@ def pencil(divisions):
 
 
 @pytest.mark.parametrize("columns", [1, 8])
-def test_it_solves(library, columns):
+def test_each_library_solves_the_system(library, columns):
     K, M, free = pencil((7, 6, 5))
     A = (K + 100 * M).tocsr()[free][:, free]
     vertices = np.flatnonzero(free) // 3
@@ -55,7 +55,7 @@ def test_it_solves(library, columns):
         assert abs(A @ solved - right).max() <= 1e-9 * abs(right).max()
 
 
-def test_modes_are_the_same(library, monkeypatch):
+def test_each_library_gives_the_same_modes(library, monkeypatch):
     K, M, free = pencil((8, 8, 8))
     found, shapes = solve_matrices(K, M, free, 10)
     monkeypatch.setattr(factors, "cholmod", absent)
@@ -65,13 +65,13 @@ def test_modes_are_the_same(library, monkeypatch):
     np.testing.assert_allclose(flat @ (M @ flat.T), np.eye(10), atol=1e-10)
 
 
-def test_what_is_not_positive_definite_is_refused(library):
+def test_indefinite_matrix_is_refused(library):
     bad = sp.csr_matrix(np.diag([1.0, -1.0, 2.0]))
     with pytest.raises(SolverError):
         factorise(bad, lambda: Analysis(bad, np.arange(3)))
 
 
-def test_short_memory_is_a_matter_of_size(monkeypatch):
+def test_lack_of_memory_is_a_size_error(monkeypatch):
     class CholmodTooLargeError(Exception):
         """As scikit-sparse 0.4 has it."""
 
@@ -83,7 +83,7 @@ def test_short_memory_is_a_matter_of_size(monkeypatch):
         factorise(sp.identity(2, format="csr"), lambda: None)
 
 
-def test_memory_is_given_back(library):
+def test_memory_of_factors_is_released(library):
     """Five factorisations of some 30 MB each leave no two behind."""
     if library == "multifrontal":
         pytest.skip("its memory is numpy's")

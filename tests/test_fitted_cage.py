@@ -79,7 +79,7 @@ def test_a_response_finds_the_model_of_its_solver(elements: str) -> None:
 
 
 @pytest.mark.parametrize("elements", ["tetrahedra", "sheet"])
-def test_a_base_takes_along_what_stands_on_springs(elements: str) -> None:
+def test_moving_base_carries_a_cage_on_springs(elements: str) -> None:
     solver = solved(wet_cage(), elements=elements, fixed="", springs="-z 5 N/m +y:z 1 N/m")
     load = {"base_displacement": [0, "1 mm", "2 mm"], "time": "ramp", "rise": "1 s"}
     response = ModalResponse(alpha=100.0, gravity=(0, 0, 0), loads=[load])
@@ -92,7 +92,7 @@ def test_a_base_takes_along_what_stands_on_springs(elements: str) -> None:
         response.update(1.0)
 
 
-def test_a_stress_is_that_of_a_cells_own_material() -> None:
+def test_stress_uses_the_material_of_each_cell() -> None:
     solver = solved(wet_cage(), elements="tetrahedra", stiffness_factors="wet")
     response = ModalResponse(initial="equilibrium")
     response.SetInputConnection(solver.GetOutputPort())
@@ -104,7 +104,7 @@ def test_a_stress_is_that_of_a_cells_own_material() -> None:
     np.testing.assert_allclose(stress[:, 3], 2 * shear * wet * strain[:, 3], rtol=1e-9)
 
 
-def test_arrays_of_another_solver_are_not_kept() -> None:
+def test_arrays_of_an_earlier_solver_are_removed() -> None:
     first = solved(wet_cage(), **FITTED)
     second = solved(first.GetOutputDataObject(0), fixed="+y")
     data = second.GetOutputDataObject(0).GetPointData()
@@ -129,13 +129,13 @@ def test_arrays_of_another_solver_are_not_kept() -> None:
         (np.ones((45, 3)), 'the cell array "wet" has 3 components.*one number for each cell'),
     ],
 )
-def test_factors_are_above_zero(key: str, wet: np.ndarray, message: str) -> None:
+def test_factors_must_be_above_zero(key: str, wet: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         solved(wet_cage(wet), **{key: "wet"})
     assert caught.value.key == key
 
 
-def test_an_array_that_is_not_there_is_named() -> None:
+def test_missing_array_is_named() -> None:
     with pytest.raises(InputError, match=r'stiffness_factors.*"dry".*"wet"'):
         solved(wet_cage(), stiffness_factors="dry")
 
@@ -153,13 +153,13 @@ def test_an_array_that_is_not_there_is_named() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_names_its_key(settings: dict[str, Any], message: str) -> None:
+def test_errors_name_the_parameter(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         solved(wet_cage(), **settings)
 
 
 @pytest.mark.parametrize("key", ["fixed", "rigid", "springs", "masses"])
-def test_places_travel_as_text(key: str) -> None:
+def test_places_round_trip_as_text(key: str) -> None:
     parameter = ModalSolver.parameter(key)
     value = parameter.check(FITTED[key])
     assert parameter.check(parameter.show(value).strip('"')) == value
@@ -168,7 +168,7 @@ def test_places_travel_as_text(key: str) -> None:
     assert parameter.check(there.read(there.write(()))) == ()
 
 
-def test_a_scene_takes_them(tmp_path: Any) -> None:
+def test_scene_file_can_contain_fittings(tmp_path: Any) -> None:
     file = tmp_path / "batten.toml"
     file.write_text("""
         [weave]

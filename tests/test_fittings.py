@@ -22,7 +22,7 @@ QUADRATIC = add_midpoints(*LINEAR)
 
 
 @pytest.mark.parametrize("mesh", [LINEAR, QUADRATIC], ids=["linear", "quadratic"])
-def test_a_foundation_carries_as_its_area_does(mesh):
+def test_foundation_stiffness_is_proportional_to_area(mesh):
     points, cells = mesh
     found = spring_stiffness(points, cells, ["-z:z 1e5 N/m3", "+x 20 kN/m3"])
     assert found is not None
@@ -49,7 +49,7 @@ def test_a_spring_is_shared_by_the_vertices_of_its_place():
     assert spring_stiffness(points, cells, []) is None
 
 
-def test_what_has_no_area_has_no_stiffness_per_area():
+def test_stiffness_per_area_needs_a_side():
     with pytest.raises(InputError, match=r"box.*stiffness per area, which needs a side.*-x, \+x"):
         spring_stiffness(*LINEAR, ["box(0, 1, 0, 1, 0, 1) 5 N/m3"])
     with pytest.raises(InputError, match=r'the spring "sphere.*" contains no vertex'):
@@ -99,7 +99,7 @@ def test_a_mass_is_spread_evenly_by_length_area_or_volume(mesh):
 
 
 @pytest.mark.parametrize("cells", [2, 5, 10])
-def test_a_limp_strip_does_not_buckle_under_its_hem(cells):
+def test_limp_strip_does_not_buckle_under_an_even_mass(cells):
     """Spread evenly the hem pulls the strip alike everywhere, and no part of it is pressed."""
     points, tetrahedra = build_lattice((0, 0.1, 0, 0.1, -1.5e-4, 1.5e-4), (cells, 5, 1))
     own = homogeneous_plate(isotropic(1e6, 0.3), 3e-4)
@@ -134,7 +134,7 @@ def frequencies(model, count):
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
 @pytest.mark.parametrize("lumped", [False, True])
-def test_a_bar_with_a_mass_at_its_tip(ratio, lumped):
+def test_bar_with_a_tip_mass_has_closed_form_frequencies(ratio, lumped):
     # cot βL = (m/M) βL, ω = β √(E/ρ); slender, as the tip's points pull its section out of plane
     points, cells, held = bar(size=(1.0, 0.001, 0.001))
     held |= (points[:, 0] == 0)[:, None]
@@ -161,7 +161,7 @@ def test_a_bar_with_a_mass_at_its_tip(ratio, lumped):
     np.testing.assert_allclose(tip, (ratio + 0.5) * whole * 9.81 / (E * 1e-6), rtol=1e-3)
 
 
-def test_a_bar_on_an_elastic_foundation():
+def test_bar_on_an_elastic_foundation_has_closed_form_frequencies():
     # ω² = ω₀² + k/(ρ t), from below and above alike
     thickness = 0.01
     points, cells, held = bar((16, 1, 1), (1.0, 0.1, thickness))
@@ -201,7 +201,7 @@ def test_a_strip_on_an_elastic_foundation_bends(thin):
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
-def test_a_spring_alone_carries_a_free_body(kind):
+def test_spring_holds_a_free_body(kind):
     # Springs along n everywhere: ω² = k/m along it; shifts across it and a turn are free.
     points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
@@ -225,7 +225,7 @@ def test_a_spring_alone_carries_a_free_body(kind):
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
-def test_a_factor_is_as_another_material(kind):
+def test_factor_equals_another_material(kind):
     # All cells three times stiffer and twice as heavy, and half of them against two materials.
     points, cells = build_lattice((0, 0.1, 0, 0.06, 0, 2e-3), (6, 4, 1))
     material = isotropic(E, 0.3)
@@ -261,7 +261,7 @@ def test_a_factor_is_as_another_material(kind):
     assert abs(mixed - halves).max() <= 1e-8 * abs(mixed).max()
 
 
-def test_a_bar_of_two_materials():
+def test_bar_of_two_materials_stretches_like_two_springs():
     # Joined at the middle: two springs in series, and the stress is one and the same.
     points, cells, held = bar((8, 1, 1))
     held |= (points[:, 0] == 0)[:, None]
@@ -280,7 +280,7 @@ def test_a_bar_of_two_materials():
 
 
 @pytest.mark.parametrize("kind", ["linear", "sheet"])
-def test_what_hangs_by_springs_sinks_by_its_weight(kind):
+def test_body_on_springs_sinks_by_its_weight(kind):
     # However soft they are: x = m g/k, with a bead on it; modes about it are those of the springs.
     points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 2e-3), (4, 4, 1))
     material = isotropic(E, 0.3)
@@ -306,7 +306,7 @@ def test_what_hangs_by_springs_sinks_by_its_weight(kind):
     assert hung.rigid_modes.shape[1] == 0
 
 
-def test_a_slider_lets_what_hangs_slide():
+def test_hanging_body_slides_along_a_slider():
     # A sheet on a slide inclined by 30° to the level: nothing holds it along the slide.
     points, cells = build_lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
     normals = held_directions(points, ["box(-inf, inf, -inf, inf, -inf, inf):(1, 0, 1.7320508)"])
@@ -327,7 +327,7 @@ def test_a_slider_lets_what_hangs_slide():
     assert abs(moved @ [0.5, 0, 0.75**0.5]).max() < 1e-8 * abs(moved).max() + 1e-9
 
 
-def test_a_rigid_place_does_not_hang():
+def test_cage_with_a_rigid_place_cannot_hang():
     points, cells = build_lattice((0, 0.1, 0, 0.02, 0, 1e-3), (5, 1, 1))
     held = np.repeat((points[:, 0] == 0)[:, None], 3, axis=1)
     fitted = Fittings(bodies=rigid_bodies(points, ["+x"]))

@@ -37,7 +37,7 @@ def box(kind: str) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
-def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kind: str) -> None:
+def test_undeformed_follower_equals_a_fixed_pressure(kind: str) -> None:
     points, cells = box(kind)
     for side in SIDES:
         where = find_side_faces(points, cells, side, kind == "sheet")
@@ -47,7 +47,7 @@ def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kin
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
-def test_its_tangent_is_its_derivative(kind: str) -> None:
+def test_tangent_is_the_derivative_of_the_forces(kind: str) -> None:
     points, cells = box(kind)
     faces = find_side_faces(points, cells, "+z", kind == "sheet").faces
     pressure = FollowerPressure(faces)
@@ -59,7 +59,7 @@ def test_its_tangent_is_its_derivative(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
-def test_on_all_sides_its_energy_is_the_volume_and_its_forces_the_gradient(kind: str) -> None:
+def test_energy_of_a_closed_surface_is_its_volume(kind: str) -> None:
     points, cells = box(kind)
     faces = np.concatenate([find_side_faces(points, cells, side).faces for side in SIDES])
     pressure, way = FollowerPressure(faces), np.random.default_rng(0).normal(size=points.shape)
@@ -69,7 +69,7 @@ def test_on_all_sides_its_energy_is_the_volume_and_its_forces_the_gradient(kind:
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
-def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(kind: str) -> None:
+def test_work_of_a_constant_pressure_is_the_change_of_volume(kind: str) -> None:
     """A body that flies, turns and swells: p ΔV, whatever the step."""
     points, cells = box(kind)
     model = Model(points, cells, isotropic(2e4, 0.3), 300.0, np.zeros(points.shape, dtype=bool))
@@ -107,7 +107,7 @@ def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(ki
     assert max(np.abs(changes)) > 0.05
 
 
-def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
+def test_strip_under_follower_pressure_bends_like_the_elastica() -> None:
     """From the free end κ'' + κ³/2 = p/B: what pulls along the strip is -B κ²/2 there."""
     length, rigidity, pressure, thickness = 0.1, 1e-5, 0.1, 1e-4
 

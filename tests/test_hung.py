@@ -50,7 +50,7 @@ class Curtain:
 
 
 @pytest.mark.parametrize(("cells", "first"), [(5, 0.6023), (20, 0.6025)])
-def test_a_hung_curtain_swings_as_a_chain(cells: int, first: float) -> None:
+def test_hanging_curtain_has_the_frequencies_of_a_chain(cells: int, first: float) -> None:
     """j₀ₙ/(4π) √(g/L) is 0.59939 and 1.37585 Hz; what the strip resists bending adds to both."""
     found = Curtain(cells).frequencies
     assert found[0] == pytest.approx(first, abs=1e-4)
@@ -61,7 +61,7 @@ def test_a_hung_curtain_swings_as_a_chain(cells: int, first: float) -> None:
     assert Curtain(cells, gravity=(0, 0, 0)).frequencies[0] == pytest.approx(0.0177, rel=0.05)
 
 
-def test_what_hangs_rests_under_the_gravity_that_it_hangs_under() -> None:
+def test_hanging_cage_stays_at_rest_under_its_own_gravity() -> None:
     """The same gravity is not counted twice: nobody's wish, or given again."""
     curtain = Curtain()
     for gravity in (curtain.response.gravity, (0, -GRAVITY, 0)):
@@ -89,7 +89,7 @@ def test_stress_and_energy_are_those_of_the_deformed_state() -> None:
     assert moved.field_data["external_work"][0] == moved.field_data["strain_energy"][0]
 
 
-def test_a_hung_cloth_is_tilted_as_a_pendulum() -> None:
+def test_hanging_cloth_tilts_like_a_pendulum() -> None:
     """By 5°, it moves by 5° of its length; without its weight in K by 3.8 lengths."""
     curtain, angle = Curtain(10), math.radians(5)
     curtain.response.initial = "equilibrium"
@@ -120,7 +120,7 @@ ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_wo
 T = (0.1, 0.5, 1.0)
 
 
-def test_a_sheet_and_quadratic_tetrahedra_hang_alike() -> None:
+def test_sheet_and_quadratic_tetrahedra_have_the_same_equilibrium() -> None:
     """A strip so thick that both hold, level at first, nearly as long down as it was."""
     level: dict[str, Any] = {"gravity": (0, 0, -GRAVITY), "youngs_modulus": 1e5}
     sheet = Curtain(20, 0.05, elements="sheet", **level)
@@ -132,7 +132,7 @@ def test_a_sheet_and_quadratic_tetrahedra_hang_alike() -> None:
     np.testing.assert_allclose(sheet.frequencies[:3], solid.frequencies[:3], rtol=0.02)
 
 
-def test_dead_loads_hang_it_too() -> None:
+def test_dead_loads_act_in_the_equilibrium() -> None:
     """A pull at the lower edge, as a traction and as its forces, stretches by σ/E and stiffens."""
     pull = 2e5
     pulled = Curtain(gravity=(0, 0, 0), dead_loads=[{"traction": (0, -pull, 0), "on": "-y"}])
@@ -150,13 +150,13 @@ def test_dead_loads_hang_it_too() -> None:
         ({"pressure": 1.0, "on": "+z", "time": "ramp", "rise": 1.0}, "dead_loads[0]"),
     ],
 )
-def test_what_has_a_time_is_no_dead_load(load: dict[str, Any], told: str) -> None:
+def test_load_with_a_time_function_is_not_a_dead_load(load: dict[str, Any], told: str) -> None:
     with pytest.raises(InputError, match="a dead load must be constant") as refused:
         Curtain(dead_loads=[load]).solver.update()
     assert refused.value.key == told
 
 
-def test_an_equilibrium_is_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_equilibrium_is_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """On disk, and in memory while only the modes' number changes."""
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
     first = Curtain().at(0.0)["equilibrium"]
@@ -172,7 +172,7 @@ def test_an_equilibrium_is_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     assert [name for name in stored if name.startswith("hung")]
 
 
-def test_the_fabric_follows_and_the_stages_run_once() -> None:
+def test_fabric_follows_the_equilibrium_and_stages_run_once() -> None:
     curtain = Curtain()
     warp = BarycentricWarp()
     warp.SetInputDataObject(0, pv.Box((0, WIDTH, 0, LENGTH, 0, THICKNESS)))
@@ -184,7 +184,7 @@ def test_the_fabric_follows_and_the_stages_run_once() -> None:
     assert (curtain.solver.executions, curtain.response.executions) == (1, 2)
 
 
-def test_auto_is_the_sheet_where_cells_are_four_times_wider_than_thick() -> None:
+def test_auto_is_a_sheet_if_cells_are_four_times_as_wide_as_thick() -> None:
     def sheet(**cage: Any) -> bool:
         curtain = Curtain(gravity=(0, 0, 0))
         curtain.cage.configure(**cage)
@@ -197,7 +197,7 @@ def test_auto_is_the_sheet_where_cells_are_four_times_wider_than_thick() -> None
     assert not sheet(divisions=(1, 5, 2))
 
 
-def test_a_sheet_is_refused_where_there_is_none() -> None:
+def test_sheet_is_refused_for_other_cages() -> None:
     curtain = Curtain(elements="sheet")
     for change in ({"order": 2}, {"order": 1, "divisions": (2, 5, 2)}):
         curtain.cage.configure(**change)
@@ -205,9 +205,7 @@ def test_a_sheet_is_refused_where_there_is_none() -> None:
             curtain.solver.update()
 
 
-def test_a_strip_that_is_pressed_along_tells_that_it_buckles(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_compressed_strip_reports_buckling(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Standing on its edge it falls over (Greenhill: ρ g A L³ = 7.8373 E I), again from disk."""
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
     thickness = 0.01
@@ -220,7 +218,7 @@ def test_a_strip_that_is_pressed_along_tells_that_it_buckles(
     assert abs(straight.at(0.0)["equilibrium"][:, 2]).max() < 1e-6
 
 
-def test_what_shall_not_hang_yet_falls_under_what_it_would_hang_under() -> None:
+def test_cage_with_hang_off_falls_under_its_gravity() -> None:
     curtain = Curtain(hang=False)
     assert "equilibrium" not in curtain.at(0.0).point_data
     assert not curtain.at(0.0)["displacement"].any()
@@ -248,7 +246,7 @@ def clamped(side: float, **settings: Any) -> tuple[ModalSolver, ModalResponse]:
     return modal, response
 
 
-def test_a_thin_clamped_cage_hangs_and_does_not_fall() -> None:
+def test_thin_clamped_cage_is_held() -> None:
     for side in (0.5, 1.0):
         modal, response = clamped(side, initial="equilibrium")
         response.update(time=0.0)
@@ -261,7 +259,7 @@ def test_a_thin_clamped_cage_hangs_and_does_not_fall() -> None:
         assert 0.85 * beam < tip < beam
 
 
-def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
+def test_modes_lost_in_rounding_are_reported() -> None:
     modal, response = clamped(50.0, initial="equilibrium")
     with pytest.raises(InputError, match=r"response\.initial.*\d of the cage's modes are lost"):
         response.update(time=0.0)
@@ -275,7 +273,7 @@ def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
     assert not any("rounding" in text for text in modal.warnings)
 
 
-def test_gravity_that_equals_the_default_direction_is_a_given_one() -> None:
+def test_given_gravity_may_equal_the_default() -> None:
     """A curtain hangs along -y; its weight along -z swings it as a slightly other weight does."""
     curtain = Curtain(5)
     moved = []

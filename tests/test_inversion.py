@@ -53,7 +53,7 @@ class Turned(ModalResponse):
 
 
 @pytest.mark.parametrize("kind", [ModalResponse, TransientResponse, Turned])
-def test_tetrahedra_that_are_turned_inside_out_are_counted(
+def test_inverted_tetrahedra_are_counted(
     kind: type, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
@@ -69,7 +69,7 @@ def test_tetrahedra_that_are_turned_inside_out_are_counted(
     assert reported(kind(), 1e-6)[1] == []
 
 
-def test_cells_of_a_sheet_that_are_turned_over_are_counted() -> None:
+def test_inverted_cells_of_a_sheet_are_counted() -> None:
     """Rolling it up tightly turns tetrahedra inside out, but no cell."""
     points, cells = build_lattice((0, 1, 0, 0.5, -0.01, 0.01), (8, 3, 1))
     surface = find_mid_surface(points, cells)

@@ -20,13 +20,13 @@ FloatArray = NDArray[np.float64]
 @pytest.mark.parametrize(
     ("degrees", "longer"), [(0, 1.0), (30, 1.0174), (45, 1.0400), (60, 1.0732), (90, 1.1803)]
 )
-def test_a_pendulum_takes_longer(degrees: float, longer: float) -> None:
+def test_pendulum_period_grows_with_amplitude(degrees: float, longer: float) -> None:
     assert MotionExtremes(math.radians(degrees), 0.0, 0.0).pendulum_period == pytest.approx(
         longer, abs=5e-5
     )
 
 
-def test_a_pendulum_that_stands_upside_down_never_comes_back() -> None:
+def test_upside_down_pendulum_has_an_infinite_period() -> None:
     assert (
         MotionExtremes(math.pi, 0.0, 0.0).pendulum_period
         == MotionExtremes(7.0, 0.0, 0.0).pendulum_period
@@ -52,7 +52,7 @@ class Turning:
         raise NotImplementedError
 
 
-def test_the_most_of_a_turn_is_told() -> None:
+def test_largest_rotation_stretch_and_volume_are_measured() -> None:
     """u = sin t (-y, x) turns by sin t, and stretches by √(1 + sin² t) - 1 across its axis."""
     body = Turning()
     found = measure_extremes(body, body.points, (0.0, math.pi / 2, math.pi))
@@ -62,7 +62,7 @@ def test_the_most_of_a_turn_is_told() -> None:
     assert found.volume == pytest.approx(2 * (1 + 0.05 * math.pi) - 1)
 
 
-def test_folds_tighter_than_a_sheet_is_thick_are_no_rotation() -> None:
+def test_tight_folds_in_equilibrium_are_not_rotations() -> None:
     """A strip bent to a circle turns at its end by its length times the change in curvature."""
     flat, cells = build_lattice((0, 1, 0, 0.1, -0.05, 0.05), (80, 2, 1))
     surface = find_mid_surface(flat, cells)

@@ -44,7 +44,7 @@ from spacemap_vtk.scenes.scene import Scene
         ),
     ],
 )
-def test_a_wrong_load_is_refused_with_words(load: dict[str, Any], message: str) -> None:
+def test_invalid_load_is_refused(load: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         ModalResponse(loads=[load])
 
@@ -58,7 +58,7 @@ def test_a_wrong_load_is_refused_with_words(load: dict[str, Any], message: str) 
         "\ufeff0 0\r\n0.2   1\r\n0.5 -0.4",
     ],
 )
-def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
+def test_table_is_read_from_a_file(text: str, tmp_path: Path) -> None:
     (tmp_path / "gust.csv").write_text(text, encoding="utf-8", newline="")
     scene = tmp_path / "gust.toml"
     scene.write_text(
@@ -89,14 +89,14 @@ def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
         ("1 1\n0 1\n", r"\.file: times must ascend from 0 s on, in .*gust\.csv"),
     ],
 )
-def test_a_file_that_is_no_table(text: str, message: str, tmp_path: Path) -> None:
+def test_file_without_a_table_is_refused(text: str, message: str, tmp_path: Path) -> None:
     file = tmp_path / "gust.csv"
     file.write_text(text)
     with pytest.raises(InputError, match=message):
         ModalResponse(loads=[{"pressure": 2, "on": "+z", "time": "table", "file": file}])
 
 
-def test_loads_as_text_are_those_as_tables() -> None:
+def test_loads_are_the_same_as_text_and_as_tables() -> None:
     first, second = ModalResponse(loads=EVERY_LOAD), ModalResponse()
     second.loads = ModalResponse.loads.show(first.loads)  # type: ignore[assignment]
     assert first.loads == second.loads
@@ -104,7 +104,7 @@ def test_loads_as_text_are_those_as_tables() -> None:
         first.loads[0].pressure = 3.0
 
 
-def test_a_scene_file_says_what_acts(tmp_path: Path) -> None:
+def test_loads_are_read_from_a_scene_file(tmp_path: Path) -> None:
     file = tmp_path / "pressed.toml"
     text = """
         [weave]
@@ -144,7 +144,7 @@ def test_a_load_on_supports_is_reported() -> None:
     assert "a load acts only on fixed vertices and has no effect" in chain.response.warnings
 
 
-def test_a_force_that_misses_the_cage_is_reported() -> None:
+def test_force_outside_the_cage_is_reported() -> None:
     chain = Chain(gravity=(0, 0, 0), loads=[{"force": [0, 0, 1e-6], "at": [0, 0, 0]}])
     chain.response.update(0.0)
     assert not any("away" in text for text in chain.response.warnings)

@@ -73,7 +73,7 @@ LINEAR = [
 
 
 @pytest.mark.parametrize(("cells", "layers", "wide"), LINEAR)
-def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
+def test_locking_of_linear_tetrahedra_is_estimated(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
     said = estimate_locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
@@ -98,7 +98,7 @@ def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
         ),
     ],
 )
-def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
+def test_locking_of_quadratic_tetrahedra_is_estimated(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 2)
     said = estimate_locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
@@ -108,7 +108,7 @@ def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
 
 
 @pytest.mark.parametrize(("cells", "layers", "wide"), [(5, 1, 5), (5, 1, 10), (5, 3, 5), (8, 2, 4)])
-def test_between_two_clamped_sides(cells, layers, wide):
+def test_locking_between_two_clamped_sides_is_estimated(cells, layers, wide):
     """Where a mode that seems to twist bends for the most part. Leissa, table 4.37."""
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
     said = estimate_locking(points, tetrahedra, STUFF, held(points, 2))
@@ -122,7 +122,7 @@ def test_between_two_clamped_sides(cells, layers, wide):
 @pytest.mark.parametrize(
     "fabric", ["denim", pytest.param("jacket", marks=pytest.mark.nightly), "tablecloth"]
 )
-def test_measured_fabrics(fabric, order, wide, sides):
+def test_locking_of_measured_fabrics_is_estimated(fabric, order, wide, sides):
     """Against quadratic tetrahedra that are narrow enough to twist right."""
     points, tetrahedra, thickness = square(5, 1, wide, order)
     solid = FABRICS[fabric].solid(thickness)
@@ -145,7 +145,7 @@ def right_for_fabric(fabric, sides):
 
 
 @pytest.mark.parametrize("cells", [10, 16])
-def test_four_thicknesses_a_cell_twist_right(cells):
+def test_cells_of_four_thicknesses_twist_correctly(cells):
     bending, twist = np.sqrt(measured(*square(cells, 1, 4, 2)))
     assert 1.0 < bending < 1.02
     assert 1.0 < twist < 1.05
@@ -164,7 +164,7 @@ def test_the_leading_terms_are_in_closed_form(layers, wide):
     assert plate.times(STUFF, 0, 1) == pytest.approx(twist, rel=0.04)
 
 
-def test_a_bar_of_cubes():
+def test_locking_of_a_bar_is_estimated():
     """Measured first frequencies of 10 x 1 x 1 m of steel, see test_eigen.py, over Timoshenko's."""
     for cells, first in ((1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533)):
         points, tetrahedra = build_lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
@@ -175,7 +175,7 @@ def test_a_bar_of_cubes():
 
 @pytest.mark.parametrize("ratio", [0.0, 0.4, 0.45, 0.49])
 @pytest.mark.parametrize(("divisions", "thickness"), [((15, 15, 1), 1 / 7), ((8, 8, 1), 0.02)])
-def test_other_poissons_ratios(ratio, divisions, thickness):
+def test_locking_at_other_poissons_ratios_is_estimated(ratio, divisions, thickness):
     """Against quadratic tetrahedra, which bend however thin and however incompressible."""
     stuff, found = isotropic(1e6, ratio), []
     for order, cells in ((1, divisions), (2, (8, 8, 1))):
@@ -191,7 +191,7 @@ def test_other_poissons_ratios(ratio, divisions, thickness):
     assert 0.7 < said.bending / (found[0] / found[1]) < 1.7
 
 
-def test_what_is_no_sheet_is_not_judged():
+def test_blocks_have_factors_of_one():
     points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
     nothing = np.zeros(points.shape, bool)
     assert estimate_locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
@@ -201,7 +201,7 @@ def test_what_is_no_sheet_is_not_judged():
 
 
 @pytest.mark.parametrize("normal", [0, 1, 2])
-def test_any_axis_may_be_the_thin_one(normal):
+def test_any_axis_can_be_the_thin_one(normal):
     points, tetrahedra, _ = square(5, 1, 20, 1)
     said = estimate_locking(points, tetrahedra, STUFF, held(points))
     turned = np.roll(points, normal + 1, axis=1)
@@ -239,7 +239,7 @@ def prisms(cells, thickness, seed):
 
 
 @pytest.mark.parametrize("wide", [5, 20, 50])
-def test_where_diagonals_do_not_cross(wide):
+def test_parallel_diagonals_do_not_lock_in_twist(wide):
     """Then twist locks as bending does in linear tetrahedra, and hardly in quadratic ones."""
     thickness = SIDE / 8 / wide
     points, tetrahedra = prisms(8, thickness, seed=0)
@@ -299,13 +299,13 @@ def thin_cage(**settings):
         ),
     ],
 )
-def test_thin_cages_are_warned_of(settings, said):
+def test_thin_cages_cause_a_warning(settings, said):
     with pytest.warns(SpacemapWarning, match=said):
         solver = thin_cage(**settings)
     assert len(solver.warnings) == 1
 
 
-def test_good_cages_are_not_warned_of():
+def test_good_cages_cause_no_warning():
     for settings in ({"divisions": (5, 5, 1), "order": 2}, {"divisions": (20, 20, 3)}):
         box = vtkCubeSource()
         box.SetBounds(0, 1, 0, 1, 0, 0.15)

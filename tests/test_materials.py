@@ -25,14 +25,14 @@ from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 MODULI, SHEARS, RATIOS = [2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05]
 
 
-def test_isotropic_is_a_special_case():
+def test_isotropic_is_a_special_case_of_orthotropic():
     shear = 2e6 / 2.6
     np.testing.assert_allclose(
         orthotropic([2e6] * 3, [shear] * 3, [0.3] * 3), isotropic(2e6, 0.3), rtol=1e-13, atol=1e-6
     )
 
 
-def test_constants_are_what_tests_would_show():
+def test_constants_are_reproduced_by_tests():
     compliance = np.linalg.inv(orthotropic(MODULI, SHEARS, RATIOS))
     np.testing.assert_allclose(1 / np.diag(compliance), MODULI + SHEARS[::-1])
     for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), RATIOS, strict=True):
@@ -45,7 +45,7 @@ def test_constants_are_what_tests_would_show():
     st.lists(st.floats(1e2, 1e10), min_size=3, max_size=3),
     st.lists(st.floats(-1.2, 1.2), min_size=3, max_size=3),
 )
-def test_what_is_taken_is_positive_definite(moduli, shears, ratios):
+def test_accepted_materials_are_positive_definite(moduli, shears, ratios):
     try:
         matrix = orthotropic(moduli, shears, ratios)
     except InputError:
@@ -70,7 +70,7 @@ def test_what_is_taken_is_positive_definite(moduli, shears, ratios):
         ([1e6, np.nan, 1], SHEARS, RATIOS, "three finite numbers"),
     ],
 )
-def test_impossible_ones_are_refused(moduli, shears, ratios, what):
+def test_impossible_materials_are_refused(moduli, shears, ratios, what):
     with pytest.raises(InputError, match=what):
         orthotropic(moduli, shears, ratios)
 
@@ -84,7 +84,7 @@ def test_the_warp_lies_along_y():
 
 
 @pytest.mark.parametrize(("axis", "modulus"), [(0, 1e6), (1, 2e6), (2, 1e5)])
-def test_a_bar_sounds_with_the_modulus_of_its_axis(axis, modulus):
+def test_frequency_of_a_bar_follows_the_modulus_along_its_axis(axis, modulus):
     elasticity = fabric_to_xyz(orthotropic(MODULI, SHEARS, [0, 0, 0]))
     bounds, divisions = [0, 0.05] * 3, [1, 1, 1]
     bounds[2 * axis + 1], divisions[axis] = 1.0, 40
@@ -103,7 +103,7 @@ def solver(**settings):
     return made
 
 
-def test_the_solver_takes_it():
+def test_solver_uses_an_orthotropic_material():
     stiff = solver(
         material="orthotropic",
         youngs_moduli=["2 MPa", "1 MPa", "100 kPa"],
@@ -117,7 +117,7 @@ def test_the_solver_takes_it():
     np.testing.assert_allclose(np.reshape(written, (6, 6)), expected)
 
 
-def test_what_does_not_belong_together_is_refused():
+def test_incomplete_or_unused_constants_are_refused():
     with pytest.raises(InputError, match=r"modal\.shear_moduli: an orthotropic.*G12, G13, G23"):
         solver(material="orthotropic", youngs_moduli=MODULI).update()
     with pytest.raises(
@@ -136,7 +136,7 @@ def test_lumped_mass_brings_frequencies_from_below():
     assert first[0] < first[1]
 
 
-def test_warnings_say_how_far_off():
+def test_warnings_name_the_factor_and_a_cure():
     weave, cage = WeaveSource(), TetraCage(divisions=(5, 5, 1))
     cage.SetInputConnection(weave.GetOutputPort())
     made = ModalSolver()
@@ -203,7 +203,7 @@ def test_a_fabric_is_a_stable_solid_that_stretches_as_the_sheet(name):
         fabric.solid(0.0)
 
 
-def test_a_cage_of_denim():
+def test_cage_of_denim_has_the_constants_of_denim():
     made = solver(material="denim")
     made.update()
     data = made.GetOutputDataObject(0)
@@ -235,7 +235,7 @@ def test_given_constants_replace_measured_ones():
         solver(material="denim", poissons_ratios=[9, 0, 0]).update()
 
 
-def test_other_materials_know_no_fabric():
+def test_fabric_constants_have_no_effect_on_other_materials():
     with pytest.raises(InputError, match=r'denin.*"denim" or "trousers".*Did you mean "denim"'):
         solver(material="denin")
     why = r'modal\.thickness = .*has no effect: material is "isotropic"'
@@ -249,7 +249,7 @@ def test_other_materials_know_no_fabric():
     assert plain.GetOutputDataObject(0).GetFieldData().GetArray("density").GetValue(0) == 300.0
 
 
-def test_a_cage_that_bends_unlike_the_fabric_says_so():
+def test_cage_that_bends_unlike_the_fabric_causes_a_warning():
     """The cure: moduli raised as often as said let a strip bend as the measured plate does."""
     weave, cage = WeaveSource(ends=5, picks=31), TetraCage(divisions=(3, 20, 1), order=2)
     cage.SetInputConnection(weave.GetOutputPort())
@@ -278,7 +278,7 @@ def test_a_cage_that_bends_unlike_the_fabric_says_so():
     assert 0.9 < found / euler < 1.05
 
 
-def test_volume_ratio_is_poissons_where_all_axes_are_alike():
+def test_equivalent_ratio_is_poissons_ratio_for_isotropic_solids():
     for ratio in (-0.5, 0.0, 0.3, 0.499):
         assert equivalent_poissons_ratio(isotropic(3e6, ratio)) == pytest.approx(ratio, abs=1e-12)
     # without contraction the axes do not matter
@@ -292,7 +292,7 @@ def test_volume_ratio_is_poissons_where_all_axes_are_alike():
     assert pressure.sum() < 0.1 / 1e6
 
 
-def test_an_orthotropic_cage_that_keeps_its_volume_warns():
+def test_nearly_incompressible_orthotropic_cage_causes_a_warning():
     weave, cage = WeaveSource(), TetraCage(divisions=(15, 15, 3))
     cage.SetInputConnection(weave.GetOutputPort())
     made = ModalSolver(
@@ -312,7 +312,7 @@ def test_an_orthotropic_cage_that_keeps_its_volume_warns():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_what_floats_cannot_hold_is_refused(sign):
+def test_values_beyond_double_precision_are_refused(sign):
     for name in ("density", "youngs_modulus"):
         with pytest.raises(InputError, match=rf"{name} = .*nothing is computed beyond 1e\+36"):
             solver(**{name: 10.0 ** (40 * sign)})

@@ -130,17 +130,17 @@ def agrees(half, drives, times=TIMES, start=None, **options):
 
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_one_force(function, damping):
+def test_response_to_one_force_equals_numerical_integration(function, damping):
     agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function])])
 
 
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_a_moving_base(function, damping):
+def test_response_to_a_moving_base_equals_numerical_integration(function, damping):
     agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], True)], TIMES[1:])
 
 
-def test_everything_at_once_from_a_given_state():
+def test_all_loads_from_a_given_state_superpose():
     drives = [
         ModalLoad(np.roll(GAIN, k), function, k % 3 == 0)
         for k, function in enumerate(FUNCTIONS.values())
@@ -151,7 +151,7 @@ def test_everything_at_once_from_a_given_state():
 
 @pytest.mark.parametrize("base", [False, True])
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_before_zero_the_start_is_held_at_rest(function, base):
+def test_initial_state_is_at_rest_before_zero(function, base):
     drives = [ModalLoad(GAIN, FUNCTIONS[function], base)]
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], drives, position=GAIN, rate=-GAIN)
     first, later = motion.at_time(-0.2), motion.at_time(-0.1)
@@ -162,7 +162,7 @@ def test_before_zero_the_start_is_held_at_rest(function, base):
         assert not state.acceleration.any()
 
 
-def test_equilibrium_and_release():
+def test_equilibrium_is_at_rest_until_loads_change():
     gain = GAIN * (STIFFNESS > 0)
     weight, held = (
         ModalLoad(gain, tf.step()),
@@ -179,7 +179,7 @@ def test_equilibrium_and_release():
         ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, tf.step())], equilibrium=True)
 
 
-def test_a_base_that_sets_off_from_equilibrium():
+def test_base_starts_smoothly_from_equilibrium():
     # The base rests at its first displacement until t = 0, and starts to move from there.
     drive = ModalLoad(GAIN, tf.table([0.0, 0.5], [1.0, 2.0]), True)
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [drive], equilibrium=True)
@@ -193,7 +193,7 @@ def test_a_base_that_sets_off_from_equilibrium():
 
 @pytest.mark.parametrize("base", [False, True])
 @pytest.mark.parametrize("name", ["sine", "cosine"])
-def test_steady_state_of_a_sine_is_what_remains(name, base):
+def test_steady_state_of_a_sine_is_the_limit_of_the_response(name, base):
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
@@ -218,7 +218,7 @@ def test_steady_state_of_a_sine_is_what_remains(name, base):
 
 @pytest.mark.parametrize("base", [False, True])
 @pytest.mark.parametrize("name", ["periodic", "saw"])
-def test_steady_state_of_a_periodic_function_repeats_and_is_what_remains(name, base):
+def test_steady_state_of_a_periodic_load_repeats(name, base):
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
@@ -252,7 +252,7 @@ def test_resonance_without_damping_has_no_steady_state():
     assert abs(forced.at_time(2000.0).rate[0]) > 100 * abs(forced.at_time(2.0).rate[0])
 
 
-def test_a_periodic_load_costs_nothing_more_when_late():
+def test_late_times_of_a_periodic_load_need_few_sums():
     drive = ModalLoad(np.ones(5), FUNCTIONS["periodic"])
     motion = ModalMotion(STIFFNESS, DAMPING["ratio"], [drive])
     late = motion.at_time(3e5)
@@ -260,7 +260,7 @@ def test_a_periodic_load_costs_nothing_more_when_late():
     assert len(motion.repeated[0].sums) <= 21  # of a million periods
 
 
-def test_restarting_a_table_gives_the_same_end():
+def test_restarted_table_gives_the_same_state():
     table = tf.table([0.0, 0.2, 0.2, 0.9, 1.4], [0.0, 1.0, -0.5, 0.3, 0.0])
     rest = tf.table([0.0, 0.4, 0.9], [float(table.value(0.5)), 0.3, 0.0])
     half = DAMPING["mixed"]
@@ -282,7 +282,7 @@ def test_restarting_a_table_gives_the_same_end():
     st.floats(-6, 2).map(lambda x: 10.0**x),
     st.sampled_from([0.0, 1e-12, -1e-9, 1e-6, -1e-3, 0.1]),
 )
-def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detuning):
+def test_sine_from_rest_equals_mpmath(eigenvalue, ratio, omega, time, detuning):
     if detuning:  # on and around resonance
         omega = math.sqrt(eigenvalue) * (1 + detuning) or 1.0
     half = ratio * math.sqrt(eigenvalue)
@@ -310,7 +310,7 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, 1e200])
-def test_a_time_is_a_finite_number(time):
+def test_non_finite_time_is_refused(time):
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [ModalLoad(GAIN, FUNCTIONS["step"])])
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         motion.at_time(time)

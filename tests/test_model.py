@@ -49,7 +49,7 @@ def test_a_static_solution_equals_a_direct_one(thickness):
     np.testing.assert_array_equal(made.solve(forces[:, 0]).shape, (len(free),))
 
 
-def test_forces_on_a_free_body_are_relieved():
+def test_forces_on_a_free_body_are_balanced_by_inertia():
     made = model(held=nothing)
     forces = np.random.default_rng(0).standard_normal((len(made.free), 2))
     rigid = made.rigid_modes
@@ -78,7 +78,7 @@ def test_gravity_on_a_free_body_strains_nothing():
         (lambda p: ((p[:, 0] == 0) & (p[:, 2] == 0))[:, None] & [True] * 3, 1),  # a hinge
     ],
 )
-def test_rigid_motions_that_supports_leave(held, count):
+def test_rigid_modes_are_those_the_supports_leave(held, count):
     assert model(held=held).rigid_modes.shape[1] == count
 
 
@@ -110,7 +110,7 @@ def test_another_support_or_ratio_reuses_the_assembly():
     assert model((4, 4, 3)).pencil.assembly is not first.pencil.assembly
 
 
-def test_nothing_is_kept_that_nobody_holds():
+def test_unused_pencils_are_freed():
     first = model((3, 5, 2))
     pencil = weakref.ref(first.pencil)
     assert model((3, 5, 2)).pencil is pencil()
@@ -162,7 +162,7 @@ def in_long_double(matrix, right):
 
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no longer float than float64")
 @pytest.mark.parametrize(("length", "most"), [(0.125, (1e-9, 1e-5)), (0.5, (1e-6, 1e-3))])
-def test_very_thin_sheets_are_solved_as_well_as_they_can_be(length, most):
+def test_very_thin_sheets_are_solved_within_the_estimated_rounding(length, most):
     made = thin(length, (4, 3, 1))
     free = made.free
     stiffness = made.pencil.full_stiffness[free][:, free].toarray()
@@ -202,7 +202,7 @@ def test_thin_sheets_are_held_by_their_edges():
     assert Model(points, cells, STEEL, 300.0, np.zeros_like(edge)).rigid_modes.shape[1] == 6
 
 
-def test_what_is_nothing_but_rounding_is_refused():
+def test_solution_lost_in_rounding_is_refused():
     points, cells = build_lattice((0, 1, 0, 1, 0, 1e-6), (5, 5, 1))
     points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
@@ -235,7 +235,7 @@ def test_a_free_very_thin_sheet_has_all_its_modes():
     assert 13.489**2 * plate < first < 1.0001 * 2 * 0.7 * 144 * plate
 
 
-def test_what_dies_with_a_stage_runs_no_python() -> None:
+def test_values_freed_with_a_stage_run_no_python() -> None:
     kept: WeakValues[set[int]] = WeakValues()
     value, told = {1}, []
     kept["a"] = value
@@ -278,7 +278,7 @@ def known(model, modes, length):
         ),
     ],
 )
-def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, count, limit):
+def test_no_clamped_mode_of_a_very_thin_sheet_is_missing(monkeypatch, length, count, limit):
     """K alone holds none of the first from 0.5 m on: its own eigenvalue is rounding."""
     monkeypatch.setattr(eigen, "DENSE", limit)
     made = thinner(length)
@@ -296,7 +296,7 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
 
 
 @pytest.mark.parametrize("limit", [10_000, 0], ids=["dense", "sparse"])
-def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
+def test_modes_lost_in_rounding_are_not_rigid(monkeypatch, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
     found = solve_modes(thinner(500.0).pencil, 8)
     assert (found.eigenvalues > 0).all()
@@ -321,7 +321,9 @@ def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
         (lambda p: (p[:, 1] == 0)[:, None] & [True] * 3, 0),
     ],
 )
-def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, count, length, limit):
+def test_number_of_rigid_modes_is_that_the_supports_leave(
+    monkeypatch, places, count, length, limit
+):
     monkeypatch.setattr(eigen, "DENSE", limit)
     points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
     made = Model(points, cells, STEEL, 300.0, places(points))
@@ -330,7 +332,7 @@ def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, coun
     assert (found.eigenvalues == 0).sum() == count
 
 
-def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
+def test_part_connected_by_a_vertex_turns_freely(monkeypatch):
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
     both = np.concatenate([points, points + 1])
     points, numbers = np.unique(both, axis=0, return_inverse=True)
@@ -346,7 +348,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_strains_give_what_the_stiffness_gives(order):
+def test_strain_products_equal_stiffness_products(order):
     points, cells = build_lattice((0, 1, 0, 0.7, 0, 0.5), (3, 2, 2))
     if order == 2:
         points, cells = add_midpoints(points, cells)

@@ -102,7 +102,7 @@ def displacement(stage: MotionReader) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", MAKERS)
-def test_formats_times_and_interpolation(tmp_path: Path, kind: str) -> None:
+def test_each_format_gives_times_and_interpolated_motion(tmp_path: Path, kind: str) -> None:
     stage = MotionReader(file=MAKERS[kind](tmp_path))
     stage.UpdateInformation()
     info = stage.GetOutputInformation(0)
@@ -119,7 +119,7 @@ def test_formats_times_and_interpolation(tmp_path: Path, kind: str) -> None:
         np.testing.assert_allclose(displacement(stage), expected, atol=1e-6)
 
 
-def test_an_object_rides_on_it_and_nothing_is_located_twice(
+def test_object_follows_the_motion_and_is_located_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import spacemap_vtk.filters.barycentric_warp as module
@@ -142,7 +142,7 @@ def test_an_object_rides_on_it_and_nothing_is_located_twice(
     assert (ball.executions, motion.executions, warp.executions) == (1, 4, 4)
 
 
-def test_moving_points_and_scale(tmp_path: Path) -> None:
+def test_moving_points_are_read_and_scaled(tmp_path: Path) -> None:
     for step in range(3):
         grid = block()
         grid.points = 1e3 * grid.points @ matrix(step).T
@@ -165,7 +165,7 @@ def scene_file(folder: Path, motion: Path) -> Path:
     return file
 
 
-def test_a_scene_with_a_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scene_with_a_motion_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = scene_file(tmp_path, as_pvd(tmp_path))
     scene = Scene.read(file)
     assert [type(stage).__name__ for stage in scene.stages] == [
@@ -194,7 +194,7 @@ def test_a_scene_with_a_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str
 # --- what is refused ---------------------------------------------------------------------------
 
 
-def test_a_missing_array_is_named_with_those_that_are_there(tmp_path: Path) -> None:
+def test_missing_array_is_reported_with_the_existing_ones(tmp_path: Path) -> None:
     stage = MotionReader(file=as_pvd(tmp_path), array="U")
     with pytest.raises(InputError, match=r'step 0.*needs an array "U".*has "displacement"'):
         stage.update(0.0)
@@ -202,7 +202,7 @@ def test_a_missing_array_is_named_with_those_that_are_there(tmp_path: Path) -> N
     stage.update(0.0)
 
 
-def test_arrays_of_wrong_size_and_not_finite(tmp_path: Path) -> None:
+def test_invalid_arrays_are_refused(tmp_path: Path) -> None:
     grid = block()
     grid["u"] = np.zeros(27)
     grid["v"] = np.full((27, 3), np.nan)
@@ -213,7 +213,7 @@ def test_arrays_of_wrong_size_and_not_finite(tmp_path: Path) -> None:
         MotionReader(file=tmp_path / "a.vtu", array="v").update()
 
 
-def test_a_topology_that_changes_is_refused(tmp_path: Path) -> None:
+def test_changing_topology_is_refused(tmp_path: Path) -> None:
     file = as_pvd(tmp_path)
     other = block().extract_cells(range(7))
     other["displacement"] = np.zeros((other.n_points, 3))
@@ -240,14 +240,14 @@ def test_truncated_files_are_refused(tmp_path: Path, kind: str) -> None:
     assert victim.name in str(caught.value)
 
 
-def test_a_file_may_be_named_like_a_pattern(tmp_path: Path) -> None:
+def test_file_name_may_contain_pattern_characters(tmp_path: Path) -> None:
     file = as_pvd(tmp_path).rename(tmp_path / "motion [1]*.pvd")
     stage = MotionReader(file=file)
     stage.update(TIMES[1])
     assert np.abs(displacement(stage)).max() > 0
 
 
-def test_empty_and_missing_series(tmp_path: Path) -> None:
+def test_empty_or_missing_series_is_refused(tmp_path: Path) -> None:
     empty = tmp_path / "empty.pvd"
     empty.write_text("<VTKFile><Collection></Collection></VTKFile>")
     for file, words in (

@@ -39,7 +39,7 @@ def pencil(divisions, held=True):
 
 
 @pytest.mark.parametrize("divisions", [(1, 1, 1), (9, 9, 9), (30, 20, 1), (100, 1, 1)])
-def test_factors_solve(divisions):
+def test_factors_solve_a_system(divisions):
     K, M, vertices = pencil(divisions)
     A = (K + 100 * M).tocsr()
     right = np.random.default_rng(0).standard_normal((A.shape[0], 5))
@@ -49,7 +49,7 @@ def test_factors_solve(divisions):
 
 
 @pytest.mark.parametrize("density", [0.005, 0.05, 0.5])
-def test_random_patterns(density):
+def test_factors_of_random_patterns_solve(density):
     rng = np.random.default_rng(int(1000 * density))
     for size in (1, 7, 60, 301):
         A = sp.random(size, size, density, random_state=rng, format="csr")
@@ -80,7 +80,7 @@ def test_inertia_counts_the_modes_below_a_shift(held):
 
 
 @pytest.mark.parametrize("panel", [1, 5, 40])
-def test_inertia_by_panels(panel, monkeypatch):
+def test_inertia_does_not_depend_on_panels(panel, monkeypatch):
     """However few columns are eliminated at once."""
     K, M, vertices = pencil((6, 5, 4))
     A = (K - 60000.0 * M).tocsr()
@@ -96,7 +96,7 @@ def test_inertia_by_panels(panel, monkeypatch):
     assert len(told) > fronts
 
 
-def test_an_order_holds_each_vertex_once():
+def test_elimination_order_is_a_permutation():
     K = pencil((8, 7, 3))[0]
     graph = sp.csr_matrix(abs(K[::3][:, ::3]) > 0, dtype=float)
     graph.setdiag(0)
@@ -110,13 +110,13 @@ def test_dissection_keeps_factors_sparse():
     assert Analysis(K, vertices).entries < K.shape[0] ** 2 / 6
 
 
-def test_a_matrix_that_is_not_definite_is_refused():
+def test_indefinite_matrix_is_refused():
     K, M, vertices = pencil((4, 4, 4))
     with pytest.raises(SolverError, match="not positive definite"):
         Cholesky((K - 1e5 * M).tocsr(), Analysis(K, vertices))
 
 
-def test_what_does_not_fit_is_refused_first(monkeypatch):
+def test_too_large_factors_are_refused_first(monkeypatch):
     import spacemap_vtk.memory as memory
 
     K, _, vertices = pencil((4, 4, 4))
@@ -128,7 +128,7 @@ def test_what_does_not_fit_is_refused_first(monkeypatch):
     assert multifrontal.require is memory.require
 
 
-def test_progress_may_cancel():
+def test_progress_can_cancel():
     K, _, vertices = pencil((8, 8, 8))
     analysis = Analysis(K, vertices)
     seen = []

@@ -90,7 +90,7 @@ def worst(eigenvalue, alpha, beta, time):
 
 @pytest.mark.parametrize("eigenvalue", EIGENVALUES)
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_against_mpmath(eigenvalue, ratio):
+def test_kernels_of_any_damping_ratio_equal_mpmath(eigenvalue, ratio):
     omega = math.sqrt(eigenvalue)
     # Either way of damping makes the same h: each of them in turn.
     by_stiffness = (RATIOS.index(ratio) + round(math.log10(eigenvalue))) % 2
@@ -102,7 +102,7 @@ def test_against_mpmath(eigenvalue, ratio):
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1e-20, 1e-9, 0.3, 1e2, 1e6])
-def test_rigid_against_mpmath(alpha):
+def test_rigid_kernels_equal_mpmath(alpha):
     for time in (0.0, 1e-9, 1e-3, 0.7, 1.0, 37.0, 1e3):
         assert worst(0.0, alpha, 5.0, time) <= 1e-9, time
 
@@ -114,7 +114,7 @@ def test_rigid_against_mpmath(alpha):
     st.one_of(st.just(0.0), st.floats(-9, 1).map(lambda x: 10.0**x)),
     st.one_of(st.just(0.0), st.floats(-9, 3).map(lambda x: 10.0**x)),
 )
-def test_any_against_mpmath(eigenvalue, alpha, beta, time):
+def test_kernels_of_any_oscillator_equal_mpmath(eigenvalue, alpha, beta, time):
     # The phase √λ t of an undamped oscillation is known to its last place, and no better.
     phase = math.sqrt(eigenvalue) * time
     assert worst(eigenvalue, alpha, beta, time) <= 1e-9 + 4.5e-16 * phase
@@ -122,7 +122,7 @@ def test_any_against_mpmath(eigenvalue, alpha, beta, time):
 
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("eigenvalue", [1e-4, 1.0, 1e4])
-def test_restart(eigenvalue, ratio):
+def test_kernels_compose_over_two_spans(eigenvalue, ratio):
     alpha = 2 * ratio * math.sqrt(eigenvalue)
     period = 2 * math.pi / math.sqrt(eigenvalue)
     for first, second in ((0.3, 0.4), (3.7, 0.01), (1e-3, 20.2)):
@@ -141,7 +141,7 @@ def test_restart(eigenvalue, ratio):
 
 
 @pytest.mark.parametrize("eigenvalue", [1e-6, 1.0, 39.47, 1e8])
-def test_without_damping_energy_stays(eigenvalue):
+def test_undamped_kernels_conserve_energy(eigenvalue):
     period = 2 * math.pi / math.sqrt(eigenvalue)
     for periods in (0.1, 1.3, 100.7, 1e4, 1e4 + 0.37):
         r = oscillate([eigenvalue], 0.0, 0.0, periods * period)
@@ -153,7 +153,7 @@ def test_without_damping_energy_stays(eigenvalue):
             assert rate**2 + eigenvalue * q**2 == pytest.approx(energy, rel=1e-10)
 
 
-def test_modes_of_all_kinds_together():
+def test_kernels_of_mixed_modes_equal_single_ones():
     eigenvalues = np.array([0.0, 1e-20, 4.0, 4.0001, 3.9999, 1e8])
     together = oscillate(eigenvalues, 4.0, 0.0, 0.7)
     for k, eigenvalue in enumerate(eigenvalues):
@@ -161,7 +161,7 @@ def test_modes_of_all_kinds_together():
         np.testing.assert_allclose([x[k] for x in together], np.ravel(alone), rtol=1e-15)
 
 
-def test_at_rest_and_at_the_end():
+def test_kernels_have_their_limits_at_zero_and_infinity():
     eigenvalues = [0.0, 1.0, 1e4, 1e8]
     start = oscillate(eigenvalues, 0.5, 1e-3, 0.0)
     np.testing.assert_array_equal(np.array(start), np.outer([1, 0, 0, 1, 0, 0, 0], np.ones(4)))
@@ -170,7 +170,7 @@ def test_at_rest_and_at_the_end():
     np.testing.assert_allclose([end.free, end.impulse_rate], 0, atol=1e-12)
 
 
-def test_damping_ratio_and_regime():
+def test_damping_ratio_and_regime_are_classified():
     eigenvalues = [0.0, 1.0, 4.0, 9.0, 100.0]
     # 2h = α + βλ with α = 2, β = 0.5: ζ = (2 + λ/2) / 2√λ.
     np.testing.assert_allclose(
@@ -183,7 +183,7 @@ def test_damping_ratio_and_regime():
 
 @pytest.mark.parametrize("fixed", [True, False])
 @pytest.mark.parametrize(("alpha", "beta"), [(0.0, 0.0), (1.5, 2e-3), (0.0, 0.2), (30.0, 0.0)])
-def test_whole_response_against_expm(fixed, alpha, beta):
+def test_response_of_a_mesh_equals_the_matrix_exponential(fixed, alpha, beta):
     # M ü + C u̇ + K u = f, from an initial displacement and velocity: the sum over all modes
     # against the exponential of the unreduced first-order system, u, u̇ and 1 being its states.
     points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.3), (2, 2, 1))
@@ -213,14 +213,14 @@ def test_whole_response_against_expm(fixed, alpha, beta):
 
 @pytest.mark.parametrize("name", ["eigenvalues", "alpha", "beta"])
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_what_is_no_oscillator_is_refused(name, value):
+def test_invalid_oscillators_are_refused(name, value):
     values = {"eigenvalues": [1.0], "alpha": 0.0, "beta": 0.0}
     for asked in (damping_ratio, classify_regimes):
         with pytest.raises(InputError, match=name):
             asked(**{**values, name: value})
 
 
-def test_many_times_at_once():
+def test_kernels_accept_many_times():
     eigenvalues, times = np.array([0.0, 1.0, 30.0]), np.array([[0.0], [0.1], [2.0]])
     together = oscillate(eigenvalues, 3.0, 0.0, times)
     for k, time in enumerate(times[:, 0]):
@@ -228,7 +228,7 @@ def test_many_times_at_once():
         np.testing.assert_array_equal([x[k] for x in together], alone)
 
 
-def test_paper_equation_20():
+def test_kernels_equal_equation_20():
     # Underdamped, by the book: x = e^(-μt) (cos ωt + μ/ω sin ωt), μ = (α + βλ)/2, ω = √(λ - μ²).
     eigenvalue, alpha, beta, time = 50.0, 0.4, 0.01, 1.7
     mu = (alpha + beta * eigenvalue) / 2

@@ -23,7 +23,7 @@ POINTS = build_lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
         ("mask(my array):(1, 2, 3)", "mask(my array):(1, 2, 3)"),
     ],
 )
-def test_directions_stand_beside_components(text, canonical):
+def test_directions_and_components_are_parsed(text, canonical):
     found = parse_places(text)
     assert " ".join(map(str, found)) == canonical
     assert parse_places(canonical) == found
@@ -38,7 +38,7 @@ def test_directions_stand_beside_components(text, canonical):
         ("-x .5 N/m,+x 5. N/cm", "-x 0.5 N/m +x 500 N/m"),
     ],
 )
-def test_springs_have_a_stiffness(text, canonical):
+def test_springs_are_parsed_with_their_stiffness(text, canonical):
     found = parse_places(text, SPRING_UNITS, what="spring")
     assert " ".join(map(str, found)) == canonical
     assert parse_places(canonical, SPRING_UNITS) == found
@@ -56,7 +56,7 @@ def test_springs_have_a_stiffness(text, canonical):
         ("-x 5 N/m", '"5 N/m" is not a support'),
     ],
 )
-def test_what_is_no_direction_is_refused(text, message):
+def test_invalid_directions_are_refused(text, message):
     with pytest.raises(InputError, match=message):
         parse_places(text)
 
@@ -74,12 +74,12 @@ def test_what_is_no_direction_is_refused(text, message):
         ("5 N/m", '"5 N/m" is not a spring'),
     ],
 )
-def test_what_is_no_stiffness_is_refused(text, message):
+def test_invalid_stiffness_is_refused(text, message):
     with pytest.raises(InputError, match=message):
         parse_places(text, SPRING_UNITS, what="spring")
 
 
-def test_a_mass_has_no_components():
+def test_mass_cannot_name_components():
     for text in ("5 g", "1.5 kg", "0.3 mg", "120 mg"):
         (found,) = parse_places(f"-x {text}", MASS_UNITS, what="mass", whole=True)
         assert str(found) == f"-x {text}"
@@ -88,7 +88,7 @@ def test_a_mass_has_no_components():
         parse_places("-x:y 5 g", MASS_UNITS, what="mass", whole=True)
 
 
-def test_directions_at_the_vertices():
+def test_directions_are_projections_at_the_vertices():
     (inclined, plain) = parse_places("-x:(0, 3, 4) +y:xz")
     left = find_vertices(POINTS, inclined)
     np.testing.assert_array_equal(left, POINTS[:, 0] == 0)

@@ -19,7 +19,7 @@ E, NU, H = 2e6, 0.3, 3e-4
 
 
 @pytest.mark.parametrize("normal", [0, 1, 2])
-def test_an_isotropic_plate_is_that_of_the_books(normal):
+def test_isotropic_plate_has_textbook_stiffness(normal):
     """Kirchhoff's E h/(1-ν²) and E h³/12/(1-ν²), Reissner's 5/6 G h."""
     plate, shear = homogeneous_plate(isotropic(E, NU), H, normal), E / 2 / (1 + NU)
     form = np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]]) / (1 - NU**2)
@@ -29,7 +29,7 @@ def test_an_isotropic_plate_is_that_of_the_books(normal):
     assert plate.thickness == pytest.approx(E * H, rel=1e-12)
 
 
-def test_the_plane_of_a_plate_follows_its_normal_in_a_circle():
+def test_plate_axes_follow_the_normal_cyclically():
     """Three different moduli along x, y and z: each stands where its axis does."""
     moduli, shears = [1e6, 2e6, 4e6], {"yz": 1e5, "xz": 2e5, "xy": 3e5}
     solid = orthotropic(moduli, [shears["xy"], shears["xz"], shears["yz"]], [0, 0, 0])
@@ -46,7 +46,7 @@ def test_the_plane_of_a_plate_follows_its_normal_in_a_circle():
         assert plate.thickness == pytest.approx(moduli[normal])
 
 
-def test_a_plate_has_a_thickness():
+def test_plate_without_thickness_is_refused():
     with pytest.raises(InputError, match="thickness"):
         homogeneous_plate(isotropic(E, NU), 0.0)
 
@@ -58,7 +58,7 @@ def pulled(stiffness, angle):
     return strain @ stiffness @ strain
 
 
-def test_measures_are_what_strips_and_frames_would_show():
+def test_measurements_are_reproduced_by_strips_and_frames():
     tensile, bending, ratio = (4000.0, 1000.0), (2e-5, 5e-6), 0.8
     plate = apply_measurements(
         homogeneous_plate(isotropic(E, NU), H),
@@ -85,7 +85,7 @@ def test_measures_are_what_strips_and_frames_would_show():
     assert cells.thickness == cells.shear[0, 0] == pytest.approx(1e4 * plate.bending[1, 1] / 1e-4)
 
 
-def test_measures_of_an_isotropic_plate_make_that_plate():
+def test_measurements_of_an_isotropic_plate_reproduce_it():
     """Strips resist E h and E h³/12; the rest follows from Poisson's ratio."""
     soft, plate = homogeneous_plate(isotropic(1.0, NU), H), homogeneous_plate(isotropic(E, NU), H)
     made = apply_measurements(soft, tensile=(E * H, E * H), bending=(E * H**3 / 12, E * H**3 / 12))
@@ -98,7 +98,7 @@ def test_measures_of_an_isotropic_plate_make_that_plate():
     np.testing.assert_allclose(made.bending, other.bending, rtol=1e-12, atol=1e-18)
 
 
-def test_what_nobody_measured_stays():
+def test_unmeasured_stiffness_is_unchanged():
     plate = homogeneous_plate(isotropic(E, NU), H)
     bent = apply_measurements(plate, bending=(2e-6, 1e-6))
     assert bent.membrane is plate.membrane
@@ -133,13 +133,13 @@ def test_a_sheet_that_is_not_positive_definite_is_refused(sign):
         ("twisting_rigidity", {"twisting": 0.0}),
     ],
 )
-def test_a_sheet_resists_everything(key, measures):
+def test_stiffness_beyond_double_precision_is_refused(key, measures):
     with pytest.raises(InputError, match=f"{key}.*allowed: 1e-50 to 1e.50 N"):
         apply_measurements(homogeneous_plate(isotropic(E, NU), H), **measures)
 
 
 @pytest.mark.parametrize("name", FABRICS)
-def test_a_fabrics_sheet_resists_what_was_measured(name):
+def test_measured_fabric_reproduces_its_measurements(name):
     fabric = FABRICS[name]
     sheet, (along, askew, across) = fabric.sheet, fabric.bending
     found = [pulled(sheet.bending, angle) for angle in (0, np.pi / 4, np.pi / 2)]
@@ -153,7 +153,7 @@ def test_a_fabrics_sheet_resists_what_was_measured(name):
     assert max(fabric.bending) * (2 * np.pi / 8e-3) ** 2 / shear < 1e-3
 
 
-def test_a_data_sheet_has_what_was_measured():
+def test_data_sheet_contains_the_measurements():
     """It is read off the plate, and not what was given."""
     given = {"tensile": (4000.0, 1000.0), "shear": 50.0, "ratio": 0.8, "bending": (2e-5, 5e-6)}
     plate = apply_measurements(homogeneous_plate(isotropic(E, NU), H), **given, twisting=3e-6)

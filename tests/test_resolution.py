@@ -62,7 +62,7 @@ def test_the_error_of_a_cantilevers_modes_is_estimated():
     assert estimated[1].max() < 0.03
 
 
-def test_a_stretched_bars_modes_are_resolved_better_than_those_that_bend():
+def test_axial_modes_are_resolved_better_than_bending_modes():
     """ω = (2 n - 1) π c/(2 L) of a strip that moves in its plane alone."""
     points, tetrahedra = build_lattice((0, 1.0, 0, 0.05, 0, 1e-3), (20, 1, 1))
     held = np.tile([False, True, True], (len(points), 1)) | (points[:, :1] == 0)
@@ -84,7 +84,7 @@ def test_resolved_modes_between_unresolved_ones_are_not_counted():
 
 
 @pytest.mark.parametrize(("modes", "warned"), [(20, True), (5, False)])
-def test_modes_shorter_than_the_cells_resolve_are_warned_of(modes, warned):
+def test_unresolved_modes_are_reported(modes, warned):
     """Of the paper's 5 x 5 cells the 7th is a quarter too high."""
     scene = Scene.read("plain_weave")
     scene.set("modal.elements=sheet")

@@ -85,7 +85,7 @@ def forces(model: Any, load: Load) -> np.ndarray:
 
 
 @pytest.mark.parametrize("k", [*range(len(EVERY_LOAD)), "all"])
-def test_all_modes_equal_the_unreduced_system(k: int | str) -> None:
+def test_all_modes_give_the_response_of_the_full_system(k: int | str) -> None:
     chosen = EVERY_LOAD if k == "all" else [EVERY_LOAD[k]]
     chain = Chain(modes=1000, alpha=3.0, beta=1e-4, gravity=(0, 0, 0), loads=chosen)
     model, free = chain.model, chain.model.free
@@ -136,7 +136,7 @@ def test_a_slow_ramp_of_gravity_ends_at_the_static_shape() -> None:
     np.testing.assert_allclose(chain.at(2e4).ravel(), exact, atol=1e-10 * abs(exact).max())
 
 
-def test_energies_add_up_and_are_those_of_the_fields() -> None:
+def test_energies_balance_and_equal_those_of_the_fields() -> None:
     chain = Chain(alpha=3.0, loads=EVERY_LOAD)
     model = chain.model
     for time in (0.0, 0.013, 0.05, 0.3):
@@ -159,7 +159,7 @@ def test_acceleration_is_the_rate_of_velocity() -> None:
     np.testing.assert_allclose(slope, expected, atol=1e-5 * abs(expected).max())
 
 
-def test_stress_does_the_work_of_the_strain_energy() -> None:
+def test_work_of_stress_is_the_strain_energy() -> None:
     chain = Chain(initial="equilibrium")
     strain, stress = chain.at(0.0, "strain"), chain.at(0.0, "stress")
     points, cells = chain.model.points, chain.model.cells
@@ -182,7 +182,7 @@ def test_stress_does_the_work_of_the_strain_energy() -> None:
 # --- a moving base ------------------------------------------------------------------------------
 
 
-def test_a_base_that_creeps_takes_the_cage_along() -> None:
+def test_slow_base_displacement_moves_the_whole_cage() -> None:
     loads = [{"base_displacement": ["1 mm", 0, "2 mm"], "time": "ramp", "rise": 1e3}]
     chain = Chain(gravity=(0, 0, 0), loads=loads, damping_ratio=0.3)
     moved = chain.at(500.0)
@@ -239,7 +239,7 @@ def test_before_zero_velocity_and_acceleration_are_those_of_the_displacement(
     assert strain == work == pytest.approx(motion.energies(times)[3, 1])
 
 
-def test_without_supports_there_is_no_base() -> None:
+def test_base_cannot_move_without_supports() -> None:
     chain = Chain(fixed="", loads=[{"base_displacement": [0, 0, 1]}])
     with pytest.raises(InputError, match=r"response\.loads\[0\]\.base_displacement.*no base"):
         chain.response.update(0.1)
@@ -248,7 +248,7 @@ def test_without_supports_there_is_no_base() -> None:
 # --- starts -------------------------------------------------------------------------------------
 
 
-def test_hung_and_then_let_go() -> None:
+def test_cage_released_from_equilibrium_moves_freely() -> None:
     pull = {"force": [0, "-1 uN", 0], "at": [0, 0, 0], "time": "pulse", "length": "50 ms"}
     chain = Chain(loads=[pull], initial="equilibrium", alpha=30.0)
     still = chain.at(0.0)
@@ -258,7 +258,7 @@ def test_hung_and_then_let_go() -> None:
     np.testing.assert_allclose(chain.at(50.0), free.at(0.0), atol=1e-9 * abs(still).max())
 
 
-def test_a_given_velocity_on_a_free_cage_is_a_throw() -> None:
+def test_free_cage_with_initial_velocity_flies() -> None:
     thrown = {"gravity": (0, 0, -10.0), "initial_velocity": (1.0, 0, 5.0)}
     chain = Chain(fixed="", alpha=0.0, **thrown)
     rows = len(chain.at(0.0))
@@ -322,14 +322,14 @@ def test_too_few_modes_in_a_loaded_direction_are_reported() -> None:
     assert not any("of the mass" in text for text in chain.response.warnings)
 
 
-def test_effective_masses_sum_to_what_can_move() -> None:
+def test_effective_masses_sum_to_the_movable_mass() -> None:
     chain = Chain(modes=1000)
     chain.response.update(0.0)
     modes = chain.response.motion.modes
     np.testing.assert_allclose(modes.effective_masses.sum(axis=0), modes.model.movable_mass)
 
 
-def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
+def test_order_of_requested_times_does_not_matter() -> None:
     chain = Chain(alpha=3.0, loads=EVERY_LOAD)
     early = {name: chain.at(0.033, name) for name in ("displacement", "external_work")}
     chain.at(3.0)
@@ -340,7 +340,7 @@ def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
 
 
 @pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])
-def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
+def test_quadratic_tetrahedra_accept_partial_supports(fixed: str) -> None:
     loads = [
         {"pressure": "0.2 Pa", "on": "+z"},
         {"traction": [0.1, 0.0, 0.3], "on": "-y", "time": "harmonic", "frequency": 20},
@@ -395,7 +395,7 @@ def test_curves_over_the_same_times_share_their_states(monkeypatch):
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf])
-def test_a_time_that_is_no_number_is_refused(time):
+def test_non_finite_time_is_refused(time):
     chain = Chain()
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         chain.at(time)
@@ -418,7 +418,7 @@ def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:
 
 
 @pytest.mark.parametrize(("length", "few"), [(0.125, False), (0.8, True)])
-def test_a_very_thin_cage_says_how_many_digits_hold(length: float, few: bool) -> None:
+def test_very_thin_cage_reports_its_correct_digits(length: float, few: bool) -> None:
     producer = sheet(length, (5, 5, 1))
     for _ in range(2):  # solved, and read from the cache
         modal = ModalSolver(modes=10)
@@ -443,7 +443,7 @@ def test_a_very_thin_cage_says_how_many_digits_hold(length: float, few: bool) ->
 
 
 @pytest.mark.parametrize("damped", [True, False])
-def test_at_a_huge_time_a_damped_motion_rests_and_an_undamped_one_says_what_is_lost(damped):
+def test_at_huge_times_damped_motion_rests_and_lost_phases_are_reported(damped):
     chain = Chain(alpha=2.0 if damped else 0.0, loads=[{"pressure": "0.2 Pa", "on": "+z"}])
     chain.at(1e3)
     assert not chain.response.warnings

@@ -59,7 +59,7 @@ def tip_from_circle(cells: int, thickness: float, sheet: bool, degrees: float) -
     [(5, 0.0047, 0.0133), (10, 0.0012, 0.0033), (20, 0.0003, 0.00083), (40, 8e-5, 0.00021)],
 )
 @pytest.mark.parametrize("thickness", [3e-4, 3e-6])
-def test_a_bent_sheet_is_a_circle(
+def test_bent_sheet_becomes_a_circle(
     cells: int, quarter: float, half: float, thickness: float
 ) -> None:
     """Thin cages lose nothing: the figures are those of any thickness."""
@@ -75,14 +75,14 @@ def test_a_bent_sheet_is_a_circle(
         (40, {90: 0.0002}),
     ],
 )
-def test_a_bent_strip_of_tetrahedra_is_a_circle(cells: int, bends: dict[int, float]) -> None:
+def test_bent_strip_of_tetrahedra_becomes_a_circle(cells: int, bends: dict[int, float]) -> None:
     """Linear, the tip is 0.046, 0.40 and 1.39 lengths away."""
     for degrees, most in bends.items():
         assert tip_from_circle(cells, 0.05, False, degrees) < most
 
 
 @pytest.mark.parametrize("sheet", [False, True])
-def test_a_quarter_twist_is_a_helix_within_three_thousandths(sheet: bool) -> None:
+def test_quarter_twist_is_a_helix_within_three_thousandths(sheet: bool) -> None:
     """It does not converge to it: shear with rotation is no exact case."""
     points, rebuilt = strip(10, 3e-4 if sheet else 0.05, sheet)
     turn = math.pi / 2
@@ -95,7 +95,7 @@ def test_a_quarter_twist_is_a_helix_within_three_thousandths(sheet: bool) -> Non
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
-def test_rigid_motions_are_exact_and_rates_are_rates(kind: str) -> None:
+def test_rigid_motions_are_exact_and_rates_are_derivatives(kind: str) -> None:
     points, cells = build_lattice((0, 1, 0, 0.5, -0.02, 0.03), (6, 3, 1))
     if kind == "quadratic":
         points, cells = add_midpoints(points, cells)
@@ -128,7 +128,7 @@ def test_rigid_motions_are_exact_and_rates_are_rates(kind: str) -> None:
     np.testing.assert_allclose(clamped.displacement(small), small, atol=1e-5 * abs(small).max())
 
 
-def test_supports_along_a_slope_hold_there() -> None:
+def test_inclined_supports_hold() -> None:
     """Of a model with an inclined slider, its own basis keeps vertices in their plane."""
     points, cells = build_lattice((0, 1, 0, 1, 0, 0.02), (6, 6, 1))
     held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
@@ -168,7 +168,7 @@ def length(mesh: Any, field: str) -> float:
     )
 
 
-def test_a_motion_that_turns_too_far_warns_once_however_many_frames() -> None:
+def test_too_large_rotation_warns_once_for_many_frames() -> None:
     """The text names no angle of a time: each frame of a film had its own warning."""
     swing = Swing()
     with warnings.catch_warnings(record=True) as found:
@@ -179,7 +179,7 @@ def test_a_motion_that_turns_too_far_warns_once_however_many_frames() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.SpacemapWarning")
-def test_a_fall_by_more_than_45_degrees_no_longer_stretches() -> None:
+def test_fall_by_more_than_45_degrees_keeps_lengths() -> None:
     swing = Swing()
     moved = swing.at(0.4)
     assert length(moved, "linear_displacement") > 1.3
@@ -231,7 +231,7 @@ def rebuilt_error(load: float, spread: bool) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("spread", "per_load"), [(False, 1 / 2), (True, 1 / 6)])
-def test_a_rebuilt_strip_is_within_5_percent_up_to_the_angle_that_is_trusted(
+def test_rebuilt_strip_is_within_5_percent_up_to_the_trusted_angle(
     spread: bool, per_load: float
 ) -> None:
     """Of the elastica, whichever the load; the angle is that of the linear motion."""
@@ -241,7 +241,7 @@ def test_a_rebuilt_strip_is_within_5_percent_up_to_the_angle_that_is_trusted(
     assert rebuilt_error(1.15 * TRUSTED_ROTATION / per_load, spread)[0] > 0.05
 
 
-def test_rebuilding_says_beyond_which_angle_it_is_not_to_be_trusted() -> None:
+def test_rotation_beyond_the_trusted_angle_is_reported() -> None:
     swing = Swing(elements="sheet", youngs_modulus=1e8)
     beyond = r"turns by more than 35 degrees.*\[transient\].*hang"
     swing.response.gravity = (0, 0, -9.80665)
@@ -267,7 +267,7 @@ def test_rebuilding_says_beyond_which_angle_it_is_not_to_be_trusted() -> None:
         assert told is None or re.search(told, texts[0])
 
 
-def test_a_free_cage_that_turns_as_a_whole_is_trusted() -> None:
+def test_rigid_rotation_of_a_free_cage_is_trusted() -> None:
     points, cells = build_lattice((0, 1, 0, 0.1, -0.05, 0.05), (5, 1, 1))
     linear = 1.5 * np.cross([0, 0, 1.0], points)
     free, held = (
@@ -280,7 +280,7 @@ def test_a_free_cage_that_turns_as_a_whole_is_trusted() -> None:
     assert held == pytest.approx(1.5)
 
 
-def test_the_warning_of_turning_is_for_who_does_not_turn() -> None:
+def test_only_the_unrebuilt_motion_warns_of_rotation() -> None:
     swing = Swing()
     with pytest.warns(SpacemapWarning) as told:
         swing.rotation.update(0.4)
@@ -290,7 +290,7 @@ def test_the_warning_of_turning_is_for_who_does_not_turn() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.SpacemapWarning")
-def test_a_hung_sheet_turns_about_where_it_hangs() -> None:
+def test_hanging_sheet_turns_about_its_equilibrium() -> None:
     swing = Swing(elements="sheet", gravity=(0, 0, -9.80665), youngs_modulus=1e6)
     swing.response.gravity = (0, 0, 9.80665)
     moved = swing.at(0.0)
@@ -300,7 +300,7 @@ def test_a_hung_sheet_turns_about_where_it_hangs() -> None:
     assert length(moved, "linear_displacement") > 1.05 * length(moved, "equilibrium")
 
 
-def test_a_motion_out_of_a_file_is_rebuilt_too(tmp_path: Any) -> None:
+def test_motion_from_a_file_is_rebuilt(tmp_path: Any) -> None:
     """Of another solver's linear result no more is known than what its user says."""
     points, cells = build_lattice((0, 1, 0, 0.1, -0.025, 0.025), (10, 1, 1))
     mesh = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points)

@@ -82,12 +82,12 @@ def test_a_carved_lattice_is_a_sheet_with_holes():
     np.testing.assert_allclose(surface.thickness(points), 0.05, rtol=1e-6)
 
 
-def test_of_two_thin_axes_the_thinner_one_counts():
+def test_sheet_lies_across_the_thinner_of_two_axes():
     for bounds, normal in (((0, 5, 0, 0.2, 0, 0.1), 2), ((0, 5, 0, 0.1, 0, 0.2), 1)):
         assert found(*build_lattice(bounds, (5, 1, 1))).normal == normal
 
 
-def test_what_is_no_sheet():
+def test_other_meshes_are_not_sheets():
     points, cells = build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 1))
     assert find_mid_surface(*build_lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 2))) is None
     assert find_mid_surface(*add_midpoints(points, cells)) is None
@@ -135,7 +135,7 @@ def leissa(model: Model, side: float, thickness: float, count: int) -> FloatArra
         (20, "3.4727 8.514 21.41 27.31 31.11", 0.006),
     ],
 )
-def test_a_square_cantilever_against_leissa(cells, expected, most):
+def test_square_cantilever_has_leissas_frequencies(cells, expected, most):
     values = leissa(square(0.1, 3e-4, cells), 0.1, 3e-4, 6)
     # an independent trial's, to all of its digits
     trial = expected.split()
@@ -145,7 +145,7 @@ def test_a_square_cantilever_against_leissa(cells, expected, most):
     np.testing.assert_allclose(values, exact, rtol=most)
 
 
-def test_a_free_square_against_leissa():
+def test_free_square_has_leissas_frequencies():
     """Six rigid modes, and those of a plate of which no side is held."""
     values = leissa(square(0.1, 3e-4, 20, free=True), 0.1, 3e-4, 11)
     assert not values[:6].any()
@@ -153,7 +153,7 @@ def test_a_free_square_against_leissa():
     np.testing.assert_allclose(values[9:], 34.801, rtol=0.005)
 
 
-def test_a_micrometre_or_ten_centimetres():
+def test_frequencies_scale_with_any_thickness():
     """What is as wide in thicknesses vibrates alike, free or held."""
     for free in (False, True):
         sizes = [1e-6, 3e-4, 0.1]
@@ -205,7 +205,7 @@ def jittered(points: FloatArray, inner: NDArray[np.bool_], share: float) -> Floa
     return moved
 
 
-def test_distorted_quadrilaterals_vibrate_as_the_others():
+def test_distorted_quadrilaterals_have_the_same_frequencies():
     points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (10, 10, 1))
     inner = ((points[:, :2] > 1e-9) & (points[:, :2] < 0.1 - 1e-9)).all(axis=1)
     distorted = jittered(points, inner, 0.003)
@@ -296,7 +296,7 @@ WOVEN = orthotropic([2e6, 5e5, 1e6], [1.5e5, 1e6, 1e6], [0.3, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("elasticity", [STUFF, WOVEN], ids=["isotropic", "orthotropic"])
-def test_simply_supported_plates(elasticity):
+def test_simply_supported_plates_have_closed_form_frequencies(elasticity):
     """ω² ρh = π⁴ (D11 m⁴/a⁴ + 2 (D12 + 2 D66) m²n²/a²b² + D22 n⁴/b⁴); order 2."""
     a, b, thickness = 0.15, 0.1, 2e-4
     plate = homogeneous_plate(elasticity, thickness)
@@ -338,7 +338,7 @@ def test_a_sheet_of_any_ratio_of_stretch_to_bending_bends_as_a_thin_plate(stretc
     assert modes.rounding[across][:5].max() < 1e-6
 
 
-def test_a_thick_plate_shears_and_turns():
+def test_thick_plate_has_mindlins_frequencies():
     """Mindlin's plate, simply supported, ten thicknesses wide; its mass turns as a box."""
     side, thickness, wave = 0.1, 0.01, math.pi * math.sqrt(2) / 0.1
     plate, squares = homogeneous_plate(STUFF, thickness), []
@@ -406,7 +406,7 @@ def simply_supported(length: float, thickness: float, strain: float, cells: int)
     )
 
 
-def test_a_strip_under_tension_and_pressure():
+def test_strip_under_tension_or_pressure_has_closed_form_frequencies():
     """ω² ρh = (nπ/L)² (B (nπ/L)² + N): it buckles at Euler's load, where the first vanishes."""
     length, thickness, cells = 1.0, 2e-3, 30
     bending, wave = E * thickness**3 / 12, np.pi / length
@@ -430,7 +430,7 @@ def test_a_strip_under_tension_and_pressure():
     assert found_at == pytest.approx(1.0, abs=0.002)
 
 
-def test_what_the_modes_move_and_what_can_be_moved():
+def test_effective_masses_sum_to_the_movable_mass():
     """The effective masses of all modes sum to what shape functions of a held edge leave."""
     for lumped in (False, True):
         points, cells = build_lattice((0, 1, 0, 1.2, 0, 0.01), (3, 4, 1))
@@ -456,7 +456,7 @@ def test_what_the_modes_move_and_what_can_be_moved():
 
 
 @pytest.mark.parametrize(("hard", "expected"), [(False, 0.00126532), (True, 0.00406235)])
-def test_a_square_plate_under_pressure(hard, expected):
+def test_square_plate_sags_under_pressure_as_in_closed_form(hard, expected):
     """w = α q a⁴/D of a clamped and a simply supported one: Timoshenko and Woinowsky-Krieger."""
     side, thickness, load = 0.2, 2e-4, 0.1
     points, cells = build_lattice((0, side, 0, side, 0, thickness), (20, 20, 1))

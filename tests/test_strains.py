@@ -66,7 +66,7 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(kind: str) -> None
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])
-def test_the_tangent_of_what_is_undeformed_is_the_linear_stiffness(kind: str) -> None:
+def test_undeformed_tangent_is_the_linear_stiffness(kind: str) -> None:
     """K of the closed-form assembly, to rounding."""
     rest, (strains,) = elements(kind)
     found = assemble_tangent([strains], rest)
@@ -82,7 +82,7 @@ def test_the_tangent_of_what_is_undeformed_is_the_linear_stiffness(kind: str) ->
 
 @pytest.mark.parametrize("kind", ["sheet", "linear", "quadratic"])
 @pytest.mark.parametrize("angle", [1e-6, 0.5, np.pi])
-def test_rigid_motions_cost_nothing_at_any_angle(kind: str, angle: float) -> None:
+def test_rigid_rotations_store_no_energy(kind: str, angle: float) -> None:
     """Energy and forces are rounding; half thicknesses turn and do not translate."""
     rest, strains = elements(kind)
     x, y, z = np.array([1.0, 2.0, -2.0]) / 3
@@ -96,7 +96,7 @@ def test_rigid_motions_cost_nothing_at_any_angle(kind: str, angle: float) -> Non
         assert abs(part.forces(moved)).max() <= 1e-13 * scale
 
 
-def test_stretch_of_a_tetrahedron_is_greens() -> None:
+def test_strain_of_a_stretched_tetrahedron_is_greens() -> None:
     """E = (λ² - 1)/2 along a stretched axis, and σ = C E, whatever the element."""
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     for nodes, connected in ((points, cells), add_midpoints(points, cells)):

@@ -30,13 +30,13 @@ def whole(where):
     return np.repeat(where[:, None], 3, axis=1)
 
 
-def test_sides():
+def test_sides_hold_their_vertices():
     for axis, name in enumerate("xyz"):
         for sign, wall in (("-", 0.0), ("+", axis + 1.0)):
             np.testing.assert_array_equal(held(sign + name), whole(POINTS[:, axis] == wall))
 
 
-def test_components_and_several_supports():
+def test_several_supports_hold_their_components():
     expected = np.zeros((27, 3), bool)
     expected[POINTS[:, 1] == 2] = True
     expected[np.ix_(POINTS[:, 0] == 0, [1, 2])] = True
@@ -45,7 +45,7 @@ def test_components_and_several_supports():
     np.testing.assert_array_equal(held("-x:z,+y;-x:y"), expected)
 
 
-def test_box_sphere_and_mask():
+def test_box_sphere_and_mask_hold_their_vertices():
     inside = ((POINTS >= [0, 0, 1.5]) & (POINTS <= [0.5, 1, 3])).all(axis=1)
     np.testing.assert_array_equal(held("box(-inf, 500 mm, 0, 1 m, 150cm, inf)"), whole(inside))
     near = np.linalg.norm(POINTS - [1, 2, 3], axis=1) <= 1.0
@@ -60,7 +60,7 @@ def test_box_sphere_and_mask():
     assert not held().any()
 
 
-def test_a_scaled_cage_is_held_alike():
+def test_scaled_cage_has_the_same_supports():
     for scale in (1e-6, 1e3):
         scaled = held_components(POINTS * scale, ["+y", f"sphere(0, 0, 0, {scale})"])
         np.testing.assert_array_equal(scaled, held("+y", "sphere(0, 0, 0, 1)"))
@@ -80,14 +80,14 @@ def test_a_scaled_cage_is_held_alike():
         ("mask()", "must name a point array"),
     ],
 )
-def test_what_is_no_support_is_refused(text, what):
+def test_invalid_supports_are_refused(text, what):
     with pytest.raises(InputError, match=what):
         parse_places(text)
     with pytest.raises(InputError, match=r"(?s)fixed.*sphere\(x, y, z, radius\)"):
         ModalSolver(fixed=text)
 
 
-def test_a_support_that_catches_nothing_is_an_error():
+def test_support_without_vertices_is_refused():
     with pytest.raises(
         InputError, match=r'"sphere\(9, 9, 9, 1\)" contains no vertex.*\(1, 2, 3\) m'
     ):
@@ -96,7 +96,7 @@ def test_a_support_that_catches_nothing_is_an_error():
         held("mask(none)", masks=lambda name: np.zeros(27))
 
 
-def test_everything_held_is_an_error():
+def test_fully_held_cage_is_refused():
     with pytest.raises(InputError, match="all vertices"):
         held("box(-inf, inf, -inf, inf, -inf, inf)")
     assert held("box(-inf, inf, -inf, inf, -inf, inf):xy")[:, :2].all()
@@ -129,7 +129,7 @@ def solved(**settings):
     return vtk_to_numpy(data.GetFieldData().GetArray("eigenvalues")).copy(), points
 
 
-def test_a_smooth_table_leaves_three_rigid_modes():
+def test_smooth_table_leaves_three_rigid_modes():
     eigenvalues, arrays = solved(fixed="-z:z")
     assert (eigenvalues == 0).sum() == 3
     assert eigenvalues[3] > 0
@@ -146,7 +146,7 @@ def test_nothing_fixed_gives_six_rigid_modes():
     assert not arrays["fixed"].any()
 
 
-def test_a_mask_comes_from_the_cage():
+def test_mask_is_read_from_the_cage():
     weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(3, 3, 1))
     cage.SetInputConnection(weave.GetOutputPort())
     cage.update()
@@ -202,7 +202,7 @@ def left_by_constraints(points, held, normals, bodies):
         (["-x"], ["-x"]),  # held as a whole: nothing is left of it
     ],
 )
-def test_what_constraints_leave(fixed, rigid):
+def test_free_motions_satisfy_all_constraints(fixed, rigid):
     where = held_components(POINTS, fixed)
     normals, bodies = held_directions(POINTS, fixed), rigid_bodies(POINTS, rigid)
     made = free_motions(POINTS, where, normals, bodies).toarray()
@@ -223,7 +223,7 @@ def test_plain_supports_leave_unit_vectors():
     assert (made.data == 1).all()
 
 
-def test_bodies_stay_apart():
+def test_rigid_bodies_cannot_share_vertices():
     assert rigid_bodies(POINTS, []) is None
     bodies = rigid_bodies(POINTS, ["-x +x"])
     np.testing.assert_array_equal(bodies, 1 * (POINTS[:, 0] == 0) + 2 * (POINTS[:, 0] == 1))
@@ -233,7 +233,7 @@ def test_bodies_stay_apart():
         rigid_bodies(POINTS, ["-x:y"])
 
 
-def test_a_side_that_lets_the_cage_turn_is_told():
+def test_side_that_lets_the_cage_turn_is_reported():
     weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1))
     cage.SetInputConnection(weave.GetOutputPort())
     grid = vtkUnstructuredGrid()

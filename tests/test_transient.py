@@ -65,7 +65,7 @@ def passages(motion: SteppedMotion, until: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("degrees", [30, pytest.param(45, marks=pytest.mark.nightly), 60, 90])
-def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
+def test_large_swing_has_the_period_of_a_pendulum(degrees: float) -> None:
     """The period is 2 K(sin θ₀/2)/π times that of a small swing: 1.0174, 1.0400, 1.0732, 1.1803."""
     motion = pendulum(degrees, tolerance=np.inf, max_step=0.004)
     first, _, third = passages(motion, 1.6 * PERIOD)
@@ -80,14 +80,14 @@ def drift(motion: SteppedMotion, until: float) -> float:
     return float(abs(kinetic + strain + dissipated - work).max() / kinetic.max())
 
 
-def test_energy_is_what_the_loads_put_in_whatever_the_step() -> None:
+def test_energy_equals_work_for_any_step() -> None:
     for span in (0.002, 0.01):
         assert drift(pendulum(90, tolerance=np.inf, max_step=span), 2.0) < 1e-9
     assert drift(pendulum(90, tolerance=1e-2), 0.5) < 1e-9
 
 
 @pytest.mark.nightly
-def test_energy_is_kept_over_a_hundred_periods() -> None:
+def test_energy_is_conserved_over_a_hundred_periods() -> None:
     motion = pendulum(90, tolerance=np.inf, max_step=0.004)
     assert drift(motion, 118 * PERIOD) < 1e-9
     assert (motion.states[:, 4] == 0.0).all()
@@ -106,7 +106,7 @@ LOADS: list[tuple[str, Any, Any, Any]] = [
 
 
 @pytest.mark.parametrize("k", range(len(LOADS)))
-def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
+def test_small_motion_equals_the_modal_response(k: int) -> None:
     points, cells = build_lattice((0, 0.04, 0, 0.06, 0, 0.01), (2, 3, 1))
     held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
     model = Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
@@ -143,7 +143,7 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
         pytest.param(True, 0.05, marks=pytest.mark.nightly),
     ],
 )
-def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
+def test_damping_ratios_damp_modes_as_given(ratio: Any, hung: bool) -> None:
     """As the modes' closed forms, about a hung state too; energy is all there."""
     points, cells = build_lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 5, 1))
     plane = np.diag([1.0, 1.0, 0.5])
@@ -186,7 +186,7 @@ def test_the_error_falls_with_the_fourth_power_of_the_step() -> None:
         assert coarse[k].max() / fine[k].max() == pytest.approx(16.0, rel=0.15)
 
 
-def test_the_bound_of_the_error_is_one() -> None:
+def test_error_stays_within_the_tolerance() -> None:
     exact = passages(pendulum(60, tolerance=np.inf, max_step=2e-3), 0.3)[0]
     for bound in (1e-1, 1e-2):
         found = passages(pendulum(60, tolerance=bound, max_step=1.0), 0.3)[0]
@@ -195,7 +195,7 @@ def test_the_bound_of_the_error_is_one() -> None:
 
 # At 1e-3 of its length the second mode is no longer linear: it ends 8e-4 of its amplitude off.
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-3), (0, 3e-5), (1, 1e-4), (1, 3e-5)])
-def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None:
+def test_mode_oscillates_at_its_frequency(mode: int, amplitude: float) -> None:
     """Over ten periods, undamped, with the default tolerance; of a strip with 5.9 and 37 Hz."""
     length, rigidity = 0.2, 0.0178
     points, cells = build_lattice((0, length, 0, 0.02, -1.5e-4, 1.5e-4), (5, 1, 1))
@@ -217,7 +217,7 @@ def test_a_mode_swings_by_its_own_frequency(mode: int, amplitude: float) -> None
     assert len(motion.states) < 1500
 
 
-def test_parametric_resonance_grows_as_mathieus_equation() -> None:
+def test_parametric_resonance_grows_as_in_mathieus_equation() -> None:
     """A small sideways motion of a strip whose tension is modulated at twice its frequency.
 
     Ten periods, undamped, with the default tolerance. Mathieu's coefficients are squared
@@ -296,7 +296,7 @@ def test_a_curtain_swings_in_a_gust(cells: int, until: float) -> None:
 
 
 @pytest.mark.nightly
-def test_cloth_that_whips_takes_no_tiny_steps() -> None:
+def test_whipping_cloth_needs_no_tiny_steps() -> None:
     """A gust of twice the weight."""
     motion = curtain(12, 2 * 0.15 * GRAVITY, tolerance=0.1)
     motion.step_until(0.8)
@@ -304,7 +304,7 @@ def test_cloth_that_whips_takes_no_tiny_steps() -> None:
     assert drift(motion, 0.8) < 1e-9
 
 
-def test_a_motion_goes_on_from_where_it_stopped() -> None:
+def test_stopped_motion_continues_from_its_last_state() -> None:
     class Stopped(Exception):
         pass
 
@@ -337,7 +337,7 @@ def test_a_motion_goes_on_from_where_it_stopped() -> None:
     assert not other.resume(np.full_like(part.states, np.nan))
 
 
-def test_before_its_start_it_rests_there() -> None:
+def test_motion_is_at_rest_before_zero() -> None:
     motion = pendulum(90)
     displacement, velocity, acceleration = motion.at_time(-1.0)
     end = np.argmin(motion.points[:, 0])
@@ -347,7 +347,7 @@ def test_before_its_start_it_rests_there() -> None:
     assert motion.energies(np.array([-1.0]))[0, 3] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_steps_cannot_have_is_refused() -> None:
+def test_unsupported_loads_and_damping_are_refused() -> None:
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     cage = cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held))
@@ -360,7 +360,7 @@ def test_what_steps_cannot_have_is_refused() -> None:
         SteppedMotion(cage).at_time(float("nan"))
 
 
-def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
+def test_time_beyond_memory_is_refused_before_stepping() -> None:
     points, cells = build_lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
     held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
     motion = SteppedMotion(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))

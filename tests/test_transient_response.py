@@ -51,14 +51,14 @@ def at(mover: Any, time: float, name: str = "displacement") -> np.ndarray:
     return vtk_to_numpy(mover.output.GetFieldData().GetArray(name)).copy()
 
 
-def test_its_loads_damping_and_start_are_those_of_modal_response() -> None:
+def test_parameters_are_those_of_modal_response() -> None:
     for name in LoadParameters.parameters:
         assert TransientResponse.parameter(name) is ModalResponse.parameter(name), name
     assert set(ModalResponse.parameters) - set(TransientResponse.parameters) == {"residual_vectors"}
 
 
 @pytest.mark.parametrize("damping", [{"alpha": 3.0}, {"damping_ratio": (0.05, 0.02)}])
-def test_what_is_small_is_as_its_modes_have_it(damping: dict[str, Any]) -> None:
+def test_small_motion_equals_the_modal_response(damping: dict[str, Any]) -> None:
     """A light breath on a hung cage, in every array that both write, with default steps."""
     load = {"pressure": 1e-4, "on": "+z", "time": "ramp", "rise": 0.01}
     given: dict[str, Any] = {"loads": [load], **damping}
@@ -74,7 +74,7 @@ def test_what_is_small_is_as_its_modes_have_it(damping: dict[str, Any]) -> None:
         np.testing.assert_allclose(found, change, atol=share * abs(change).max(), err_msg=name)
 
 
-def test_it_hangs_at_rest_until_loads_change() -> None:
+def test_hanging_cage_rests_until_loads_change() -> None:
     still = chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1)))
     first, later = at(still, 0.0), at(still, 0.5)
     assert abs(first).max() > 1e-6
@@ -85,7 +85,7 @@ def test_it_hangs_at_rest_until_loads_change() -> None:
     assert max(abs(at(let_go, t) - first).max() for t in (0.011, 0.012)) > 0.1 * abs(first).max()
 
 
-def test_what_it_hangs_in_is_what_modal_solver_keeps(folder: Path) -> None:
+def test_equilibrium_is_shared_with_modal_solver(folder: Path) -> None:
     at(chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1))), 0.0)
     (kept,) = folder.rglob("hung-*")
     written = kept.stat().st_ino  # what is written anew takes the place of a file
@@ -94,7 +94,7 @@ def test_what_it_hangs_in_is_what_modal_solver_keeps(folder: Path) -> None:
     assert kept.stat().st_ino == written
 
 
-def test_it_is_let_go_from_what_else_held_it() -> None:
+def test_held_places_are_released_at_zero() -> None:
     both = chain(ModalSolver(), modes=8)
     both.configure(fixed="+y -y", gravity=(0, 0, -1), youngs_modulus=1e3, elements="tetrahedra")
     hung = vtk_to_numpy(both.update().output.GetPointData().GetArray("equilibrium"))
@@ -108,7 +108,7 @@ def test_it_is_let_go_from_what_else_held_it() -> None:
         mover.update()
 
 
-def test_a_given_start_is_added() -> None:
+def test_given_initial_state_is_added() -> None:
     mover = chain(TransientResponse(initial_velocity=(0, 0, "1 cm/s"), gravity=(0, 0, 0)))
     assert at(mover, 0.0, "velocity")[:, 2].max() == pytest.approx(0.01)
     assert at(mover, -1.0, "velocity").max() == 0.0
@@ -125,7 +125,7 @@ def test_a_given_start_is_added() -> None:
     assert vtk_to_numpy(alone(moved).GetPointData().GetArray("displacement")).max() == 1e-5
 
 
-def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
+def test_states_are_computed_once_cached_and_continued(folder: Path) -> None:
     mover = chain(TransientResponse(max_step="1 ms", tolerance=0.1))
     at(mover, 0.03)
     motion = mover.motion
@@ -152,7 +152,7 @@ def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
     )
 
 
-def test_it_is_stopped_and_goes_on() -> None:
+def test_stopped_run_continues() -> None:
     mover = chain(TransientResponse(max_step="0.1 ms", tolerance=0.1))
     mover.update(0.0)
     shares: list[float] = []
@@ -191,12 +191,12 @@ def test_it_is_stopped_and_goes_on() -> None:
         ),
     ],
 )
-def test_what_steps_cannot_have_is_refused(values: dict[str, Any], said: str) -> None:
+def test_unsupported_parameters_are_refused(values: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         chain(TransientResponse(**values), modes=6).update()
 
 
-def test_a_pressure_follows_its_side_or_keeps_its_direction() -> None:
+def test_pressure_follows_its_side_only_as_follower() -> None:
     """Both start alike, and part where the cage has turned."""
     ways = {"loads": [FOLLOWER]}, {"loads": [FOLLOWER | {"follower": False}]}
     movers = [
@@ -213,7 +213,7 @@ def test_a_pressure_follows_its_side_or_keeps_its_direction() -> None:
         Load(gravity=(0, 0, 1), follower=True)
 
 
-def test_a_scene_has_it_in_place_of_the_response() -> None:
+def test_scene_has_transient_instead_of_response() -> None:
     small = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
     scene = Scene({**small, "transient": {"tolerance": 10.0}})
     assert scene.stage("mover") is scene.part(TransientResponse)

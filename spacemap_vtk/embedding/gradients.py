@@ -38,10 +38,10 @@ class QuadraticGradients:
 
     Examples
     --------
-    >>> from spacemap_vtk.mechanics.elements.tetrahedra import with_midpoints
+    >>> from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
     >>> from spacemap_vtk.embedding.locate import locate
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> nodes, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))
+    >>> nodes, cells = add_midpoints(corners, np.array([[0, 1, 2, 3]]))
     >>> where = locate([[0.25, 0.5, 0.125]], corners, cells[:, :4])
     >>> QuadraticGradients(where, nodes, cells).compute(nodes**2)[0].round(9).tolist()
     [[1.5, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.25]]

@@ -173,7 +173,7 @@ class CageModes:
         place : object, optional
             Side of a pressure or traction, point of a force, or name of an array.
         follower : bool, optional
-            Whether a pressure turns with its side, which only `Stepped` supports.
+            Whether a pressure turns with its side, which only `SteppedMotion` supports.
 
         Returns
         -------

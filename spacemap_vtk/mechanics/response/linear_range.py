@@ -58,7 +58,7 @@ def measure_extremes(
         Vertices at rest, undeformed or in equilibrium [m].
     times : iterable of float
         Times to evaluate [s].
-    gradient : MeanGradient or LegGradient, optional
+    gradient : MeanGradient or SheetGradient, optional
         Gradient of displacements from rest; by default that of each tetrahedron.
     surface : MidSurface, optional
         Mid-surface, if the cage is a sheet.
