@@ -48,7 +48,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.workers import EXPENDABLE
 
 SECONDS, MEMORY = 5.0, 2**31
-#: Bytes that the program is told are free.
+#: Free memory that the program sees, in bytes.
 FREE = 2**29
 #: Wall time after which a run is ended [s], on a machine that has other work.
 HUNG = 120.0
@@ -205,19 +205,19 @@ def _command(*words: str) -> Callable[[bytes, Path], None]:
         given, made = [folder / Path(word.format(folder)).name for word in words if "{}" in word]
         given.write_bytes(data)
         before = {*folder.iterdir()}
-        said = io.StringIO()
-        with redirect_stderr(said), redirect_stdout(said):
+        printed = io.StringIO()
+        with redirect_stderr(printed), redirect_stdout(printed):
             try:
                 main([word.format(folder) for word in words])
             except SystemExit as end:
                 code = end.code
         rest = sorted({*folder.iterdir()} - before)
         assert rest == ([made] if code == 0 else []), f"exit {code} leaves {rest}"
-        assert code in (0, 2), f"exit {code}: {said.getvalue()[-300:]}"
+        assert code in (0, 2), f"exit {code}: {printed.getvalue()[-300:]}"
         if code == 0:
             made.unlink()
         else:
-            raise InputError(said.getvalue().removeprefix("spacemap: "))
+            raise InputError(printed.getvalue().removeprefix("spacemap: "))
 
     return run
 
@@ -287,7 +287,7 @@ def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, s
     """Read once; return whether it was refused, and the fault and its place if there is one."""
     from spacemap_vtk.errors import MissingLibraryError, SpacemapError
 
-    begin, told = time.process_time(), os.fstat(2).st_size
+    begin, reported = time.process_time(), os.fstat(2).st_size
     refused, found = False, None
     try:
         target.read(data, folder)
@@ -303,7 +303,7 @@ def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, s
         at = " < ".join(f"{Path(place.filename).name}:{place.name}" for place in own[:-4:-1])
         found = f"{type(error).__name__} at {at}", str(error)[:200]
     seconds = time.process_time() - begin
-    if found is None and os.fstat(2).st_size != told:
+    if found is None and os.fstat(2).st_size != reported:
         found = "printed", ""
     if found is None and seconds > SECONDS:
         found = "slow", f"{seconds:.1f} s"
@@ -389,9 +389,9 @@ class Campaign:
         while (now := _BOARD.unpack_from(board))[0] < self.runs:
             child = os.fork()
             if child == 0:
-                with log.open("wb") as said:
-                    os.dup2(said.fileno(), 1)
-                    os.dup2(said.fileno(), 2)
+                with log.open("wb") as printed:
+                    os.dup2(printed.fileno(), 1)
+                    os.dup2(printed.fileno(), 2)
                 faulthandler.enable(sys.__stderr__)
                 try:
                     work(target, board, self)

@@ -219,11 +219,11 @@ def beside() -> dict[str, bytes]:
 
 @cache
 def _made() -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
-    said = io.StringIO()  # what meshio leaves out
+    printed = io.StringIO()  # what meshio leaves out
     with (
         tempfile.TemporaryDirectory() as name,
-        redirect_stdout(said),
-        redirect_stderr(said),
+        redirect_stdout(printed),
+        redirect_stderr(printed),
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore")  # some tetrahedra are inverted

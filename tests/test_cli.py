@@ -35,7 +35,7 @@ def run(*arguments: str) -> int:
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Run what must be refused; return its one message."""
+    """Run a command that must fail; return its only message."""
     assert run(*arguments) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -86,7 +86,7 @@ def test_time_size_and_set_change_the_picture(tmp_path: Path) -> None:
 def test_a_draft_is_drawn_in_its_own_colours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     file = tmp_path / "twill.png"
     assert run("render", str(SCENES / "32-shaft_twill.wif"), "-o", str(file), *SMALL) == 0
-    # Where OpenGL's libraries are missing, one line says so.
+    # One line is printed if OpenGL libraries are missing.
     lines = capsys.readouterr().err.splitlines()
     assert [line for line in lines if "drawn without OpenGL" not in line] == []
     red, green, blue = np.asarray(Image.open(file)).astype(int).reshape(-1, 3).T
@@ -254,10 +254,10 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     place = EXTENSIONS.get(command) or f"spacemap_vtk.cli.{COMMANDS[command][0]}"
     module, function = place.split(":")
     doc = getattr(importlib.import_module(module), function).__doc__
-    told = inspect.cleandoc(doc).partition("\n\nParameters\n")[0]
-    assert " ".join(told.split()) in " ".join(out.split())
+    reported = inspect.cleandoc(doc).partition("\n\nParameters\n")[0]
+    assert " ".join(reported.split()) in " ".join(out.split())
     summary = out.strip().splitlines()[2].strip()
-    assert summary == told.splitlines()[0]
+    assert summary == reported.splitlines()[0]
     assert command in EXTENSIONS or summary == COMMANDS[command][1]
     assert run("--help") == 0
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -298,7 +298,7 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_keys_prints_defaults_as_toml(capsys: pytest.CaptureFixture[str]) -> None:
-    """Whoever copies a line out of it has written TOML, and changed nothing."""
+    """A line copied from the output is TOML and changes nothing."""
     assert run("keys") == 0
     lines = capsys.readouterr().out.splitlines()
     file = "\n".join(re.sub(r"^(\[\w+\]).*", r"\1", x) for x in lines if re.match(r"\S", x))
@@ -313,7 +313,7 @@ def test_keys_prints_defaults_as_toml(capsys: pytest.CaptureFixture[str]) -> Non
 def test_auto_removes_a_value_of_the_scene(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """``auto`` for --set and in the file is what the file without the key is."""
+    """``auto`` for --set or in the file equals a file without the key."""
 
     def height(text: str, *arguments: str) -> float:
         scene = tmp_path / "scene.toml"
@@ -350,7 +350,7 @@ def test_a_missing_package_is_reported_before_any_work(
 def test_an_interrupt_inside_vtk_is_reported_as_stopped(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where VTK has just called, nothing catches it, and VTK knows of a failure only."""
+    """An interrupt in a callback of VTK is not caught there; VTK reports only a failure."""
     answer = Algorithm.ProcessRequest
 
     def interrupted(stage: Algorithm, *request: object) -> int:

@@ -20,7 +20,7 @@ from spacemap_vtk.scenes.scene import Scene
 def test_info_prints_mass_feasible_intervals_and_clearance(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    # by hand: 30 tex in both families, 20 to the cm, no crimp: 2 x 30 g/km x 2000 /m = 120 g/m2
+    # by hand: 30 tex and 20 per cm in both families, no crimp: 2 x 30 g/km x 2000 /m = 120 g/m2
     yarns = ["weave.warp_count=30 tex", "weave.weft_count=30 tex", "weave.weft_crimp=0"]
     arguments = [word for assignment in yarns for word in ("--set", assignment)]
     assert run("info", "plain_weave", "--json", *arguments) == 2
@@ -77,11 +77,11 @@ def test_export_prints_the_warnings_of_a_draft(
     assert run("export", "twill_2_2", "-o", str(file), "-q") == 0
     file.write_text(file.read_text().replace("Units=Centimeters", "Units=mm"))  # not the standard's
     assert run("info", str(file), "--json") == 0
-    told = json.loads(capsys.readouterr().out)["warnings"]
-    assert any("Units=mm is not in the standard" in warning for warning in told)
+    reported = json.loads(capsys.readouterr().out)["warnings"]
+    assert any("Units=mm is not in the standard" in warning for warning in reported)
     assert run("export", str(file), "-o", str(again)) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert said == [f"spacemap: warning: {warning}" for warning in told]
+    printed = capsys.readouterr().err.splitlines()
+    assert printed == [f"spacemap: warning: {warning}" for warning in reported]
     assert run("export", str(file), "-o", str(again), "-q") == 0
     assert capsys.readouterr().err == ""
 
@@ -125,7 +125,7 @@ Thickness={weft}
 3=1
 4=2
 {more}"""
-#: Drafts of our own whose yarns have no room, and what is said of each.
+#: Drafts whose yarns do not fit, with the printed message.
 _NO_ROOM = {
     # a slip of units: 90 cm thick, half a millimetre apart
     "all too thick": ("0.05", "90", "0.05", "", "warp yarns overlap: they are 900 mm thick"),
@@ -159,8 +159,8 @@ def test_a_draft_whose_yarns_do_not_fit_is_still_a_draft(
 
     assert run("export", str(file), "-o", str(copy)) == 0
     first, again = read_wif(file), read_wif(copy)
-    said = [f"spacemap: warning: {text}" for text in first.warnings]
-    assert capsys.readouterr().err.splitlines() == said
+    printed = [f"spacemap: warning: {text}" for text in first.warnings]
+    assert capsys.readouterr().err.splitlines() == printed
     assert again.loom == first.loom
     np.testing.assert_array_equal(again.drawdown, first.drawdown)
     assert np.shape(again.warp.thickness) == np.shape(first.warp.thickness)
@@ -179,15 +179,15 @@ def test_a_draft_whose_yarns_do_not_fit_is_still_a_draft(
         assert figures[family]["colors"] == [color]
         assert figures[family]["longest_float"] == longest
     assert run("info", str(file)) == 0
-    said = capsys.readouterr()
-    assert "–" in said.out
-    assert why in said.err
+    printed = capsys.readouterr()
+    assert "–" in printed.out
+    assert why in printed.err
 
     assert run("validate", str(file)) == 0
-    said = capsys.readouterr()
-    assert "valid" in said.out
-    assert why in said.err
-    # What a scene asks of it is another matter.
+    printed = capsys.readouterr()
+    assert "valid" in printed.out
+    assert why in printed.err
+    # A scene that uses the draft is refused.
     scene = tmp_path / "scene.toml"
     scene.write_text('[weave]\ndraft = "draft.wif"\n')
     assert why in refused(capsys, "validate", str(scene), "-q")
@@ -311,9 +311,9 @@ def test_a_picture_of_a_draft_prints_at_most_one_of_its_warnings(
     assert 'Spacing "wide" in [WARP] is not a number' in line
     assert line.endswith(f" (and 1 more: spacemap info {file})")
     assert run("info", str(file)) == 0
-    told = " ".join(capsys.readouterr().err.split())
+    reported = " ".join(capsys.readouterr().err.split())
     for part in ("is not a number", "--set weave.trim=true", "too thick to interlace"):
-        assert part in told
+        assert part in reported
     # The cure works.
     assert (
         run(

@@ -1,4 +1,4 @@
-"""Commands where memory is limited, as by "ulimit -v": what VTK's C++ ends with is told."""
+"""Commands under a memory limit such as "ulimit -v": an abort in VTK's C++ code is reported."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def limited(code: str) -> subprocess.Popen[str]:
 
 def test_an_abort_of_vtk_is_reported_as_lack_of_memory() -> None:
     process = limited(_ARRAY)
-    _, said = process.communicate()
+    _, printed = process.communicate()
     assert process.returncode == 1
-    assert said.splitlines()[-1] == (
+    assert printed.splitlines()[-1] == (
         "spacemap: memory has run out: this shell limits a process to 1 GiB (ended by SIGABRT). "
         'Raise the limit with "ulimit -v unlimited".'
     )

@@ -1,4 +1,4 @@
-"""What the command line refuses, and how: one message, and nothing touched."""
+"""Refused input of the command line gives one message and changes no file."""
 
 from __future__ import annotations
 
@@ -293,7 +293,7 @@ def test_modes_of_a_still_scene_are_refused(
 
 
 def test_a_failed_print_is_reported_once() -> None:
-    # Python holds back what it prints, and would say at its end that it could not.
+    # Python buffers its output, and would report the failure at its end.
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     command = [sys.executable, "-m", "spacemap_vtk", "scenes"]
     with open("/dev/full", "wb") as full:
@@ -328,10 +328,10 @@ def test_an_unreadable_file_is_reported(
     monkeypatch.setattr(library, "folder", forbidden)
     file = folder_of_nobody / "a.wif"
     file.touch(mode=0)
-    said = "a.wif: permission denied. See to its permissions, or choose another file."
+    printed = "a.wif: permission denied. See to its permissions, or choose another file."
     with pytest.raises(SystemExit, match="2"):
         main(["info", str(file)])
-    assert said in capsys.readouterr().err
+    assert printed in capsys.readouterr().err
     with pytest.raises(InputError, match=r"file: .*a.wif: permission denied"):
         registry.require_file(file)
     (folder_of_nobody / "locked").mkdir(mode=0)
@@ -370,9 +370,9 @@ def test_a_library_missing_for_mitsuba_is_named(
     monkeypatch.delitem(sys.modules, "mitsuba", raising=False)
     target = tmp_path / "a.png"
     assert run("render", "plain_weave", "-o", str(target), "--raytrace") == 1
-    said = capsys.readouterr().err
-    assert "libatomic.so.1: cannot open" in said
-    assert "apt-get install libatomic1" in said
+    printed = capsys.readouterr().err
+    assert "libatomic.so.1: cannot open" in printed
+    assert "apt-get install libatomic1" in printed
     assert not target.exists()
 
 

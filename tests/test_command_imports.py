@@ -1,4 +1,4 @@
-"""A command imports what it needs, and no more: what its start costs is what it imports."""
+"""A command imports only what it needs, because imports take most of its start."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy import ndimage
 from spacemap_vtk.draw.actors.contact_shadows import STRIP, blur, contact_shadows
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
-#: What takes a tenth of a second to import, or more.
+#: Modules that take at least a tenth of a second to import.
 _HEAVY = (
     "numpy",
     "scipy",
@@ -29,7 +29,7 @@ _PICTURES = {*_FILTERS, "vtkmodules.vtkRenderingCore"}
 
 
 def _imported(cache: Path, *commands: str) -> set[str]:
-    """Return what some commands import, one after another: what each needs is among it."""
+    """Return the modules that some commands import, one command after another."""
     code = (
         "import sys\n"
         "from spacemap_vtk.cli.main import main\n"
@@ -66,7 +66,7 @@ def test_a_command_imports_only_what_it_needs(
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder whose cache has the modes that the commands below ask for."""
+    """Return a cache folder with the modes that the commands below need."""
     folder = tmp_path_factory.mktemp("solved")
     assert "scipy" in _imported(folder, "export plain_weave -q -o a.vtu")
     return folder
@@ -101,7 +101,7 @@ def test_with_cached_modes_a_command_imports_only_what_it_needs(
         prepare_offscreen()  # what draws without OpenGL is compiled, by a library that takes SciPy
     imported = _imported(solved, *commands)
     assert imported & set(_HEAVY) == needs
-    # The bar of progress is for people at a terminal.
+    # The progress bar is shown only in a terminal.
     assert not {"rich.progress", "psutil"} & imported
 
 
@@ -117,11 +117,11 @@ def test_shades_refuse_strips() -> None:
     depth = (1.0 + 1e-3 * np.sin(rows / 9) * np.cos(columns / 7)).astype(np.float32)
     depth[rows < columns / 3] = np.nan
     shade = contact_shadows(depth, 1e-3, 12.0)
-    # Of a surface seen from its other side, strips end elsewhere.
+    # The strips of a surface seen from its other side end elsewhere.
     np.testing.assert_allclose(shade[::-1], contact_shadows(depth[::-1], 1e-3, 12.0), atol=1e-3)
     assert shade[np.isnan(depth)].min() == 1.0
     assert shade.min() < 0.9
-    # Twice as large is as dark: what is blurred is reduced further there.
+    # A picture of twice the size is as dark, because it is reduced further before the blur.
     shade = contact_shadows(depth, 1e-3, 36.0)
     large = contact_shadows(np.kron(depth, np.ones((2, 2), np.float32)), 1e-3, 72.0)
     np.testing.assert_allclose(large[::2, ::2], shade, atol=0.03)

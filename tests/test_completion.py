@@ -1,4 +1,4 @@
-"""What `spacemap completion` prints completes words in the real shells."""
+"""The scripts that `spacemap completion` prints work in real shells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from spacemap_vtk.cli.main import main
 
-#: The command line, its last word unfinished, and the words that the shell offers for it.
+#: A command line with an unfinished last word, and the words that the shell offers.
 LINES = {
     "spacemap va": ["validate"],
     "spacemap render pl": ["plain_weave"],
@@ -34,7 +34,7 @@ LINES = {
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with the command, a scene and a place for the shell's script."""
+    """Return a folder with the command, a scene and the script of the shell."""
     (tmp_path / "here.toml").touch()
     command = tmp_path / "bin" / "spacemap"
     command.parent.mkdir()
@@ -44,7 +44,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(shell: str, script: str, folder: Path) -> list[list[str]]:
-    """Return the words that a script prints for each line, which it ends with ---."""
+    """Return the words that a script prints for each line, separated by ---."""
     path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         [shell, "-c", script],

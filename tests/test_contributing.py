@@ -1,4 +1,4 @@
-"""The pages that tell how to add to the program are followed word by word, on a copy of it."""
+"""The guides for contributors are followed word by word, in a copy of the program."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-#: The two programs that the pages call: those of the copy.
+#: The two programs that the guides call.
 _AS = {"spacemap": "-c 'from spacemap_vtk.cli.main import main; main()'", "python": ""}
 PAGES = ROOT / "docs" / "contributing"
 _BLOCK = re.compile(r"(?:In `(?P<file>[\w/.]+)`[^`]*?)?```(?P<kind>\w+)\n(?P<text>.*?)```", re.S)
 
 
 def apply(file: Path, diff: str) -> None:
-    """Put the lines that are marked with + after the line before them, which must be there."""
+    """Insert lines marked with + after the line before them, which must exist."""
     lines = diff.splitlines()
     before = "".join(f"{line[1:]}\n" for line in lines if line[0] == " ")
     text = file.read_text("utf-8")
@@ -62,7 +62,7 @@ def test_a_guide_can_be_followed(page: str, tmp_path: Path) -> None:
     assert commands == 2 + (page == "add_a_scene")
     pictures = {"add_a_scene": "canvas", "add_a_format": "cloth", "add_a_stage": "wave"}
     assert (tmp_path / f"{pictures[page]}.png").stat().st_size > 1000
-    # What the pages show is as the gate wants it.
+    # The code in the guides passes the checks of the gate.
     new = [
         str(file)
         for file in tmp_path.rglob("*.py")

@@ -1,4 +1,4 @@
-"""The command that converts drafts, and the trimming of their edges."""
+"""The command ``convert``, and trimming the edges of drafts."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.io.drafts.wif import read_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
-#: Of 1200 x 1200 threads 6 ends are threaded and 4 picks woven.
+#: A draft of 1200 x 1200 threads of which 6 ends and 4 picks are woven.
 WIDE = """[WIF]
 Version=1.1
 [WEAVING]
@@ -53,9 +53,9 @@ def run(*words: str) -> int:
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert run(*words) == 2
-    said = capsys.readouterr().err
-    assert len(said.splitlines()) == 1
-    return said
+    printed = capsys.readouterr().err
+    assert len(printed.splitlines()) == 1
+    return printed
 
 
 def test_drafts_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,9 +85,9 @@ def test_a_warning_offers_to_trim_unwoven_edges(
     file, cut = tmp_path / "wide.wif", tmp_path / "cut.wif"
     file.write_text(WIDE)
     assert run("validate", str(file)) == 0
-    said = capsys.readouterr().err
-    assert "only 6 x 4 of 1200 x 1200 yarns are woven" in said
-    assert "weave.trim" in said
+    printed = capsys.readouterr().err
+    assert "only 6 x 4 of 1200 x 1200 yarns are woven" in printed
+    assert "weave.trim" in printed
     assert run("validate", str(file), "--set", "weave.trim=true") == 0
     assert "1200" not in capsys.readouterr().err
     trim = ["--set", "weave.trim=true"]
@@ -96,5 +96,5 @@ def test_a_warning_offers_to_trim_unwoven_edges(
     assert run("convert", str(file), str(cut), "--trim", "-q") == 0
     assert read_wif(cut).drawdown.shape == (4, 6)
     assert run("export", str(file), "-o", str(file.with_name("b.wif")), "-q", *trim) == 0
-    # What is exported tells how it was made, too, behind the draft.
+    # An exported draft also has its record, after the draft.
     assert file.with_name("b.wif").read_bytes().startswith(cut.read_bytes())

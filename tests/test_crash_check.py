@@ -1,4 +1,4 @@
-"""Files of which VTK's readers die: another process reads first. All were found by fuzzing."""
+"""Files that crash VTK's readers are refused by a child process. All were found by fuzzing."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_library_that_exits_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_mesh_with_uninitialised_points_is_refused(tmp_path: Path) -> None:
-    # VTK reads wild memory: of what was in it a mesh in one process, the end of another.
+    # VTK reads uninitialised memory, which makes a mesh or crashes, depending on its content.
     faces = "1 2 3 1e-320 0\n1 2 4 1  4 3 3)(\n1 2 3 1 0\n1 2 4 1 0\n1 3 4 1 0\n2 3 4 1 0\n"
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
     text = f"(2 3)\n(10 (0 1 4 0 3))\n(10 (1 1 4 1 3)(\n{points}))\n(12 (0 1 1 0))\n"
@@ -138,11 +138,11 @@ def busy(path: Path) -> None:
 def test_an_interrupted_check_leaves_no_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Python tells what is left as a warning, which is an error here."""
+    """Python warns about processes and pipes that are left, and warnings are errors here."""
     monkeypatch.setattr(crash_check, "_child", None)
     crash_check.check_in_child(tmp_path, "os:stat")
     monkeypatch.setattr(crash_check, "_MOST_SECONDS", 1)
-    # As Ctrl-C does, it ends the wait for an answer: that would come after this second.
+    # Like Ctrl-C, it interrupts the wait for an answer, which would come after a second.
     stop = threading.Timer(0.5, signal.pthread_kill, (threading.get_ident(), signal.SIGINT))
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     stop.start()
@@ -177,7 +177,7 @@ def test_a_file_is_checked_again_only_after_a_change(
 def test_a_file_is_checked_again_if_a_referenced_file_changed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """What it names may be what is damaged, and end this process."""
+    """The referenced file may be damaged and crash this process."""
     (tmp_path / "a.ele").write_text("1 4 0\n1 1 2 3 4\n")
     (tmp_path / "a.node").write_text("4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n")
     assert read_object(tmp_path / "a.ele").data.GetNumberOfCells() == 1

@@ -1,4 +1,4 @@
-"""The licence comes with the package; commands and scenes of the how-to guides run."""
+"""The licence is in the package; commands and scenes of the documentation run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from spacemap_vtk.filters.load import ACTIONS, TIME_KEYS, Load
 from spacemap_vtk.scenes.scene import Scene
 
 GUIDES = Path(__file__).parents[1] / "docs" / "how-to"
-#: Guides whose every command and scene is run.
+#: Guides whose commands and scenes are all run.
 RUN = ("choose_a_material", "support_load_and_damp", "hang_cloth", "move_far")
 TEXT = "\n".join((GUIDES / f"{name}.md").read_text("utf-8") for name in RUN)
 

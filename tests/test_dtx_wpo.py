@@ -1,4 +1,4 @@
-"""Drafts of Fiberworks, WeavePoint and TempoWeave, against another program that knows them."""
+"""Drafts of Fiberworks, WeavePoint and TempoWeave, compared with another reader."""
 
 import dataclasses
 import io
@@ -24,7 +24,7 @@ REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 
 
 def compare(found: Draft, other: Any) -> None:
-    """Assert that another program has read the same loom and the same colours."""
+    """Assert that another program reads the same loom and colours."""
     loom = found.loom
     assert loom is not None
     assert other.is_rising_shed == loom.rising
@@ -49,7 +49,7 @@ def compare(found: Draft, other: Any) -> None:
 
 
 def spacings(other: Any, family: str, count: int) -> NDArray[np.float64]:
-    """Return the spacings in m that another program has read, which counts in cm."""
+    """Return the spacings in m that another program has read in cm."""
     threads, own = getattr(other, family), getattr(other, f"{family}_spacing")
     assert threads.units == "centimeters"
     return np.array([own.get(k, threads.spacing) for k in range(1, count + 1)]) * 0.01
@@ -133,7 +133,7 @@ def read(content: bytes, ending: str, trim: bool = False) -> Draft:
     return read_draft(file, trim)
 
 
-#: Of our own, with all that such a file can say.
+#: A file with all sections of the format.
 DTX = """@@StartDTX
 %%version 1
 @@Description
@@ -191,7 +191,7 @@ def test_a_dtx_with_all_sections_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "printed"),
     [
         (("@@StartDTX", "@@Start"), "does not begin with @@StartDTX"),
         (("1 2 3\n", "1 x 3\n"), 'Threading = "x": line 15 cannot be read'),
@@ -201,10 +201,10 @@ def test_a_dtx_with_all_sections_is_read() -> None:
         (("%%ends 6", "%%ends 99999999"), "whole numbers up to 100000"),
     ],
 )
-def test_an_invalid_dtx_is_refused(change: tuple[str, str], said: str) -> None:
-    with pytest.raises(InputError) as told:
+def test_an_invalid_dtx_is_refused(change: tuple[str, str], printed: str) -> None:
+    with pytest.raises(InputError) as reported:
         read(DTX.replace(*change).encode(), ".dtx")
-    assert said in str(told.value)
+    assert printed in str(reported.value)
 
 
 def test_empty_drafts_are_refused() -> None:
@@ -238,11 +238,11 @@ def test_losses_of_a_dtx_are_reported() -> None:
     loom = Loom(threading=((1, 2), (2,)), tieup=((1,), (2,)), treadling=((1,), (2,)))
     warp = DraftThreads(spacing=1e-3, thickness=0.5e-3)
     draft = Draft(loom.drawdown(), loom, warp)
-    told = losses(draft)
-    assert [text.split(":")[0] for text in told[:1]] == ["a .dtx stores one shaft for each end"]
-    assert "the spacing of the warp is rounded to units of 0.53 mm" in told
-    assert "a .dtx cannot store a thickness: that of the warp is lost" in told
-    assert "a .dtx stores a spacing for each thread; the weft gets 2.12 mm" in told
+    reported = losses(draft)
+    assert [text.split(":")[0] for text in reported[:1]] == ["a .dtx stores one shaft for each end"]
+    assert "the spacing of the warp is rounded to units of 0.53 mm" in reported
+    assert "a .dtx cannot store a thickness: that of the warp is lost" in reported
+    assert "a .dtx stores a spacing for each thread; the weft gets 2.12 mm" in reported
     np.testing.assert_array_equal(read(format_dtx(draft), ".dtx").drawdown, draft.drawdown)
     vast = Draft(loom.drawdown(), loom, DraftThreads(spacing=1e6))
     assert "rounded" in " ".join(losses(vast))
@@ -250,7 +250,7 @@ def test_losses_of_a_dtx_are_reported() -> None:
 
 
 def wpo(kind: int, shafts: int, treadles: int, version: int = 7, metric: bool = True) -> bytes:
-    """Return a file as WeavePoint lays it out: a cloth of 5 x 4 in a canvas of 40 x 30."""
+    """Return a file in the layout of WeavePoint: a cloth of 5 x 4 in a canvas of 40 x 30."""
 
     def two(number: int) -> bytes:
         return number.to_bytes(2, "big")
@@ -326,8 +326,8 @@ def test_a_colour_outside_the_palette_of_a_dtx_is_reported() -> None:
     )
     found = read(text.encode(), ".dtx")
     np.testing.assert_array_equal(found.warp.colors, [[1, 2, 3], [9, 8, 7], [9, 8, 7]])
-    (told,) = found.warnings
-    assert "Warp Colors has colours outside the palette's 0 to 1" in told
+    (reported,) = found.warnings
+    assert "Warp Colors has colours outside the palette's 0 to 1" in reported
     with pytest.raises(InputError, match="cannot be read"):
         read(text.replace("-1", "-x").encode(), ".dtx")
 

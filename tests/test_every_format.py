@@ -1,4 +1,4 @@
-"""All formats that are written: read by programs that are not ours, their records, made anew."""
+"""Every written format is read by another program, has a record, and can be repeated."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ VALUES: dict[str, Any] = {
     "view": {"size": [64, 48], "color": "displacement"},
     "animation": {"stop": 0.08},
 }
-#: Formats without room for a record.
+#: Formats that cannot store a record.
 WITHOUT_RECORD = {".stl", ".dtx", ".txt"}
-#: Those that are made anew here; the others know no more of their order.
+#: Formats that are repeated in this test; the others store the same record.
 REPEATED = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
-#: What is ordered of each ending that is drawn.
+#: Kind of job for each kind of drawn output.
 DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
 
 
 def jobs(folder: Path) -> list[tuple[str, Job]]:
-    """Return a job for each kind and ending that is written."""
+    """Return a job for each kind and ending that can be written."""
     kinds = {
         (each, ending) for each in ("", *DRAWN) for ending in registry.writer_endings(each or None)
     }
@@ -79,7 +79,7 @@ def jobs(folder: Path) -> list[tuple[str, Job]]:
 
 
 def read_draft_rows(file: Path) -> list[str]:
-    """Return rows of a draft, as another library reads it, or as they stand in a text."""
+    """Return the rows of a draft as another library reads them, or the rows of a text."""
     import dtx_to_wif
 
     if file.suffix == ".txt":
@@ -126,7 +126,7 @@ def collection_points(file: Path) -> Any:
 
 
 def page_points(file: Path) -> Any:
-    """Return a web page's points; what a browser makes of it is in test_html.py."""
+    """Return the points of a web page; test_html.py opens it in a browser."""
     text = file.read_text("utf-8")
     content = json.loads(text.partition('id="content">')[2].partition("<")[0])
     parts = re.findall(r'class="data">(.*?)<', text)
@@ -159,14 +159,14 @@ def drawing_size(file: Path) -> str:
 
 
 def page_size(file: Path) -> str:
-    """Return the size of a page, by the table at the end of a document."""
+    """Return the size of a page from the table at the end of a PDF."""
     content = file.read_bytes()
     table = int(content.rpartition(b"startxref")[2].split()[0])
     assert content[table : table + 4] == b"xref"
     return re.search(rb"/MediaBox \[(.*?)\]", content)[1].decode()  # type: ignore[index]
 
 
-#: A reader that is not ours for all that is written: a new format has none, and is missed here.
+#: A reader of another program for each written format; the test fails for a format without one.
 READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     **{("", ending): read_draft_rows for ending in (".dtx", ".txt", ".wif")},
     **{("", ending): lambda file: pv.read(file).points for ending in (".vtp", ".vtu")},
@@ -193,7 +193,7 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
 
 
 def expected_content(kind: str, job: Job) -> Any:
-    """Return what a reader finds in what is ordered."""
+    """Return the content that a reader must find."""
     scene = Scene(VALUES)
     if job.kind == "draft":
         return ["10", "01"]
@@ -207,7 +207,7 @@ def expected_content(kind: str, job: Job) -> Any:
 
 
 def check_content(kind: str, job: Job, file: Path) -> None:
-    """Compare what another program finds in a file with the scene."""
+    """Compare the content that another program reads with the scene."""
     found = READERS[kind, file.suffix](file)
     if job.kind == "plot":
         assert found == "0 0 691.2 518.4"
@@ -223,7 +223,7 @@ def check_content(kind: str, job: Job, file: Path) -> None:
 
 
 def read_foreign_record(file: Path) -> str:
-    """Return the record as a program finds it that has never heard of ours."""
+    """Return the record as another program finds it."""
     ending = file.suffix
     if ending in (".png", ".gif", ".jpg", ".jpeg"):
         with Image.open(file) as image:

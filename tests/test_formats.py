@@ -1,4 +1,4 @@
-"""A format is one file: registered in a test, it stands in help, dialogs, readers and ParaView."""
+"""A format registered in one file appears in help, dialogs, readers and ParaView."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from spacemap_vtk.paraview.stages import make_proxies
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts.draft import Draft
 
-#: Three formats, in a file as anyone would write it; `_MODULE` is that file for another process.
+#: A module with three formats, also run in another process.
 _MODULE = """
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def write_film(file, steps):
 
 @pytest.fixture
 def toys() -> Iterator[dict[str, Any]]:
-    """Register the formats, and take them back."""
+    """Register the formats, and unregister them afterwards."""
     names: dict[str, Any] = {}
     exec(_MODULE, names)
     yield names
@@ -123,7 +123,7 @@ def test_a_new_mesh_format_is_read_everywhere(tmp_path: Path) -> None:
     scene.update()
     assert scene.polygons.GetNumberOfPoints() == 4
     assert MotionReader(file=file).time_steps([]) == [0.0]
-    # Its check stands before its reader wherever a file is read.
+    # The check runs before the reader wherever a file is read.
     file.write_text(file.read_text()[:-1])
     for stage in (ObjectSource(file=file), MotionReader(file=file)):
         with pytest.raises(InputError, match="truncated"):
@@ -144,14 +144,14 @@ def test_a_new_writer_is_used_everywhere(tmp_path: Path, capsys: Any) -> None:
     assert len(np.loadtxt(file)) == scene.polygons.GetNumberOfPoints()
     assert run(*words, "--what", "draft") == 2
     assert ".xyz files do not hold that; allowed: surface, cage" in capsys.readouterr().err
-    # One that takes many times is given those of the film.
+    # A writer of many times receives those of the film.
     film = tmp_path / "a.film"
     assert run("export", "plain_weave", "-o", str(film), "-q", "--set", "animation.stop=0.2") == 0
     scene.set("animation.stop=0.2")
     times = np.loadtxt(film)
     np.testing.assert_allclose(times[:, 0], scene.animation.frame_times())
     assert set(times[:, 1]) == {72}
-    # A writer that writes nothing is told.
+    # A writer that writes nothing is reported.
     assert run("export", "plain_weave", "-o", str(tmp_path / "a.blank"), "-q") == 1
     assert "a.blank: nothing was written" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.film", "a.xyz"]
@@ -163,7 +163,7 @@ def test_a_new_writer_of_pictures_and_films_is_used(tmp_path: Path, capsys: Any)
     assert run("render", "plain_weave", "-o", str(file), "--size", "64x48", "-q") == 0
     assert file.read_text() == "(48, 64, 3)"
     assert registry.name_filter("Pictures", registry.writer_endings("picture")).endswith("*.ink)")
-    # What is missing is told before any work, and no dialog proposes what cannot be written.
+    # A missing package is reported before any work, and dialogs do not offer the format.
     assert run("animate", "plain_weave", "-o", str(tmp_path / "a.noink"), "-q") == 1
     assert "a.noink: there is no ink" in capsys.readouterr().err
     assert ".noink" in registry.writer_endings("film")
@@ -178,7 +178,7 @@ def test_lists_of_formats_contain_a_new_format(tmp_path: Path, capsys: Any) -> N
     written = registry.export_dialog_filters()
     assert written["Surface (*.xyz)"] == "surface"
     assert written["Cage with its motion, all times (*.film)"] == "cage"
-    # What is said of a file that nobody reads or writes.
+    # The messages about files that no format reads or writes.
     (tmp_path / "a.png").write_bytes(b"\x89PNG")
     assert run("render", str(tmp_path / "a.png"), "-o", "b.png") == 2
     assert ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .bits, " in capsys.readouterr().err
@@ -188,7 +188,7 @@ def test_lists_of_formats_contain_a_new_format(tmp_path: Path, capsys: Any) -> N
     )
     assert run("export", "plain_weave", "-o", "b.png") == 2
     assert ".xyz (surface or cage)" in capsys.readouterr().err
-    # ParaView opens drafts and scenes by their endings; meshes it reads itself.
+    # ParaView opens drafts and scenes by their endings, and meshes with its own readers.
     xml = make_proxies()["WIFReader"]._pvsm_proxy_xml
     factory = ElementTree.fromstring(xml).find(".//ReaderFactory")
     assert factory is not None
@@ -202,13 +202,13 @@ def test_the_help_lists_a_new_format(tmp_path: Path) -> None:
     (tmp_path / "toys.py").write_text(_MODULE)
     code = "import sys, toys; from spacemap_vtk.cli.main import main; main(sys.argv[1:])"
 
-    def said(*words: str) -> str:
+    def printed(*words: str) -> str:
         command = [sys.executable, "-c", code, *words]
         done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
         return " ".join(done.stdout.replace("│", " ").split())
 
-    assert ".wpo, .twa, .bits), a mesh (" in said("--help")
-    help = said("export", "--help")
+    assert ".wpo, .twa, .bits), a mesh (" in printed("--help")
+    help = printed("export", "--help")
     for part in (
         ".vtu (patches or cage), ",
         ".xyz (surface or cage)",
@@ -267,7 +267,7 @@ def test_the_last_registered_reader_is_used(tmp_path: Path) -> None:
 
 
 def test_only_the_formats_list_endings() -> None:
-    """No second list of the endings that are read and written."""
+    """There is no second list of endings."""
     package = Path(registry.__file__).parents[1]
     meshes = [
         ending for ending in registry.reader_endings("mesh") if ending not in (".e", ".g", ".cas")

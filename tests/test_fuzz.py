@@ -1,4 +1,4 @@
-"""A sample of the million runs of fuzz.py: hypothesis chooses the changes, and shrinks them."""
+"""A sample of the runs of fuzz.py, with changes chosen and minimised by hypothesis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from spacemap_vtk.workers import EXPENDABLE
 
-#: What needs neither VTK's readers nor a scene.
+#: Targets that need neither VTK's readers nor a scene.
 QUICK = (".wif", ".dtx", ".wpo", ".txt", ".twa", "picture", "table", "modes")
 RECORD = Path(__file__).with_name("fuzz.toml")
 STEP = st.tuples(st.integers(0, 255), st.integers(0, 2**40 - 1), st.integers(0, 2**30 - 1))

@@ -1,4 +1,4 @@
-"""The page that a scene leaves as, in a browser: what it draws, plays and says."""
+"""The exported web page in a browser: what it draws, plays and prints."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write_page(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any,
 
 
 def read_canvas(page: Page) -> np.ndarray:
-    """What is drawn; what is on the screen may be a frame older."""
+    """Return the drawn picture; the screen may show an older frame."""
     found = page.evaluate("spacemap.picture()").partition(",")[2]
     with Image.open(io.BytesIO(base64.b64decode(found))) as image:
         return np.asarray(image.convert("RGB")).astype(int)

@@ -1,4 +1,4 @@
-"""Commands killed at random moments, and two at one output: see killed.py."""
+"""Commands killed at random moments, and two writing one output; see killed.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, whatever the disk says; a real disk says it."""
+"""Files appear complete or not at all, whatever error a real disk reports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from spacemap_vtk.io.registry import DRAWN, writer_endings
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"
-#: What is_write, by its output's name; each makes more than 16 kB, but for the drafts.
+#: Commands by the name of their output; each writes more than 16 kB, except the drafts.
 WRITERS = {
     "x.vtu": f"export plain_weave {SMALL} -o",
     "x.vtp": f"export plain_weave {SMALL} -o",
@@ -69,7 +69,7 @@ def run(words: str, file: Path) -> int:
     return int(caught.value.code or 0)
 
 
-#: Of each way to a file one: text, VTK's, a folder's, a picture's, a film's, its frames'.
+#: One of each way to write: text, VTK, a folder, a picture, a film, its frames.
 _WAYS = ("x.wif", "x.vtp", "x.pvd", "x.png", "x.mp4", "x%02d.png")
 
 
@@ -99,14 +99,14 @@ def test_a_full_disk_leaves_earlier_files_unchanged(
         path.write_bytes(PRECIOUS)
     fill(disk, room)
     code = run(WRITERS[name], disk / name)
-    said = capfd.readouterr().err
+    printed = capfd.readouterr().err
     if room and name in DRAFTS:
         assert code == 0
         assert (disk / name).read_bytes().startswith(DRAFTS[name])
         return
     assert code == 1
-    assert said.startswith(f"spacemap: {disk / name}: could not be written: disk full. ")
-    assert said.count("\n") == 1
+    assert printed.startswith(f"spacemap: {disk / name}: could not be written: disk full. ")
+    assert printed.count("\n") == 1
     assert {path: path.read_bytes() for path in disk.iterdir() if path.name != "fill"} == kept
 
 
@@ -116,7 +116,7 @@ def test_every_format_is_tested_on_a_full_disk() -> None:
     assert tried == found
 
 
-#: What is_write past `spacemap_vtk.io.output`, and why it may.
+#: Functions that write without `spacemap_vtk.io.output`, with the reason.
 OWN_WRITERS = {
     "io/output.py": {
         "write_parts": {"file.open"},
@@ -124,13 +124,13 @@ OWN_WRITERS = {
         "_replace": {"os.replace"},
     },
     "vanishing.py": {"taken": {"os.open"}},
-    # the device that keeps nothing
+    # the null device
     "datasets/quiet.py": {"quiet_stderr": {"os.open"}},
-    # an entry with checksums, by way of a hidden folder
+    # a cache entry with checksums, through a hidden folder
     "cache.py": {"store": {"np.savez", "os.replace"}},
-    # frames in the folder that a film goes on from, whose checksums it looks at
+    # kept frames of a film, with checksums
     "jobs/frames.py": {"write": {"os.replace"}, "remove": {"os.replace"}},
-    # what another program reads, in a hidden folder
+    # input of another program, in a hidden folder
     "cage/tetwild.py": {"_run": {"np.savez"}},
     "draw/raytrace.py": {"_shapes": {"open", "np.savetxt"}},
     "io/formats/usd.py": {"write_usd": {"layer.Export"}},
@@ -141,9 +141,9 @@ OWN_WRITERS = {
         "write_figure": {"figure.savefig"},
     },
     "io/formats/vtk_xml.py": {"_write_xml": {"writer.Write"}},
-    # what is too large for that looks at its own end
+    # films are too large for memory; they check the end of the file
     "io/formats/film.py": {"_write_gif": {"palette.save"}, "_raise_disk_error": {"file.open"}},
-    # a pipe, and what swallows
+    # a pipe, and the null device
     "workers.py": {"main": {"os.fdopen"}},
     "cli/main.py": {"_open_streams": {"os.fdopen", "os.open"}, "_discard_output": {"os.open"}},
     "io/formats/vtk_hdf.py": {"_ErrorKeepingFile": {"FileIO"}},
@@ -197,7 +197,7 @@ def test_all_writers_use_the_output_module() -> None:
 
 
 def fill(disk: Path, room: int) -> None:
-    """Leave so many bytes of a disk free."""
+    """Fill a disk except for some bytes."""
     with (disk / "fill").open("wb", buffering=0) as stream:
         try:
             while True:
@@ -229,10 +229,10 @@ def test_a_stopped_film_keeps_its_frames(
         finally:
             process.kill()
         assert process.stderr is not None
-        said = process.stderr.read()
+        printed = process.stderr.read()
     folder = tmp_path / f"{name}.frames"
     count = len(list(folder.glob("*.png")))
-    assert said == (
+    assert printed == (
         f"spacemap: {count} frames are kept in {folder}; the same command continues from there\n"
         + "spacemap: stopped\n" * (number == signal.SIGINT)
     )
@@ -240,7 +240,7 @@ def test_a_stopped_film_keeps_its_frames(
     assert ffmpegs(tmp_path) == []
 
 
-#: Ends the program as a signal does that is heard while VTK draws, in Python that it has called.
+#: Raises a signal while VTK draws, in a Python callback of VTK.
 _HEARD_IN_VTK = """
 import os, signal, sys
 from spacemap_vtk.cli.main import main
@@ -257,7 +257,7 @@ main(sys.argv[1:])
 
 def test_a_film_can_be_stopped_inside_vtk(tmp_path: Path) -> None:
     prepare_offscreen()
-    # VTK exits, and waits for threads: the one that encodes waited for frames.
+    # At exit VTK waits for its threads, and the encoder thread waited for frames.
     words = [*WRITERS["x.gif"].split(), str(tmp_path / "x.gif"), "--workers", "1"]
     done = subprocess.run([sys.executable, "-c", _HEARD_IN_VTK, *words], timeout=60)
     assert done.returncode == 143
@@ -284,7 +284,7 @@ def wait_until(done: Callable[[], object]) -> None:
 
 
 def ffmpegs(folder: Path) -> list[Path]:
-    """Return the processes, in Linux's own words, that have to do with a folder's temporary one."""
+    """Return the processes whose command line contains a temporary folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
@@ -303,7 +303,7 @@ def test_a_file_above_the_size_limit_is_reported(name: str, tmp_path: Path) -> N
     done = subprocess.run(
         command,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2**14, 2**14)),
-        # compiled modules are files, too: Python 3.11 would leave half of one
+        # compiled modules are files too: Python 3.11 would leave an incomplete one
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
@@ -322,8 +322,8 @@ def test_a_read_only_disk_is_reported(small_disk: Callable[..., Path]) -> None:
     disk = small_disk(2**16, ",ro")
     with pytest.raises(InputError, match="the disk is read-only"):
         check_output(disk / "x.png", {".png": "picture"})
-    said = "could not be written: the disk is read-only"
-    with pytest.raises(SpacemapError, match=said), atomic_file(disk / "x.png"):
+    printed = "could not be written: the disk is read-only"
+    with pytest.raises(SpacemapError, match=printed), atomic_file(disk / "x.png"):
         pass
 
 
@@ -333,7 +333,7 @@ def test_an_unwritable_folder_is_refused_before_any_work() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "printed"),
     [
         ("folder.png", "a folder of that name exists"),
         ("pipe.png", "a device or pipe of that name exists"),
@@ -346,7 +346,7 @@ def test_an_unwritable_folder_is_refused_before_any_work() -> None:
         ("precious.png/a.png", "precious.png is a file, not a folder"),
     ],
 )
-def test_output_replaces_only_regular_files(name: str, said: str, tmp_path: Path) -> None:
+def test_output_replaces_only_regular_files(name: str, printed: str, tmp_path: Path) -> None:
     (tmp_path / "precious.png").write_bytes(PRECIOUS)
     (tmp_path / "folder.png").mkdir()
     os.mkfifo(tmp_path / "pipe.png")
@@ -354,7 +354,7 @@ def test_output_replaces_only_regular_files(name: str, said: str, tmp_path: Path
         (tmp_path / f"{link}.png").symlink_to(target)
     (tmp_path / "full.png").symlink_to("/dev/full")
     before = sorted(tmp_path.iterdir())
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=printed):
         check_output(tmp_path / name, {".png": "picture"})
     assert sorted(tmp_path.iterdir()) == before
     assert (tmp_path / "precious.png").read_bytes() == PRECIOUS
@@ -369,7 +369,7 @@ def test_nothing_is_written_into_a_forbidden_folder(folder_of_nobody: Path) -> N
 @pytest.mark.parametrize("program", [f"plot plain_weave {SMALL}", f"render plain_weave {SMALL}"])
 @pytest.mark.nightly
 def test_log_messages_of_libraries_are_not_printed(program: str, tmp_path: Path) -> None:
-    # matplotlib has no folder for its lists of letters, VTK no driver that draws
+    # matplotlib has no folder for its font lists, and VTK no driver
     lacking = {"HOME": "/proc/none", "LIBGL_DRIVERS_PATH": "/proc/none", "MPLCONFIGDIR": ""}
     command = [
         sys.executable,
@@ -438,17 +438,17 @@ def test_an_error_of_another_file_is_not_blamed_on_the_output(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
+    ("number", "printed"),
     [
         (errno.EDQUOT, "your quota on this disk is used up. Free some space"),
         (errno.EACCES, "permission denied. Choose another folder"),
         (errno.EIO, "input/output error"),
     ],
 )
-def test_rare_disk_errors_have_messages(number: int, said: str, tmp_path: Path) -> None:
+def test_rare_disk_errors_have_messages(number: int, printed: str, tmp_path: Path) -> None:
     with pytest.raises(SpacemapError) as caught, atomic_file(tmp_path / "x.png") as file:
         raise OSError(number, "whatever", str(file))
-    assert str(caught.value).startswith(f"{tmp_path / 'x.png'}: could not be written: {said}")
+    assert str(caught.value).startswith(f"{tmp_path / 'x.png'}: could not be written: {printed}")
 
 
 def test_parts_of_all_types_are_written(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What is published holds the program and its scenes, and says who, what and which version."""
+"""The published package contains the program and its scenes, with complete metadata."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pytest
 import spacemap_vtk
 
 ROOT = Path(__file__).parents[1]
-#: What makes the package beside its two folders.
+#: Files of the package besides its two folders.
 _FILES = ("pyproject.toml", "setup.cfg", "MANIFEST.in", "LICENSE", "README.md", "CITATION.cff")
 
 PUBLIC = "https://forge.example/weavers/cloth"
@@ -26,7 +26,7 @@ PUBLIC = "https://forge.example/weavers/cloth"
 
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of an sdist and of the wheel that was built from nothing but that."""
+    """Return a folder with an sdist and the wheel that was built from it."""
     work = tmp_path_factory.mktemp("published")
     checkout = work / "checkout"
     for folder in ("spacemap_vtk", "scenes"):
@@ -51,13 +51,13 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return work
 
 
-# The gate begins with the README's "pip install .", which builds a wheel of the checkout alone.
+# The gate also installs the package with "pip install .", as in the README.
 @pytest.mark.nightly
 def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
     (wheel,) = published.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         (about,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
-        told = archive.read(about).decode()
+        reported = archive.read(about).decode()
         inside = {name for name in archive.namelist() if ".dist-info/" not in name}
         archive.extractall(published / "installed")
     files = (
@@ -68,12 +68,12 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
     )
     assert inside == {str(name) for _, name in files}
     for what in ("Source", "Documentation", "Changelog", "Issues"):
-        assert f"\nProject-URL: {what}, {PUBLIC}/" in told
-    assert f"]({PUBLIC}/raw/v1.2/docs/drape.jpg)" in told
-    assert not re.search(r"\]\((?!https?:|#)", told.partition("\n\n")[2])
+        assert f"\nProject-URL: {what}, {PUBLIC}/" in reported
+    assert f"]({PUBLIC}/raw/v1.2/docs/drape.jpg)" in reported
+    assert not re.search(r"\]\((?!https?:|#)", reported.partition("\n\n")[2])
     citation = (published / "checkout/CITATION.cff").read_text("utf-8")
     assert f'\nrepository-code: "{PUBLIC}"\nversion: "1.2"\n' in citation
-    # Of the wheel, not of the checkout that is installed here.
+    # Run the wheel, not the checkout that is installed here.
     code = (
         "import spacemap_vtk, pathlib; from spacemap_vtk.cli.main import main;"
         f"assert pathlib.Path(spacemap_vtk.__file__).is_relative_to({str(published)!r});"
@@ -92,18 +92,18 @@ _LIBRARY = Path("spacemap_vtk/library")
 
 
 def test_the_version_has_one_source_and_metadata_is_complete() -> None:
-    told = importlib.metadata.metadata("spacemap_vtk")
+    reported = importlib.metadata.metadata("spacemap_vtk")
     version = spacemap_vtk.__version__
-    assert told["Version"] == version
-    assert told["Author"]
-    assert "License :: OSI Approved :: MIT License" in told.get_all("Classifier")
-    assert told["License-File"] == "LICENSE"
+    assert reported["Version"] == version
+    assert reported["Author"]
+    assert "License :: OSI Approved :: MIT License" in reported.get_all("Classifier")
+    assert reported["License-File"] == "LICENSE"
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
     for file in ("setup.cfg", "pyproject.toml", "CITATION.cff"):
         assert not re.search(rf"(?<![\d.]){re.escape(version)}(?![\d.])", (ROOT / file).read_text())
 
 
-#: Packages whose modules have another name.
+#: Packages whose module has another name.
 _DISTRIBUTIONS = {
     "PIL": "pillow",
     "imageio_ffmpeg": "imageio-ffmpeg",
@@ -111,7 +111,7 @@ _DISTRIBUTIONS = {
     "trame_client": "trame-client",
     "vtkmodules": "vtk",
 }
-#: Imports of what setup.cfg cannot or need not name.
+#: Imported packages that setup.cfg cannot or need not name.
 _UNDECLARED = {
     "llvmlite": "numba brings the version of it that it needs",
     "paraview": "ParaView's own Python has it",
@@ -122,7 +122,7 @@ _UNDECLARED = {
 
 
 def _imported() -> set[str]:
-    """Return the packages that the program imports, by a statement or by name."""
+    """Return the packages that the program imports, by statement or by name."""
     found = set()
     for file in (ROOT / "spacemap_vtk").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):

@@ -1,4 +1,4 @@
-"""The plugin inside the real ParaView: each script of tests/paraview runs in pvpython."""
+"""The plugin in ParaView: each script of tests/paraview runs in pvpython."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ pytestmark = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
     reason="needs pvpython and xvfb-run: apt-get install paraview python3-paraview xvfb xauth",
 )
-#: For a shell that finds this Python and this package.
+#: Environment of a shell that finds this Python and this package.
 SHELL = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
 
 
 def run(script: Path, *arguments: object, program: str = "pvpython") -> str:
-    """Run a script with the plugin, and fail on anything that is printed as an error."""
+    """Run a script with the plugin; fail if it prints any error."""
     done = subprocess.run(
         [*XVFB, program, str(script), *map(str, arguments)],
         env={**environment.process_environment(), "LIBGL_ALWAYS_SOFTWARE": "1"},
@@ -53,7 +53,7 @@ def run(script: Path, *arguments: object, program: str = "pvpython") -> str:
 
 
 def hang(file: Path) -> None:
-    """Write what Python finds of the sheet in hung.py."""
+    """Write the figures that Python computes for the sheet of hung.py."""
     solver = ModalSolver(
         elements="sheet",
         fixed="-x",
@@ -71,7 +71,7 @@ def hang(file: Path) -> None:
 
 
 def test_scripts_in_one_session(tmp_path: Path) -> None:
-    """Each of these would take longer to start ParaView than to run."""
+    """The scripts share one session, because starting ParaView takes longer than each of them."""
     proxies = len(FILTERS) + 2  # and two readers
     hang(tmp_path / "hung.npz")
     cloth = {"ends": 2, "picks": 2}
@@ -85,7 +85,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         "declarations": ([], f"{proxies} proxies\n"),
         "series": ([tmp_path], "every step is offered, and any time between\n"),
         "cuts": ([], "cut yarns keep their numbers and colours\n"),
-        "mistakes": ([], "mistakes are told and do no harm\n"),
+        "mistakes": ([], "mistakes are reported and do no harm\n"),
         "state_of_all": (
             [ROOT / "scenes", tmp_path],
             f"{proxies} proxies come back from both state files\n",
@@ -95,8 +95,10 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     }
     words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
     run(SCRIPTS / "session.py", tmp_path / "told.json", *words)
-    told = json.loads((tmp_path / "told.json").read_text())
-    wrong = {name: told[name] for name, (_, says) in scripts.items() if says not in told[name]}
+    reported = json.loads((tmp_path / "told.json").read_text())
+    wrong = {
+        name: reported[name] for name, (_, says) in scripts.items() if says not in reported[name]
+    }
     assert not wrong, "\n".join(f"{name}: {text}" for name, text in wrong.items())
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
@@ -119,7 +121,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     ]
 )
 def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, str]]:
-    """Start pvserver in a shell with the printed lines; its port, and where the plugin is."""
+    """Start pvserver in a shell with the printed lines; return its port and the plugin's path."""
     has_plugin = "environment" in request.param
     with socket.socket() as free:
         free.bind(("localhost", 0))
@@ -182,7 +184,7 @@ def test_client_and_server_work(server: tuple[int, str], tmp_path: Path) -> None
 
 
 PIPELINES = ROOT / "pipelines" / "paraview"
-#: Over three processes the last runs with MPI's tests.
+#: The last one also runs in three processes, in the tests of MPI.
 ALONE = [
     ("plain_weave", "pvpython", 0.05),
     pytest.param("cloth_over_ranks", "pvbatch", 0.03, marks=pytest.mark.nightly),
@@ -190,7 +192,7 @@ ALONE = [
 
 
 def in_the_yarns_colours(picture: Path, least: float = 0.03) -> None:
-    """Hold that so many of its pixels have each colour: nothing was said of colours."""
+    """Check the number of pixels of each colour; the script sets no colours."""
     red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
     assert np.mean(red - blue > 40) > least  # the weft's sand
     assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
@@ -198,7 +200,7 @@ def in_the_yarns_colours(picture: Path, least: float = 0.03) -> None:
 
 @pytest.mark.parametrize(("name", "program", "least"), ALONE)
 def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_path: Path) -> None:
-    """As its first lines say: the lines that are printed start ParaView with the plugin."""
+    """The printed lines start ParaView with the plugin, as the script's first lines say."""
     lines = 'eval "$(python -m spacemap_vtk paraview)"; exec "$0" "$@"'
     picture = tmp_path / "cloth.png"
     done = subprocess.run(
@@ -245,7 +247,7 @@ def test_paraviews_window_shows_fabric_and_panel(tmp_path: Path) -> None:
 
 
 def test_vtk_scripts_run_in_paraviews_python_as_they_are(tmp_path: Path) -> None:
-    """One after another, without the plugin; each runs by itself in test_scenes.py or .ci/run."""
+    """All scripts run in one process without the plugin; test_scenes.py runs each alone."""
     scripts = [ROOT / "pipelines" / f"{name}.py" for name in ("with_vtk", "on_a_result")]
     scripts.append(ROOT / "tests" / "paraview_pipeline.py")
     (tmp_path / "all.py").write_text(
@@ -262,9 +264,9 @@ def test_vtk_scripts_run_in_paraviews_python_as_they_are(tmp_path: Path) -> None
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    said = done.stdout
+    printed = done.stdout
     for script in scripts:
-        own, end, said = said.partition(f"end of {script}\n")
+        own, end, printed = printed.partition(f"end of {script}\n")
         assert own, script
         assert end, script
     assert "1 passed" in own
@@ -278,7 +280,7 @@ def test_check_reports_the_versions() -> None:
 
 
 def check_with(path: str) -> tuple[int, str, str]:
-    """Run ``spacemap paraview --check`` with this PATH."""
+    """Run ``spacemap paraview --check`` with a PATH."""
     done = subprocess.run(
         [sys.executable, "-m", "spacemap_vtk", "paraview", "--check"],
         env={**os.environ, "PATH": path},
@@ -301,8 +303,8 @@ def test_check_reports_a_missing_paraview(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("does", "says"),
     [
-        # As a ParaView whose Python does not start, one that only prints its trouble, one that
-        # is built without what the plugin needs and says nothing of it, one that dies.
+        # A ParaView whose Python does not start, one that only prints its error, one that silently
+        # lacks what the plugin needs, and one that crashes.
         ("echo no module named site >&2; exit 3", "no module named site"),
         ("echo all work; echo vtkPlugin: not loaded >&2", "vtkPlugin: not loaded"),
         ("echo there is no Python here; exit 1", "there is no Python here"),

@@ -1,4 +1,4 @@
-"""How each kind of parameter becomes a ParaView property, and how its values come back."""
+"""Parameters become ParaView properties, and their values survive both conversions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from spacemap_vtk.paraview.stages import PROXIES
 
 
 class Count(Real):
-    """A kind of number that can be written in its own way."""
+    """A number with a notation of its own."""
 
     def convert(self, value: Any) -> float:
         """Return tex."""
@@ -38,7 +38,7 @@ class Count(Real):
 
 
 class Pattern(Parameter[Any]):
-    """A kind that is a word or a list, and shown in quotes."""
+    """A word or a list, shown in quotes."""
 
     def convert(self, value: Any) -> Any:
         """Return the word, or a tuple."""
@@ -52,7 +52,7 @@ class Pattern(Parameter[Any]):
 
 
 class Sides(Parameter[Any]):
-    """A kind with an empty value that is not None."""
+    """A parameter whose empty value is not None."""
 
     def convert(self, value: Any) -> Any:
         """Return a tuple."""
@@ -88,7 +88,7 @@ class Everything(Parameterised):
 
 
 def read(name: str, *values: Any) -> Any:
-    """Return what a stage would hold after ParaView has handed over values."""
+    """Return the value of a stage after ParaView has set a property."""
     parameter = Everything.parameters[name]
     return parameter.check(property_of(parameter).read(*values))
 
@@ -200,7 +200,7 @@ def test_ranges_units_and_choices_are_shown() -> None:
     assert units("length") == ["m"]
     assert units("sizes") == ["w", "h"]
     assert [word.get("value") for word in xml("word").iter("String")] == ["a", "b"]
-    # An empty field says by itself what it stands for; no number does.
+    # Only an empty field shows its meaning; a number does not.
     for name, says in (("spare_shift", "none"), ("spare_number", "as many as there are")):
         assert xml(name).get("default_values") == ""
         assert xml(name).findtext("Hints/PlaceholderText") == f"auto ({says})"
@@ -208,7 +208,7 @@ def test_ranges_units_and_choices_are_shown() -> None:
 
 @pytest.mark.parametrize("name", PROXIES)
 def test_the_panel_shows_the_properties_in_use(name: str) -> None:
-    """As ParaView decides it, for the values of what others depend on, one after another."""
+    """Evaluate visibility as ParaView does, for each value of the controlling properties."""
     stage = PROXIES[name]
     elements = fromstring(stage._pvsm_proxy_xml).iter()
     shown = {e.get("command", "")[4:]: e for e in elements if e.tag.endswith("VectorProperty")}

@@ -1,4 +1,4 @@
-"""Files of polygons made in memory, against those that VTK's own writers make on a disk."""
+"""Polygon files made in memory equal those of VTK's writers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def cylinder(sides: int) -> pv.PolyData:
-    """Return quadrilaterals between two polygons of many sides."""
+    """Return a cylinder: quadrilaterals between two polygons of many sides."""
     return pv.Cylinder(resolution=sides, capping=True)
 
 

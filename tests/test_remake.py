@@ -1,4 +1,4 @@
-"""Files made anew from what they say of themselves; records of strangers lead nowhere."""
+"""Repeat commands from the records in files; a forged record reads no other file."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
     file, other = tmp_path / "a.vtp", tmp_path / "a-again.vtp"
     assert run("export", scene, "-o", file, "-q", "--set", "weave.ends=4") == 0
     assert run("info", file) == 0
-    said = capsys.readouterr().out
-    assert f"made by spacemap_vtk {__version__}\ncommand: spacemap export a.toml" in said
-    assert re.search(r"input: drafts/a\.txt, sha256 [0-9a-f]{16}…", said)
+    printed = capsys.readouterr().out
+    assert f"made by spacemap_vtk {__version__}\ncommand: spacemap export a.toml" in printed
+    assert re.search(r"input: drafts/a\.txt, sha256 [0-9a-f]{16}…", printed)
     assert run("again", file) == 0
-    said = capsys.readouterr().out
-    assert f"reads {draft}\nwrites {other}\n" in said
+    printed = capsys.readouterr().out
+    assert f"reads {draft}\nwrites {other}\n" in printed
     assert other.read_bytes() == file.read_bytes()
-    # What is there stays, unless someone says so; with other values it is another.
+    # An existing file is kept unless --force is given; other values give another file.
     assert run("again", file) == 2
     assert "a-again.vtp exists. Choose another --output" in capsys.readouterr().err
     assert run("again", file, "--force", "--set", "weave.ends=5", "-q") == 0
@@ -49,7 +49,7 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
     assert run("again", file, "--check") == 0
     assert run("again", file, "--check", "--set", "weave.warp_diameter=0.3mm", "-q") == 1
     assert "points differ by up to" in capsys.readouterr().err
-    # Elsewhere it says where the scene's folder is; an input that is another is refused.
+    # After a move, --folder names the scene's folder; a changed input file is refused.
     (tmp_path / "b").mkdir()
     moved = file.rename(tmp_path / "b" / "a.vtp")
     assert run("again", moved, "--check", "-q") == 2
@@ -63,7 +63,7 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "printed"),
     [
         ({"scene": '[weave]\ndraft = "../secret.wif"\n'}, "not among the files"),
         ({"scene": '[motion]\nfile = "../s*.vtu"\n'}, "not among the files"),
@@ -76,7 +76,7 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
     ],
 )
 def test_a_forged_record_reads_no_other_file(
-    tmp_path: Path, capsys: Any, change: dict[str, Any], said: str
+    tmp_path: Path, capsys: Any, change: dict[str, Any], printed: str
 ) -> None:
     for name in ("secret.wif", "s1.vtu"):
         (tmp_path / name).write_text("[WIF]\nsecret words\n")
@@ -87,15 +87,15 @@ def test_a_forged_record_reads_no_other_file(
     file.write_text(f"# {NAME}: {text}|\n")
     words = "again", file, "-o", tmp_path / "in" / "b.obj", "-q", "--folder", tmp_path / "in"
     assert run(*words) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert "secret words" not in told
+    reported = capsys.readouterr().err
+    assert printed in reported
+    assert "secret words" not in reported
     assert [path.name for path in (tmp_path / "in").iterdir()] == ["a.obj"]
 
 
 @pytest.mark.parametrize("name", ["a.inp", "a.glb"])
 def test_check_finds_a_changed_material(tmp_path: Path, capsys: Any, name: str) -> None:
-    """Though its mesh, and its modes' shapes, stay as they are."""
+    """The mesh and the mode shapes stay the same."""
     words = "--set", "weave.ends=2", "--set", "weave.picks=2", "--set", "modal.modes=1"
     more = ("--modes",) if name == "a.glb" else ()
     file = tmp_path / name
@@ -135,8 +135,8 @@ def test_info_of_a_mesh_needs_no_library_for_its_record(
 )
 def test_the_printed_command_can_be_parsed(asked: dict[str, Any]) -> None:
     times = tuple(asked.get("times", (0.1,) if asked["what"] == "picture" else ()))
-    said = describe_record(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
-    words = shlex.split(said.removeprefix("command: spacemap "))
+    printed = describe_record(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
+    words = shlex.split(printed.removeprefix("command: spacemap "))
     _, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     assert "a b.toml" in bound.args
     assert Path("a b.png") in bound.kwargs.values()

@@ -1,4 +1,4 @@
-"""What a stranger's files may make the program do: read what lies beside them, and nothing else."""
+"""Files from strangers may only make the program read files next to them."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import vanishing_folder
 
-#: Who may unpickle: what comes through the pipe of a process that it has started itself.
+#: Modules that may unpickle data, which come through a pipe from their own child process.
 PIPES = {"workers"}
-#: A view of memory, and a function whose argument ``shell`` is the name of one.
+#: Allowed uses of such words: a memory view, and an argument that is the name of a shell.
 HARMLESS = {"pickle.PickleBuffer", "app.generate_completion"}
 FORBIDDEN = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
 
 
-#: Only modules that say one of these are parsed.
+#: Only modules that contain one of these words are parsed.
 _DOUBTFUL = re.compile(
     rf"(import|from) ({'|'.join(sorted(FORBIDDEN))})|shell=|np\.load|os\.(system|popen)|mktemp"
     r"|\b(eval|exec)\(|(?<!re\.)\bcompile\("
@@ -85,7 +85,7 @@ def test_no_code_unpickles_evaluates_or_starts_a_shell():
 
 @pytest.fixture
 def home(tmp_path: Path) -> Path:
-    """The folder of a scene, beside another one with files that are no matter of the scene's."""
+    """Return the folder of a scene, next to a folder with unrelated files."""
     for folder in ("scene/below", "other"):
         (tmp_path / folder).mkdir(parents=True)
     for place in ("scene/near.wif", "scene/below/deep.wif", "other/far.wif"):
@@ -108,28 +108,28 @@ def _scene(home: Path, text: str) -> Scene:
         *(("near.wif", False), ("below/deep.wif", False), ("below/../near.wif", False)),
         *(("../other/far.wif", True), ("link.wif", True), ("folder/far.wif", True)),
         *(("ABOVE/other/far.wif", True), ("ABOVE/scene/near.wif", False)),
-        # Plain names, whatever a shell would make of them.
+        # Names that a shell would interpret.
         *(("~/far.wif", False), ("$HOME/far.wif", False), ("https://a.example/far.wif", False)),
     ],
 )
 def test_a_file_outside_the_scenes_folder_is_reported(home, name, far, capsys):
     above = home.parent.as_posix()
     scene = _scene(home, f'[weave]\ndraft = "{name.replace("ABOVE", above)}"\n')
-    told = list(elsewhere(scene))
-    assert len(told) == far
+    reported = list(elsewhere(scene))
+    assert len(reported) == far
     if far:
-        assert str(home.parent / "other/far.wif") in told[0]
+        assert str(home.parent / "other/far.wif") in reported[0]
         with pytest.raises(SystemExit, match="0"):
             main(["validate", str(home / "a.toml")])
-        assert told[0] in capsys.readouterr().err
-    # What the command line names is the user's own word.
+        assert reported[0] in capsys.readouterr().err
+    # Files named on the command line are chosen by the user.
     scene.set(f"weave.draft={home.parent / 'other/far.wif'}")
     assert list(elsewhere(scene)) == []
     assert list(elsewhere(Scene({"weave": {"draft": home.parent / "other/far.wif"}}))) == []
 
 
 _XML = '<?xml version="1.0"?><VTKFile>{}</VTKFile>'
-#: Files that name others: the file's name, its text, and what is read with it.
+#: Files that refer to others: name, content, and the referenced files.
 NAMING = [
     ("a.vtm", _XML.format('<DataSet index="0" file="{}"/>')),
     ("a.pvtu", _XML.format('<Piece Source="{}"/>')),
@@ -149,15 +149,15 @@ NAMING = [
 
 @pytest.mark.parametrize(("file", "text"), NAMING)
 def test_referenced_files_are_found(home, file, text):
-    """Far ones are told, and none is asked of another machine: there Windows would log in."""
+    """Paths on other machines are found but not opened, because Windows would log in there."""
     path = home / file
     for word in ("near.dat", "../other/far.dat"):
         path.write_text(text.format(word))
         os.utime(path, ns=(0, len(word)))  # as if time had gone by
         assert [other for _, other in file_references(path)][-1] == home / word
     scene = _scene(home, f'[object]\nfile = "{file}"\n')
-    (told,) = elsewhere(scene)
-    assert told.startswith(f"{path} names {home.parent / 'other/far.dat'}")
+    (reported,) = elsewhere(scene)
+    assert reported.startswith(f"{path} names {home.parent / 'other/far.dat'}")
     path.write_text(text.format("//host/share/x"))
     reader = registry.reader(path, "motion") or registry.reader(path, "mesh")
     assert reader is not None
@@ -172,8 +172,8 @@ def test_references_are_followed_recursively(home):
     (home / "a.vtm").write_text(_XML.format('<DataSet file="a.vtm"/><DataSet file="/x.vtp"/>'))
     for file, far in (("a.obj", home.parent / "other/a.png"), ("a.pvd", Path("/x.vtp"))):
         scene = _scene(home, f'[object]\nfile = "{file}"\n')
-        (told,) = elsewhere(scene)
-        assert str(far) in told
+        (reported,) = elsewhere(scene)
+        assert str(far) in reported
 
 
 def test_links_in_hdf5_files_are_found(home):
@@ -195,7 +195,7 @@ def test_paths_on_other_machines_are_refused(tmp_path, word):
 
 
 def test_links_in_a_scenes_folder_write_nothing_elsewhere(home):
-    """As that of a killed process would look, and as that of a film's frames."""
+    """Links named like the folder of a killed process, or like that of film frames."""
     other = home.parent / "other"
     (home / ".spacemap-0123456789ab").mkdir()
     (home / ".spacemap-0123456789ab/older").symlink_to(other)
@@ -239,7 +239,7 @@ def test_postscript_pictures_are_refused(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("[weave]\nends = " + "[" * 50_000, "brackets are nested"),
         (f"[{'.'.join('a' * 50_000)}]\n", "a key has more than 16 names"),
@@ -247,9 +247,9 @@ def test_postscript_pictures_are_refused(monkeypatch):
         ("#" * (2**24 + 1), "more than 16777216 bytes"),
     ],
 )
-def test_a_scene_that_would_take_hours_to_parse_is_refused(tmp_path, text, told):
+def test_a_scene_that_would_take_hours_to_parse_is_refused(tmp_path, text, reported):
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         registry.read(tmp_path / "a.toml", "scene")
 
 

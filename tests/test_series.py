@@ -1,4 +1,4 @@
-"""Series of data: read back by others at the very times, whole or not at all."""
+"""Series of data are read by other programs with exact times, and are complete or absent."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ VALUES: dict[str, Any] = {
 }
 
 TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-#: None but the first is a binary fraction, nor a number of single precision.
+#: Only the first is exact in single precision.
 TIMES = [0.0, 0.02, 0.1 / 3]
 
 
@@ -105,7 +105,7 @@ def test_constant_data_are_stored_once(scene: Scene, tmp_path: Path) -> None:
                     )
     motion = MotionReader(file=tmp_path / "cage.vtkhdf")
     assert motion.time_steps([]) == TIMES
-    # Three times take what moves twice more than one, and cells and colours once.
+    # Three times store moving data three times, cells and colours once.
     write(scene, tmp_path / "one.vtkhdf", times=TIMES[:1])
     large, small = ((tmp_path / f"{name}.vtkhdf").stat().st_size for name in ("cloth", "one"))
     moving = 2 * scene.polygons.GetNumberOfPoints() * 3 * 3 * 4

@@ -1,4 +1,4 @@
-"""The documentation's site: what it names is there, and it is built without a warning."""
+"""The documentation builds without a warning, and the tests that it names exist."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_tests_named_by_the_verification_page_exist() -> None:
     assert len(named) >= 35
     for file, name in named:
         assert f"\ndef {name}(" in (ROOT / "tests" / file).read_text("utf-8"), name
-    # Each line of its tables names one.
+    # Each row of the tables names a test.
     tables = text.partition("## Reliability")[0]
     lines = [line for line in tables.splitlines() if line.startswith("|")]
     assert all("::" in line or line.startswith(("|--", "| what")) for line in lines)
@@ -35,7 +35,7 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert "youngs_modulus" in parameters
     assert "<math" in (site / "explanation" / "theory.html").read_text("utf-8")
     assert "crimp" in (site / "searchindex.js").read_text("utf-8")
-    # Links inside hold: every page that one leads to is there.
+    # The target of every internal link exists.
     for page in site.rglob("*.html"):
         for link in re.findall(r'href="([^"#:?]+)["#?]', page.read_text("utf-8")):
             assert (page.parent / link).exists(), f"{page.name}: {link}"

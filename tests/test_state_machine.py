@@ -49,7 +49,7 @@ from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import UPDATE_TIME
 
 TIMES = (None, 0.0, -1.0, 1e-4, 3e-4, 1e-3)
-#: Stages at once, and in a line; copies.
+#: Most stages, longest chain of stages, most copies.
 MOST, DEEPEST, COPIES = 16, 9, 6
 #: Stages that move a cage.
 MOVERS = [name for name, stage in STAGES.items() if stage.role == "mover"]
@@ -85,7 +85,7 @@ class Node:
         self.settings, self.makes = self.stage.settings, self.cls.makes
         self.inputs: list[Node | Copy | None] = [None] * len(self.cls.inputs)
         self.version = self.runs = 0
-        #: The time asked for last; of the last run its time, state and content.
+        #: The last requested time; time, state and content of the last run.
         self.asked: float | None = None
         self.time: float | None = None
         self.ran: Any = None
@@ -182,7 +182,7 @@ class Machine(RuleBasedStateMachine):
         return [node for node in self.held if node.inputs]
 
     def watch_deletion(self, number: int, thing: vtkObject) -> int:
-        # Held here, too: Python's collector may take it apart before VTK calls it.
+        # Kept here too: Python may collect it before VTK calls it.
         def gone(*_: Any) -> None:
             self.alive[number] = None
 
@@ -374,16 +374,16 @@ class Machine(RuleBasedStateMachine):
                 self.counts[each.kind] += 1
             if each in plan and not errors:
                 assert runs[each] == 1, where
-                made, said = results[key(plan[each])]
+                made, printed = results[key(plan[each])]
                 assert digest(stage.GetOutputDataObject(0)) == made, where
-                assert stage.warnings == said, where
+                assert stage.warnings == printed, where
         if not errors:
             assert digest(node.stage.GetOutputDataObject(0)) == results[key(content)][0]
 
     @precondition(lambda self: any(n.ran == n.state for n in self.held))
     @rule(data=st.data(), deep=st.booleans())
     def copy(self, data: Any, deep: bool) -> None:
-        """Copy what a stage holds; let go of copies, which hold what they held."""
+        """Copy the data of a stage; release copies, whose data must be unchanged."""
         self.counts["step: copy"] += 1
         node = pick(data, [n for n in self.held if n.ran == n.state])
         made = node.stage.GetOutputDataObject(0)
@@ -401,7 +401,7 @@ class Machine(RuleBasedStateMachine):
 
     @invariant()
     def check_alive(self) -> None:
-        """VTK holds those that Python does, and those above; all others it has deleted."""
+        """VTK keeps the stages that Python refers to and those above; all others are deleted."""
         living = {*self.copies, *(each for node in self.held for each in node.closure())}
         self.nodes = [node for node in self.nodes if node in living]
         for copy in self.kept - living:
@@ -423,7 +423,7 @@ class Machine(RuleBasedStateMachine):
 
 
 def resident() -> float:
-    """Return the memory in MiB that this process has, without what it has set free."""
+    """Return the memory of this process in MiB, without freed memory."""
     libc = ctypes.CDLL(None)
     if hasattr(libc, "malloc_trim"):  # glibc's: a heap keeps holes, more or less of them by chance
         libc.malloc_trim(0)
@@ -432,7 +432,7 @@ def resident() -> float:
 
 
 def walk(steps: int, first: int, folder: Path, length: int = 100) -> list[tuple[int, float, int]]:
-    """Take so many steps, from a seed on; return steps, memory in MiB and VTK's objects on the way.
+    """Take steps from a seed; return the steps, memory in MiB and number of VTK objects on the way.
 
     Each seed is of a thousand steps: what Hypothesis keeps of all that it has drawn would grow.
     """

@@ -46,7 +46,7 @@ def write_mesh(folder: Path, name: str) -> Path:
 
 
 def glb(mesh: pv.PolyData) -> bytes:
-    """A binary glTF file, made by its specification."""
+    """Return a binary glTF file, made by its specification."""
     import json
 
     points = mesh.points.astype("<f4").tobytes()
@@ -102,7 +102,7 @@ def test_every_truncated_file_is_refused(tmp_path: Path, name: str) -> None:
 
 
 def test_a_binary_ply_with_faces_of_several_sizes_is_checked(tmp_path: Path) -> None:
-    """Triangles and quadrilaterals mixed, which VTK's own writer also writes."""
+    """VTK's writer also mixes triangles and quadrilaterals."""
     points = np.random.default_rng(0).random((9, 3))
     faces = [3, 0, 1, 2, 4, 1, 2, 3, 4, 3, 5, 6, 7, 5, 0, 2, 4, 6, 8]
     file = tmp_path / "mixed.ply"
@@ -149,7 +149,7 @@ def test_complete_legacy_files_are_accepted(tmp_path: Path, kind: str, binary: b
 
 
 def test_truncated_netcdf_of_every_version_is_found(tmp_path: Path) -> None:
-    """SciPy writes them, with records and without."""
+    """The files are written by SciPy, with and without records."""
     from scipy.io import netcdf_file
 
     for version in (1, 2):

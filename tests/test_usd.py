@@ -1,4 +1,4 @@
-"""Universal Scene Description, read back by Pixar's own library."""
+"""Universal Scene Description files, read by Pixar's library."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SMALL = {"weave": {"ends": 3, "picks": 4}, "surface": {"subdivisions": 2}}
 
 
 def deformed_points(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh's points at a time, and its blend shapes' weights."""
+    """Return the points of the mesh and the weights of its blend shapes at a time."""
     from pxr import UsdSkel, Vt
 
     mesh = usd_geom.Mesh(stage.GetPrimAtPath("/Cloth/Surface"))
@@ -39,7 +39,7 @@ def deformed_points(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def curve_samples(stage: Any, second: float) -> np.ndarray:
-    """Many points of the yarns' curves, each made by Bernstein's polynomials."""
+    """Return many points of the yarn curves, computed with Bernstein polynomials."""
     curves = usd_geom.BasisCurves(stage.GetPrimAtPath("/Cloth/Yarns"))
     points = np.array(curves.GetPointsAttr().Get(second * stage.GetTimeCodesPerSecond()), float)
     assert set(curves.GetWidthsAttr().Get()) == {np.float32(0.25e-3)}

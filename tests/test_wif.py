@@ -1,4 +1,4 @@
-"""Weaving Information Files: a real draft, each leniency, each refusal, round trips, fuzzing."""
+"""Weaving Information Files: a real draft, accepted faults and refused faults."""
 
 import dataclasses
 import tracemalloc
@@ -14,7 +14,7 @@ from spacemap_vtk.io.drafts.wif_writer import format_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 
-# Plain weave of 4 ends and 2 picks, without a fault; the tests change lines of it by number.
+# A valid plain weave of 4 ends and 2 picks; tests change its lines by number.
 BASE = """\
 [WIF]
 Version=1.1
@@ -63,7 +63,7 @@ PLAIN = ["1010", "0101"]
 
 
 def changed(changes):
-    """Return BASE with some lines, counted from 1, replaced, or dropped where None is given."""
+    """Return BASE with some lines, counted from 1, replaced, or removed if None."""
     lines = BASE.splitlines()
     for number, line in changes.items():
         lines[number - 1] = line
@@ -75,7 +75,7 @@ def rows(draft):
 
 
 def same(first, second):
-    """Assert that two drafts are one, their warnings apart."""
+    """Assert that two drafts are equal except for their warnings."""
     for one, other in ((first, second), (first.warp, second.warp), (first.weft, second.weft)):
         for field in dataclasses.fields(one):
             if field.name not in ("warnings", "warp", "weft"):
@@ -88,7 +88,7 @@ def same(first, second):
 
 
 def written(draft):
-    """Return the draft that a file of it holds: with the program's own colours if it has none."""
+    """Return a draft as its file stores it: with default colours if it has none."""
 
     def colored(threads, count, color):
         if threads.colors is not None:
@@ -101,7 +101,7 @@ def written(draft):
     return dataclasses.replace(draft, warp=warp, weft=weft)
 
 
-# --- a draft that a weaver's program wrote
+# --- a draft that a weaving program wrote
 
 
 def naive_sections(path):
@@ -145,7 +145,7 @@ def test_a_real_draft_equals_a_naive_reading():
     assert found.loom.treadling[0] == (32,)
 
 
-# --- what the standard allows, which is no reason for a warning
+# --- variants that the standard allows, which give no warning
 
 ALLOWED = {
     "comment after a number": ({33: "1=1 ; selvedge"}, PLAIN),
@@ -262,10 +262,10 @@ def test_utf_16_is_read_with_a_warning():
     assert draft.warnings[0].startswith("line 1: the file is UTF-16")
 
 
-# --- leniencies: lines changed, line of the one warning, what it says, the drawdown
+# --- accepted faults: changed lines, line and text of the only warning, drawdown
 
 FLOAT_3 = ["1000", "0101"]
-LENIENT = {
+ACCEPTED = {
     "no [WIF]": ({1: None, 2: None}, 1, "section [WIF] is missing", PLAIN),
     "version": ({2: "Version=1.0"}, 2, 'Version "1.0" is unknown; version 1.1 is assumed', PLAIN),
     "no version": ({2: None}, 1, "no Version", PLAIN),
@@ -360,15 +360,15 @@ LENIENT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LENIENT)
+@pytest.mark.parametrize("name", ACCEPTED)
 def test_a_clear_fault_is_read_with_one_warning(name):
-    changes, line, said, expected = LENIENT[name]
+    changes, line, printed, expected = ACCEPTED[name]
     found = parse_wif(changed(changes))
     draft = found
     assert rows(draft) == expected
     assert len(draft.warnings) == 1, draft.warnings
     assert draft.warnings[0].startswith(f"line {line}: ")
-    assert said in draft.warnings[0]
+    assert printed in draft.warnings[0]
     same(written(found), parse_wif(format_wif(found)))
 
 
@@ -414,7 +414,7 @@ def test_values_read_from_faulty_lines():
     assert parse_wif(changed({30: "1=300,0,-5"})).warp.colors[0].tolist() == [255, 0, 0]
 
 
-# --- refusals: lines changed, line in the message, what it says
+# --- refused faults: changed lines, line and text of the error
 
 REFUSED = {
     "no section": (None, 1, "no section of a draft", InputError),
@@ -457,7 +457,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_an_unclear_fault_is_refused_with_its_line(name):
-    changes, line, said, kind = REFUSED[name]
+    changes, line, printed, kind = REFUSED[name]
     text = "hello" if changes is None else changed(changes)
     tracemalloc.start()
     try:
@@ -467,7 +467,7 @@ def test_an_unclear_fault_is_refused_with_its_line(name):
     finally:
         tracemalloc.stop()
     assert type(caught.value) is kind
-    assert said in str(caught.value)
+    assert printed in str(caught.value)
     assert caught.value.allowed
     assert caught.value.cure
 

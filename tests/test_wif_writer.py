@@ -1,4 +1,4 @@
-"""Drafts and looms written as WIF and read again, and files that nobody wrote."""
+"""Round trips of drafts and looms through WIF, and random files."""
 
 import dataclasses
 import doctest
@@ -19,7 +19,7 @@ from spacemap_vtk.io.drafts.wif_writer import format_wif
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.loom import Loom
 
-# --- the loom, and round trips
+# --- round trips
 
 
 def test_a_real_draft_is_the_same_after_a_round_trip():
@@ -153,11 +153,11 @@ def test_a_changed_drawdown_is_written_with_a_new_loom():
     np.testing.assert_array_equal(again.drawdown, ~found.drawdown)
 
 
-# --- fuzzing
+# --- random files
 
 
-def understood_or_refused(data):
-    """Read; a draft must come back the same when written and read, anything else is a refusal."""
+def check_round_trip_or_refusal(data):
+    """Read a file: it is refused, or its draft survives a round trip."""
     start = time.process_time()
     try:
         found = parse_wif(data)
@@ -195,7 +195,7 @@ def test_random_bytes_are_read_or_refused(data, changes):
         data = data[:at] + put + data[at + drop :]
         if not data:
             break
-    understood_or_refused(data)
+    check_round_trip_or_refusal(data)
 
 
 @fuzz
@@ -210,20 +210,20 @@ def test_random_lines_are_read_or_refused(changes):
         at = where % len(lines)
         key, equals, value = lines[at].partition("=")
         lines[at] = (key + equals + put, put + equals + value, put, f"{lines[at]}{put}")[how]
-    understood_or_refused("\n".join(lines))
+    check_round_trip_or_refusal("\n".join(lines))
 
 
 @fuzz
 @given(st.text() | st.binary())
 def test_random_text_is_read_or_refused(data):
-    understood_or_refused(data)
+    check_round_trip_or_refusal(data)
 
 
 def test_a_truncated_or_shuffled_draft_is_read_or_refused():
     data = REAL.read_bytes()
     for size in range(0, len(data), 97):
-        understood_or_refused(data[:size])
-        understood_or_refused(data[size:])
+        check_round_trip_or_refusal(data[:size])
+        check_round_trip_or_refusal(data[size:])
 
 
 @pytest.mark.parametrize("module", [wif, wif_writer])
@@ -232,7 +232,7 @@ def test_known_hard_inputs_are_read_or_refused(module):
 
 
 def test_treadling_beyond_the_picks_is_ignored():
-    """Found by fuzzing: its pick is beyond Threads, so the liftplan has to weave the cloth."""
+    """Found by fuzzing: the pick is beyond Threads, so the liftplan is used."""
     text = BASE.replace("[TREADLING]\n1=1\n2=2", "[TREADLING]\n12=2") + "[LIFTPLAN]\n1=1\n2=2\n"
     assert "12=2" in text
     found = parse_wif(text)

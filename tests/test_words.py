@@ -1,4 +1,4 @@
-"""One spelling, the British one, in all that people read; keys and names of code are VTK's."""
+"""All texts use British spelling; keys and names in code follow VTK."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 AMERICAN = re.compile(
-    # not what stands in quotes, after a dot, a dash or a hash, or is called, assigned or typed
+    # not words in quotes, after a dot, dash or hash, or that are called, assigned or annotated
     r"(?i)(?<![\w.#\-`\"'/{])"
     r"(colors?|colored|coloring|gray|grays|grayed|center|centers|centered|behaviors?|neighbors?"
     r"|(?:milli|centi|kilo)?meters?|fibers?|canceled|labeled|modeled|favor\w*|catalogs?|analog"
@@ -22,14 +22,14 @@ AMERICAN = re.compile(
 
 
 def prose(file: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines that a person reads, with their numbers."""
+    """Yield the lines of text in a file, with their numbers."""
     if file.suffix != ".py":
         yield from enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
         return
     with file.open(encoding="utf-8") as stream:
         for token in tokenize.generate_tokens(stream.readline):
             kind = tokenize.tok_name[token.type]
-            # one word alone is a key; a style sheet is code
+            # a single word is a key; a style sheet is code
             if kind in ("COMMENT", "STRING", "FSTRING_MIDDLE") and " " in token.string:
                 for number, line in enumerate(token.string.splitlines(), token.start[0]):
                     if not re.search(r"[{;]\s*$|;.*\}", line):

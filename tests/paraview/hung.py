@@ -33,18 +33,18 @@ for name, units in (
     help = modal.GetProperty(name).SMProperty.GetDocumentation().GetDescription()
     assert all(unit in help for unit in units), (name, help)
 
-told = []
+reported = []
 stage = modal.GetClientSideObject()
 
 
 def tell(caller: Any, _: str) -> None:
-    told.append(caller.GetProgressText() or "")
+    reported.append(caller.GetProgressText() or "")
 
 
 watching = stage.AddObserver("ProgressEvent", tell)
 modal.UpdatePipeline()
 stage.RemoveObserver(watching)  # it knows this module, and by that the stage
-assert list(dict.fromkeys(told)) == ["", "hanging", "modes"], told
+assert list(dict.fromkeys(reported)) == ["", "hanging", "modes"], reported
 field = stage.output.GetFieldData()
 hung = vtk_to_numpy(stage.output.GetPointData().GetArray("equilibrium"))
 assert hung[:, 2].min() < -1e-3

@@ -1,4 +1,4 @@
-"""A bad value is said in the output window, and the last good state stays."""
+"""A bad value is printed in the output window, and the last good state stays."""
 
 import sys
 
@@ -12,8 +12,8 @@ window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
 vtkOutputWindow.SetInstance(window)
 
 
-def said() -> str:
-    """Return what was said since the last call."""
+def printed() -> str:
+    """Return what was printed since the last call."""
     global window
     text = window.GetOutput()
     window = vtkStringOutputWindow()
@@ -25,7 +25,7 @@ proxies = connected()
 weave, cage, modal, response, warp, surface = proxies
 surface.UpdatePipeline(0.02)
 good = bounds(surface)
-assert said() == ""
+assert printed() == ""
 
 for proxy, name, bad, fine, words in (
     # refused by its own check: the stage keeps the old value
@@ -40,18 +40,17 @@ for proxy, name, bad, fine, words in (
 ):
     setattr(proxy, name, bad)
     surface.UpdatePipeline(0.02)
-    text = said()
+    text = printed()
     assert words in text, (name, text)
     assert "\n" not in text.strip(), text
     assert "Traceback" not in text, text
     assert bounds(surface) == good, name
     setattr(proxy, name, fine)
     surface.UpdatePipeline(0.02)
-    assert said() == "", name
+    assert printed() == "", name
     assert bounds(surface) == good, name
 
-# Refused before it gets as far as the stage: what a property cannot even hold is said at once, by
-# an error that a script stops at, and nothing has changed.
+# Values that a property cannot store raise an error at once, and nothing changes.
 for proxy, name, bad, words in (
     (weave, "Ends", "many", 'WeaveSource: ends = "many": not a number; allowed: a whole number'),
     (weave, "Ends", 3.7, "not a whole number"),
@@ -71,7 +70,7 @@ for proxy, name, bad, words in (
         refusal = str(error)
     assert words in refusal, (name, bad, refusal)
     surface.UpdatePipeline(0.02)
-    assert said() == "", name
+    assert printed() == "", name
     assert bounds(surface) == good, name
 
 # What the filters take in Python is taken here: numbers and lists for texts, units for numbers.
@@ -92,13 +91,13 @@ for name, value, held in (
     key = name.lower() if name == "Pattern" else f"warp_{name[4:].lower()}"
     assert settings[key] == held, (name, settings[key])
 surface.UpdatePipeline(0.02)
-assert said() == ""
+assert printed() == ""
 assert bounds(surface) == good
 
-# Nothing good yet: empty, and said once for each time it is asked for, with no error of VTK's.
+# Nothing good yet: empty, and printed once for each time it is asked for, with no error of VTK's.
 empty = simple.SceneReader(FileName="/no/such/scene.toml")
 empty.UpdatePipeline()
-text = said()
+text = printed()
 assert "/no/such/scene.toml" in text, text
 assert "Traceback" not in text, text
 assert "ERROR" not in text, text
@@ -109,10 +108,10 @@ assert empty.GetDataInformation().GetNumberOfCells() == 0
 cage.Order = 1
 for time in (0.01, 0.02, 0.03):
     surface.UpdatePipeline(time)
-assert said().count("too stiffly") == 1, said()
+assert printed().count("too stiffly") == 1, printed()
 # What a stage says of a wrong input: the cage's motion is missing.
 still = simple.BarycentricWarp(Input=weave, Cage=cage)
 still.UpdatePipeline()
-assert "displacement" in said()
+assert "displacement" in printed()
 vtkOutputWindow.SetInstance(usual)
-print("mistakes are told and do no harm")
+print("mistakes are reported and do no harm")

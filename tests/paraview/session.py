@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
-told, window = {}, vtkOutputWindow.GetInstance()
+reported, window = {}, vtkOutputWindow.GetInstance()
 file, *words = sys.argv[1:]
 for word in words:
     name, _, arguments = word.partition("=")
@@ -29,12 +29,12 @@ for word in words:
         with contextlib.redirect_stdout(out):
             sys.__stdout__ = out
             runpy.run_path(str(HERE / f"{name}.py"))
-        told[name] = out.getvalue()
+        reported[name] = out.getvalue()
     except BaseException:
-        told[name] = traceback.format_exc()
+        reported[name] = traceback.format_exc()
     finally:
         sys.__stdout__, sys.stdout, sys.stderr = streams
         vtkOutputWindow.SetInstance(window)
     simple.ResetSession()
     gc.collect()
-Path(file).write_text(json.dumps(told))
+Path(file).write_text(json.dumps(reported))

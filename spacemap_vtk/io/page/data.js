@@ -6,7 +6,7 @@ function readJson(id) {
 }
 
 /** Stream the bytes of the page's data elements; each element is removed when it is read. */
-function bytesOfPage() {
+function readPageBytes() {
   const parts = [...document.querySelectorAll("script.data")];
   return new ReadableStream({
     pull(stream) {
@@ -26,7 +26,7 @@ const KINDS = { u1: Uint8Array, i2: Int16Array, i4: Int32Array, u4: Uint32Array 
 /** Return the arrays of the page by name. */
 async function unpack(described) {
   const found = {};
-  const reader = bytesOfPage().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+  const reader = readPageBytes().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
   let rest = new Uint8Array(0);
   for (const { name, kind, shape } of described) {
     const width = KINDS[kind].BYTES_PER_ELEMENT;
@@ -42,7 +42,7 @@ async function unpack(described) {
       filled += some.length;
       rest = rest.subarray(some.length);
     }
-    found[name] = summedUp(bytes, KINDS[kind], shape);
+    found[name] = sumColumns(bytes, KINDS[kind], shape);
   }
   return found;
 }
@@ -51,7 +51,7 @@ async function unpack(described) {
  * Return rows of numbers. The data hold the differences from row to row of each column: first the
  * first bytes of all differences, then the second bytes.
  */
-function summedUp(bytes, Kind, shape) {
+function sumColumns(bytes, Kind, shape) {
   const width = Kind.BYTES_PER_ELEMENT, total = bytes.length / width;
   const columns = shape.at(-1), rows = shape.at(-2), values = new Kind(total);
   for (let run = 0; rows && run < total / rows; run++) {

@@ -152,7 +152,7 @@ class Viewer {
       root.dataset.theme = dark ? "dark" : "light";
       const usual = ["--below", "--above"].map((name) => getComputedStyle(root).getPropertyValue(name).trim());
       this.background = (own ?? usual).map(rgb);
-      this.ask();
+      this.requestFrame();
     };
     system.addEventListener("change", choose);
     choose();
@@ -213,7 +213,7 @@ class Viewer {
     slider.style.setProperty("--share", `${(100 * (this.time - this.start)) / (this.end - this.start || 1)}%`);
     slider.setAttribute("aria-valuetext", shown);
     this.element("time").textContent = shown;
-    this.ask();
+    this.requestFrame();
   }
 
   play(on = !this.playing) {
@@ -223,11 +223,11 @@ class Viewer {
     button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
     if (this.playing && this.time >= this.end) this.go(this.start);
     this.clock = null;
-    this.ask();
+    this.requestFrame();
   }
 
   /** Request a picture, which is drawn when the browser is ready. */
-  ask() {
+  requestFrame() {
     this.settled = false;
     if (this.wanted) return;
     this.wanted = true;
@@ -266,7 +266,7 @@ class Viewer {
     this.last = now;
     clearTimeout(this.rest);
     this.settled = !this.playing && (fine === 2 || width * height > MOST);
-    if (!this.settled && !this.playing) this.rest = setTimeout(() => this.ask(), 260);
+    if (!this.settled && !this.playing) this.rest = setTimeout(() => this.requestFrame(), 260);
     this.drawing.resize(fine);
     this.weigh(this.time);
     const seen = this.camera.matrices(width, height, this.room, content.sight.relief);
@@ -282,7 +282,7 @@ class Viewer {
   /** Return all positions at a time, in m: x, y, z, one after another. For scripts. */
   points(time) {
     this.weigh(time);
-    this.ask(); // the browser considers the canvas as drawn upon, so it must be drawn again
+    this.requestFrame(); // the browser considers the canvas as drawn upon, so it must be drawn again
     return this.drawing.points();
   }
 
@@ -302,7 +302,7 @@ class Viewer {
   reset(view = this.content.sight.camera) {
     const { free } = this;
     this.camera.aim(view, this.room.points, free);
-    this.ask();
+    this.requestFrame();
   }
 
   /** Handle mouse, touch and keys. */
@@ -330,7 +330,7 @@ class Viewer {
         nearer(now.apart / Math.max(apart, 1), now.x, now.y);
       } else if (finger.moves) camera.move(now.x - x, now.y - y, canvas.clientHeight);
       else camera.turn(now.x - x, now.y - y);
-      this.ask();
+      this.requestFrame();
     });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -339,14 +339,14 @@ class Viewer {
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 33 : 1;
       nearer(Math.exp(-0.0015 * lines * event.deltaY), event.clientX, event.clientY);
-      this.ask();
+      this.requestFrame();
     }, { passive: false });
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.drawing = new Drawing(canvas, this.content, this.arrays);
-      this.ask();
+      this.requestFrame();
     });
-    addEventListener("resize", () => { camera.free = this.free; this.ask(); });
+    addEventListener("resize", () => { camera.free = this.free; this.requestFrame(); });
     this.element("play").onclick = () => this.play();
     this.element("slider").oninput = (event) => { this.play(false); this.go(Number(event.target.value)); };
     this.element("clip").onchange = (event) => this.chooseClip(Number(event.target.value));
@@ -364,24 +364,24 @@ class Viewer {
       if (typing || !keys[key] || (key === " " && event.target instanceof HTMLButtonElement)) return;
       event.preventDefault();
       keys[key]();
-      this.ask();
+      this.requestFrame();
     });
   }
 }
 
-function refuse(why) {
+function showError(why) {
   document.querySelector("#message p").textContent = why;
 }
 
 if (!document.createElement("canvas").getContext("webgl2"))
-  refuse("This page draws with WebGL 2, which this browser does not offer. Any recent Firefox, Chrome, Edge or Safari does; where graphics acceleration is switched off in its settings, switch it on.");
+  showError("This page needs WebGL 2, which this browser does not offer. Use a recent Firefox, Chrome, Edge or Safari, and switch on graphics acceleration in its settings.");
 else if (!("DecompressionStream" in window))
-  refuse("This browser is too old to unpack this page: open it with a Firefox, Chrome, Edge or Safari of 2023 or later.");
+  showError("This browser is too old for this page. Use Firefox, Chrome, Edge or Safari of 2023 or later.");
 else
   (async () => {
     const content = readJson("content");
     window.spacemap = new Viewer(content, await unpack(content.arrays));
   })().catch((error) => {
-    refuse(`This page cannot be shown: ${error.message}`);
+    showError(`This page cannot be shown: ${error.message}`);
     throw error;
   });
