@@ -29,7 +29,7 @@ plotter = pv.Plotter(off_screen=True, window_size=(480, 480))
 actor = plotter.add_mesh(swing, scalars="color", rgb=True, smooth_shading=True)
 plotter.view_vector((2.5, 0.6, 1.0), (0, 1, 0))
 plotter.camera.zoom(0.9)
-times, reach = np.linspace(0.0, period, 24, endpoint=False), []
+times, reach = np.linspace(0.0, period, 12, endpoint=False), []
 
 
 def frames():
@@ -42,7 +42,7 @@ def frames():
 
 
 file = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp()) / "swing.gif"
-write_film(file, frames(), rate=24.0)
+write_film(file, frames(), rate=12.0)
 plotter.close()
 print(f"{file}: {len(times)} frames, a period of {period * 1e3:.1f} ms")
 # It is let go at t = 0, is out farthest half a period later, and comes back.

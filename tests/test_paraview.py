@@ -235,6 +235,7 @@ def test_paraviews_window_shows_fabric_and_panel(tmp_path: Path) -> None:
     picture = tmp_path / "window.png"
     done = subprocess.run(
         [*XVFB, sys.executable, str(SCRIPTS / "photograph.py"), str(picture)],
+        env={**os.environ, "SPACEMAP_YARNS": "20"},
         capture_output=True,
         text=True,
         check=False,

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hung_scenes
 import numpy as np
@@ -23,6 +24,7 @@ from spacemap_vtk.scenes import library, report
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.weave.double_weave import find_layers
 from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.units import GRAVITY
 
 ROOT = Path(__file__).parents[1]
 
@@ -228,6 +230,12 @@ def a_double_cloth(scene: Scene) -> None:
     assert not (cloth.warp.colors[cloth.layers.ends] == dark).any()
 
 
+def half_the_yarns(ends: int, picks: int, spacing: str) -> tuple[str, ...]:
+    """Return the settings of a cloth that is as large as before, with half as many yarns."""
+    spacings = (f'weave.{family}_spacing="{spacing}"' for family in ("warp", "weft"))
+    return f"weave.ends={ends}", f"weave.picks={picks}", *spacings
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "basket_2": a_basket,
     "double_weave": a_double_cloth,
@@ -246,12 +254,32 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
 }
 
 
+#: Long scenes as they run in the gate: the same cloth with fewer yarns and cells, or longer steps.
+#: The nightly run takes them as they come with the program.
+SHORTER = {
+    "curtain": ("cage.divisions=[16,8,1]", *half_the_yarns(40, 50, "20 mm")),
+    "drape": ("cage.divisions=[28,34,1]", *half_the_yarns(40, 50, "15 mm")),
+    "pennant": ("cage.divisions=[12,3,1]", *half_the_yarns(35, 10, "20 mm")),
+    "squall": ("cage.divisions=[6,8,1]", *half_the_yarns(30, 40, "20 mm")),
+    "swing": ("transient.tolerance=0.01",),
+}
+
+
+def scenes() -> list[Any]:
+    """Return each scene as the gate runs it, and those that are shorter there as they are."""
+    gate = [pytest.param(name, SHORTER.get(name, ()), id=name) for name in library.names()]
+    nightly = pytest.mark.nightly
+    return gate + [pytest.param(name, (), id=f"{name} as it is", marks=nightly) for name in SHORTER]
+
+
 @pytest.mark.usefixtures("kept_modes")
-@pytest.mark.parametrize("name", library.names())
-def test_scene(name: str) -> None:
+@pytest.mark.parametrize(("name", "changes"), scenes())
+def test_scene(name: str, changes: tuple[str, ...]) -> None:
     scene = Scene.read(name)
     assert scene.title
     scene.check()
+    for change in changes:
+        scene.set(change)
     if scene.woven and sum(scene.woven.cloth.size) > 60:
         scene.surface.subdivisions = 2  # of a picture this small more is not seen
     if name == "drape":
@@ -263,6 +291,15 @@ def test_scene(name: str) -> None:
     coloured = np.ptp(image, axis=2) > 40
     assert 0.02 < coloured.mean() < 0.9
     CHECKS.get(name, is_still_and_feasible)(scene)
+
+
+def test_the_cells_of_the_drape_are_at_most_half_as_wide_as_its_bending_length() -> None:
+    scene = Scene.read("drape")
+    scene.update_stage(scene.cage)
+    low, high = np.reshape(scene.cage.output.GetBounds(), (3, 2)).T
+    widths = (high - low)[:2] / scene.cage.divisions[:2]
+    weight = scene.modal.areal_mass * GRAVITY
+    assert widths.max() <= (scene.modal.bending_rigidity / weight) ** (1 / 3) / 2
 
 
 def test_the_film_shows_cage_and_fabric_moving() -> None:

@@ -24,13 +24,23 @@ def test_tests_named_by_the_verification_page_exist() -> None:
     assert all("::" in line or line.startswith(("|--", "| what")) for line in lines)
 
 
-def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+def build_site(folder: Path, builder: str) -> Path:
+    """Run Sphinx, which fails at its first warning, and return the folder of the pages."""
     pytest.importorskip("furo")
-    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-b", "html"]
-    words += ["-d", str(tmp_path / "kept"), str(ROOT / "docs"), str(tmp_path / "site")]
+    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-b", builder]
+    words += ["-d", str(folder / "kept"), str(ROOT / "docs"), str(folder / "site")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    site = tmp_path / "site"
+    return folder / "site"
+
+
+def test_all_pages_are_read_and_their_references_found(tmp_path: Path) -> None:
+    build_site(tmp_path, "dummy")  # which writes no page
+
+
+@pytest.mark.nightly
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    site = build_site(tmp_path, "html")
     parameters = (site / "made" / "parameters.html").read_text("utf-8")
     assert "youngs_modulus" in parameters
     assert "<math" in (site / "explanation" / "theory.html").read_text("utf-8")

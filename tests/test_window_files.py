@@ -45,19 +45,23 @@ def opened(open_scene: Any, name: str) -> Any:
 
 
 #: Slow kinds of scenes whose sections also occur in the others.
-SLOW = "drape", "cantilever_test"
+SLOW_KINDS = "drape", "cantilever_test"
+#: Slow scenes of kinds that have a faster one.
+SLOW_SCENES = ("curtain",)
 
 
 def kinds() -> list[Any]:
     """Return one scene for each set of sections; test_scenes.py draws all scenes."""
     found: dict[tuple[object, ...], str] = {}
-    for name in library.names():
+    for name in sorted(library.names(), key=lambda name: name not in SLOW_SCENES):
         values = library.values_of(library.find(name))
         draft = "draft" in values.get("weave", {})
         key = *sorted(values), values.get("cage", {}).get("method"), draft
         found[key] = name
     nightly = pytest.mark.nightly
-    return [pytest.param(name, marks=nightly if name in SLOW else ()) for name in found.values()]
+    return [
+        pytest.param(name, marks=nightly if name in SLOW_KINDS else ()) for name in found.values()
+    ]
 
 
 @pytest.mark.usefixtures("kept_modes")

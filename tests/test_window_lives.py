@@ -36,7 +36,7 @@ def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("rounds", [20, pytest.param(100, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("rounds", [10, pytest.param(100, marks=pytest.mark.nightly)])
 def test_many_windows_leave_no_memory_or_objects_behind(rounds: int) -> None:
     told = run("window_rounds.py", str(rounds))
     assert len(told["memory"]) == rounds

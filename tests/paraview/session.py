@@ -14,11 +14,14 @@ import sys
 import traceback
 from pathlib import Path
 
-from paraview import simple
+from paraview import servermanager, simple
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
+# At each reset ParaView 5.11 searches all its proxies for the help text of each: two seconds.
+servermanager.ProxyNamespace.getDocumentation = lambda *_: ""
+
 reported, window = {}, vtkOutputWindow.GetInstance()
 file, *words = sys.argv[1:]
 for word in words:

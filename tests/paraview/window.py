@@ -5,14 +5,16 @@ from pathlib import Path
 
 from paraview import simple
 
+YARNS = int(os.environ.get("SPACEMAP_YARNS", "40"))
 STRIPES = ", ".join(["#b3262e"] * 4 + ["#f4ecdc"] * 4)
 
 # A napkin of 20 cm hangs over a round table of 9 cm.
-weave = simple.WeaveSource(Pattern="twill 2/2", Ends=40, Picks=40)
-weave.WarpDiameter = weave.WeftDiameter = "2.8 mm"
-weave.WarpSpacing = weave.WeftSpacing = "5 mm"
+weave = simple.WeaveSource(Pattern="twill 2/2", Ends=YARNS, Picks=YARNS)
+weave.WarpDiameter = weave.WeftDiameter = f"{112 / YARNS} mm"
+weave.WarpSpacing = weave.WeftSpacing = f"{200 / YARNS} mm"
 weave.WarpColor = weave.WeftColor = STRIPES
-cage = simple.TetraCage(Input=weave, Divisions=[18, 18, 1])
+cells = YARNS // 2 - 2
+cage = simple.TetraCage(Input=weave, Divisions=[cells, cells, 1])
 modal = simple.ModalSolver(Input=cage, Elements="sheet", Fixed="sphere(0, 0, 0, 45 mm)")
 modal.TensileRigidity, modal.ShearRigidity, modal.BendingRigidity = "1 kN/m", "40 N/m", "3 uN.m"
 modal.ArealMass, modal.Gravity = "150 g/m2", [0.0, 0.0, -9.80665]
