@@ -102,12 +102,17 @@ def a_drape(scene: Scene) -> None:
     assert np.abs(left).max() < 1e-6 * np.abs(weight).max()
     figures = report.modes(scene)
     assert figures["modes"][0]["frequency_hz"] > 0.1  # stable
-    # Folds: how often the rim is further out than left and right of it.
+    lengths = figures["sheet"]["bending_length"]
+    corners = flat[surface.quads]
+    widths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    fine = widths.max() <= min(lengths) / 2
+    # Folds: how often the rim is further out than left and right of it. Wider cells may find others.
     low, high = flat.min(axis=0), flat.max(axis=0)
     rim = np.flatnonzero((np.isclose(flat, low) | np.isclose(flat, high))[:, :2].any(axis=1))
     rim = rim[np.arctan2(flat[rim, 1], flat[rim, 0]).argsort()]
     out = np.hypot(*hung[rim, :2].T)
-    assert ((out > np.roll(out, 1)) & (out >= np.roll(out, -1))).sum() == 6
+    folds = ((out > np.roll(out, 1)) & (out >= np.roll(out, -1))).sum()
+    assert folds == 6 if fine else 4 <= folds <= 8
     assert hung[:, 2].min() == pytest.approx(-figures["hung"]["sag"], rel=0.02)
     # The shadow, painted.
     scale = 1000 / np.ptp(hung[:, :2], axis=0).max()
@@ -123,10 +128,6 @@ def a_drape(scene: Scene) -> None:
     assert found == pytest.approx((shadow - disc) / (cloth - disc))
     # The figure hardly depends on cells that are at most half as wide as the bending length; of
     # wider ones a warning tells how much it does.
-    lengths = figures["sheet"]["bending_length"]
-    corners = flat[surface.quads]
-    widths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    fine = widths.max() <= min(lengths) / 2
     assert (figures["hung"]["drape_coefficient_error"] < 0.05 * found) == fine
     assert any("drape coefficient" in text for text in figures["warnings"]) != fine
 
