@@ -106,7 +106,8 @@ def a_drape(scene: Scene) -> None:
     corners = flat[surface.quads]
     widths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     fine = widths.max() <= min(lengths) / 2
-    # Folds: how often the rim is further out than left and right of it. Wider cells may find others.
+    # Folds: how often the rim is further out than left and right of it. With wider cells their
+    # number depends on the cells.
     low, high = flat.min(axis=0), flat.max(axis=0)
     rim = np.flatnonzero((np.isclose(flat, low) | np.isclose(flat, high))[:, :2].any(axis=1))
     rim = rim[np.arctan2(flat[rim, 1], flat[rim, 0]).argsort()]
