@@ -305,7 +305,7 @@ class CageMaterial(Parameterised):
         bending = WarpAndWeft.pair(self.bending_rigidity)
         if (lengths := WarpAndWeft.pair(self.bending_length)) is not None:
             bending = (mass * GRAVITY * lengths[0] ** 3, mass * GRAVITY * lengths[1] ** 3)
-        made = apply_measurements(
+        plate = apply_measurements(
             own,
             tensile=WarpAndWeft.pair(self.tensile_rigidity),
             shear=shear,
@@ -313,7 +313,7 @@ class CageMaterial(Parameterised):
             bending=bending,
             twisting=self.twisting_rigidity,
         )
-        return made, mass
+        return plate, mass
 
     def warnings_for_other_elements(self, sheet: bool) -> Iterator[str]:
         """Yield a warning for each given value that is for other elements than those in use."""

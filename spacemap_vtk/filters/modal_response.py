@@ -156,7 +156,7 @@ class ModalResponse(LoadParameters, Stage):
     def _make_response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
         self.check()
         displacement, velocity = self.initial_fields(grid)
-        made = Response(
+        response = Response(
             modes,
             self.load_vectors(grid, modes),
             self.damping,
@@ -166,8 +166,8 @@ class ModalResponse(LoadParameters, Stage):
             residual=self.residual_vectors,
             statics=partial(static_displacements, modes.model, processes=self._processes),
         )
-        made.warnings += self.warnings_of_far_loads(modes)
-        return made
+        response.warnings += self.warnings_of_far_loads(modes)
+        return response
 
 
 def static_displacements(

@@ -249,15 +249,15 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         terms = [energy_terms.make_term(recipe, vertices, elements) for recipe in self._terms]
-        made = vertices, elements, material, density, held, self.mass == "lumped"
-        self._model = model = Model(*made, None, fittings, terms)
+        data = vertices, elements, material, density, held, self.mass == "lumped"
+        self._model = model = Model(*data, None, fittings, terms)
         layers = layers if linear else 2 * layers
         if self.is_hung:
             load = self._dead_load(grid, model)
             if load.any() or any(term.forces(vertices).any() for term in terms):
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
                 self._undeformed, rest = model, self._equilibrium(model, load, layers)
-                self._model = model = Model(*made, rest, fittings, terms)
+                self._model = model = Model(*data, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
@@ -432,8 +432,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         modes = self._last_modes[0], len(shapes), density
         if self._arrays is None or self._arrays[0] != modes:
             scaled = shapes / math.sqrt(density)
-            made = [to_array(shape, MODE_NAME.format(k)) for k, shape in enumerate(scaled)]
-            self._arrays = modes, made
+            arrays = [to_array(shape, MODE_NAME.format(k)) for k, shape in enumerate(scaled)]
+            self._arrays = modes, arrays
         return self._arrays[1]
 
     def _warn_of_thickness(self, plate: float, extent: float) -> None:

@@ -23,7 +23,7 @@ from spacemap_vtk.mechanics.boundary.places import (
 )
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions, rigid_bodies
 from spacemap_vtk.mechanics.elements.shell import find_hexahedra
-from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, reference_element, volumes
+from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, ELEMENTS, volumes
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Units of springs and of masses; the second unit of a spring is per area.
@@ -131,8 +131,8 @@ def spring_stiffness(
         if place.unit == "N/m":
             share = 1.0 / along.any(axis=(1, 2)).sum()
         elif place.shape in SIDES:
-            pressed = find_side_faces(points, cells, place.shape)
-            share = traction_forces(len(points), pressed, [1.0])[:, 0, None, None]
+            faces = find_side_faces(points, cells, place.shape)
+            share = traction_forces(len(points), faces, [1.0])[:, 0, None, None]
         else:
             raise InputError(
                 f'the spring "{place}" has a stiffness per area, which needs a side',
@@ -193,7 +193,7 @@ def _solids_faces_edges(
         # shares of a constant density on a face or edge; by Simpson's rule if there are midpoints
         on_face = np.full(3, 1 / 3) if linear else np.repeat([0.0, 1 / 3], 3)
         on_line = np.full(2, 1 / 2) if linear else np.array([1.0, 1.0, 4.0]) / 6
-        shares = [reference_element(cells.shape[1]).lumps, on_face, on_line]
+        shares = [ELEMENTS[cells.shape[1]].lumps, on_face, on_line]
     solids = inside[parts[0]].all(axis=1)
     yield parts[0][solids], size[solids, None] * shares[0]
     faces = _select_unique(parts[1], inside)

@@ -44,9 +44,9 @@ class FollowerPressure(EnergyTerm):
 
     def forces(self, positions: Floats) -> Floats:
         """Compute the outward forces that hold the wall against the pressure, (V, 3)."""
-        pushed, rows = self._face_forces(positions[self.nodes]).reshape(-1, 3), self.nodes.ravel()
-        count = len(positions)
-        return np.stack([np.bincount(rows, pushed[:, i], count) for i in range(3)], axis=1)
+        forces = self._face_forces(positions[self.nodes]).reshape(-1, 3)
+        rows, count = self.nodes.ravel(), len(positions)
+        return np.stack([np.bincount(rows, forces[:, i], count) for i in range(3)], axis=1)
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute the derivatives of each face's forces by its nodes, (f, 3 k, 3 k)."""
@@ -66,13 +66,15 @@ def _triple_products(nodes: int) -> Floats:
     if nodes == 4:
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         places, weights = corners / 3**0.5, np.ones(4)
-        one, two = (1 + places[:, i, None] * corners[:, i] for i in (0, 1))
-        shape, along, across = one * two / 4, corners[:, 0] * two / 4, corners[:, 1] * one / 4
+        in_xi, in_eta = (1 + places[:, i, None] * corners[:, i] for i in (0, 1))
+        shape = in_xi * in_eta / 4
+        along, across = corners[:, 0] * in_eta / 4, corners[:, 1] * in_xi / 4
     else:
         # Quadrature of fourth degree: Dunavant, Int. J. Numer. Meth. Eng. 21 (1985) 1129.
-        near, far = (0.445948490915965, 0.091576213509771), (0.223381589678011, 0.109951743655322)
-        parts = [np.roll([a, a, 1 - 2 * a], k) for a in near for k in range(3)]
-        area, weights = np.array(parts), np.repeat(far, 3) / 2
+        offsets = (0.445948490915965, 0.091576213509771)
+        shares = (0.223381589678011, 0.109951743655322)
+        area = np.array([np.roll([a, a, 1 - 2 * a], k) for a in offsets for k in range(3)])
+        weights = np.repeat(shares, 3) / 2
         slope = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
         if nodes == 3:
             shape, slopes = area, np.broadcast_to(slope, (len(area), 3, 2))

@@ -61,14 +61,14 @@ def find_side_faces(points: Floats, cells: Ints, side: str, sheet: bool = False)
     axis, end = SIDES[side]
     low, high = points.min(axis=0), points.max(axis=0)
     tolerance = 1e-6 * float(np.linalg.norm(high - low))
-    there = abs(points[:, axis] - (high if end > 0 else low)[axis]) <= tolerance
-    faces = cells[:, FACES[:, :3]].reshape(-1, 3)
-    flat = np.flatnonzero(there[faces].all(axis=1))
+    is_on_side = abs(points[:, axis] - (high if end > 0 else low)[axis]) <= tolerance
+    triangles = cells[:, FACES[:, :3]].reshape(-1, 3)
+    on_side = np.flatnonzero(is_on_side[triangles].all(axis=1))
     # A face that two tetrahedra share lies inside the mesh.
     _, first, count = np.unique(
-        np.sort(faces[flat], axis=1), axis=0, return_index=True, return_counts=True
+        np.sort(triangles[on_side], axis=1), axis=0, return_index=True, return_counts=True
     )
-    outer = flat[first[count == 1]]
+    outer = on_side[first[count == 1]]
     if len(outer) == 0:
         raise InputError(
             f"the cage has no flat face on its side {side}",
@@ -76,24 +76,24 @@ def find_side_faces(points: Floats, cells: Ints, side: str, sheet: bool = False)
             value=side,
             cure="Choose a side where the cage is flat",
         )
-    corners = points[faces[outer]]
-    upward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.linalg.norm(upward, axis=1)
-    quadratic = cells.shape[1] == 10
-    whole = cells[:, FACES if quadratic else FACES[:, :3]].reshape(4 * len(cells), -1)[outer]
-    nodes = whole[:, -3:]
+    corners = points[triangles[outer]]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(cross, axis=1)
+    is_quadratic = cells.shape[1] == 10
+    faces = cells[:, FACES if is_quadratic else FACES[:, :3]].reshape(4 * len(cells), -1)[outer]
+    nodes = faces[:, -3:]
     normal = np.zeros(3)
     normal[axis] = end
-    turned = [0, 2, 1, 5, 4, 3][: whole.shape[1]]
-    whole = np.where((upward @ normal > 0)[:, None], whole, whole[:, turned])
+    reversed_order = [0, 2, 1, 5, 4, 3][: faces.shape[1]]
+    faces = np.where((cross @ normal > 0)[:, None], faces, faces[:, reversed_order])
     if sheet:
         # By triangles, vertices with many of them would carry more load than those with few, which
         # causes waves in a sheet of low bending stiffness.
         nodes, areas = _join_triangles(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
-        out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
-        around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
-        whole = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
-    return SideFaces(nodes, areas, normal, whole)
+        radius = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
+        around = np.arctan2(radius[..., (axis + 2) % 3], radius[..., (axis + 1) % 3])
+        faces = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
+    return SideFaces(nodes, areas, normal, faces)
 
 
 def _join_triangles(nodes: Ints, areas: Floats, owner: Ints) -> tuple[Ints, Floats]:

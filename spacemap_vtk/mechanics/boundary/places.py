@@ -181,15 +181,15 @@ def _is_inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
     tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
     if place.shape in SIDES:
         axis, end = SIDES[place.shape]
-        wall = high[axis] if end > 0 else low[axis]
-        return np.abs(vertices[:, axis] - wall) <= tolerance
+        side = high[axis] if end > 0 else low[axis]
+        return np.abs(vertices[:, axis] - side) <= tolerance
     if place.shape == "box":
         bounds = np.reshape(place.numbers, (3, 2))
         inside = (vertices >= bounds[:, 0] - tolerance) & (vertices <= bounds[:, 1] + tolerance)
         return np.asarray(inside.all(axis=1))
     if place.shape == "sphere":
-        away = np.linalg.norm(vertices - np.array(place.numbers[:3]), axis=1)
-        return np.asarray(away <= place.numbers[3] + tolerance)
+        distance = np.linalg.norm(vertices - np.array(place.numbers[:3]), axis=1)
+        return np.asarray(distance <= place.numbers[3] + tolerance)
     if masks is None:
         raise InputError("masks need a mesh with point arrays", value=str(place))
     mask = np.asarray(masks(place.name)) != 0

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 #: Name of the places of `rigid_bodies` in messages.
 RIGID_PLACE = "rigid place"
 
-#: Shares of an extent: a slab below the first is flat up to rounding, a box below the second is as
-#: thin as a sheet.
-_FLAT, _THIN = 1e-3, 0.1
+#: A slab is flat, up to rounding, if its height is below this share of the extent.
+_FLAT = 1e-3
+#: A box is as thin as a sheet if its smallest side is below this share of the second smallest.
+_THIN = 0.1
 #: A motion counts as held if the square of its part along held directions is more than this share.
 _HELD = 1e-10
 
@@ -239,22 +240,24 @@ def free_motions(
     # each body.
     axes = np.flatnonzero((~held & ~inclined[:, None] & (body == 0)[:, None]).ravel())
     blocks = [_Block(axes, np.arange(len(axes)), np.ones(len(axes)), axes)]
-    alone = np.flatnonzero(inclined)
-    if len(alone):
-        kept, vectors = np.linalg.eigh(bound[alone])
-        vertex, which = np.nonzero(kept <= _HELD)
-        rows = 3 * alone[vertex, None] + np.arange(3)
+    sliders = np.flatnonzero(inclined)
+    if len(sliders):
+        held_shares, vectors = np.linalg.eigh(bound[sliders])
+        vertex, which = np.nonzero(held_shares <= _HELD)
+        rows = 3 * sliders[vertex, None] + np.arange(3)
         columns = np.repeat(np.arange(len(vertex)), 3)
         entries = vectors[vertex, :, which].ravel()
         blocks.append(_Block(rows.ravel(), columns, entries, rows[:, 0]))
     for number in range(1, int(body.max(initial=0)) + 1):
-        mine = np.flatnonzero(body == number)
-        rows = (3 * mine[:, None] + np.arange(3)).ravel()
-        left, sizes, _ = np.linalg.svd(rigid_motions(points[mine]), full_matrices=False)
+        members = np.flatnonzero(body == number)
+        rows = (3 * members[:, None] + np.arange(3)).ravel()
+        left, sizes, _ = np.linalg.svd(rigid_motions(points[members]), full_matrices=False)
         basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has only five motions
-        each = basis.reshape(len(mine), 3, -1)
-        kept, turn = np.linalg.eigh(np.einsum("vim,vij,vjn->mn", each, bound[mine], each))
-        basis = basis @ turn[:, kept <= _HELD]
+        motions = basis.reshape(len(members), 3, -1)
+        held_shares, turn = np.linalg.eigh(
+            np.einsum("vim,vij,vjn->mn", motions, bound[members], motions)
+        )
+        basis = basis @ turn[:, held_shares <= _HELD]
         size = basis.shape[1]
         columns = np.tile(np.arange(size), len(rows))
         blocks.append(_Block(np.repeat(rows, size), columns, basis.ravel(), rows[:1].repeat(size)))
@@ -281,11 +284,11 @@ def rigid_motions(points: Floats, places: Bools | None = None) -> Floats:
     """Compute three translations and three rotations about the middle, (3V, 6), of similar size."""
     # Nodes that are not positions, such as half thicknesses, only turn.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
-    away = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
-    away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
+    arms = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
+    arms /= max(float(np.abs(arms).max()), np.finfo(float).tiny)
     motions = np.zeros((len(points), 3, 6))
     motions[shifts, :, :3] = np.eye(3)
-    motions[:, :, 3:] = small_rotations(away)
+    motions[:, :, 3:] = small_rotations(arms)
     return motions.reshape(-1, 6)
 
 

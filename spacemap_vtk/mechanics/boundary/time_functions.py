@@ -67,10 +67,10 @@ class PiecewiseLinear(NamedTuple):
         """Find the first time after the given one at which a piece starts; infinity if none."""
         count, rest = self.phase(time)
         k = bisect_right(self.times, rest)
-        whole = 0.0 if self.period is None else count * self.period
+        start = 0.0 if self.period is None else count * self.period
         if k < len(self.times):
-            return whole + float(self.times[k])
-        return math.inf if self.period is None else whole + self.period
+            return start + float(self.times[k])
+        return math.inf if self.period is None else start + self.period
 
 
 class Sine(NamedTuple):
@@ -148,9 +148,9 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
     t, v = _check_table(times, values)
     spans = np.diff(t)
     # A jump is a piece of zero length: it is left out, and the next piece starts with its value.
-    lasts = np.append(spans > 0, True)
-    slopes = np.append(np.diff(v)[spans > 0] / spans[spans > 0], 0.0)
-    t, v = t[lasts], v[lasts]
+    is_piece = spans > 0
+    slopes = np.append(np.diff(v)[is_piece] / spans[is_piece], 0.0)
+    t, v = t[np.append(is_piece, True)], v[np.append(is_piece, True)]
     if t[0] > 0.0:
         t, v, slopes = np.r_[0.0, t], np.r_[v[0], v], np.r_[0.0, slopes]
     t = t + start
@@ -191,10 +191,9 @@ def periodic(
             allowed="times from 0 s to the period, which must be above 0 s",
         )
     spans = np.diff(t)
-    whole = spans > 0
-    return PiecewiseLinear(
-        t[:-1][whole], v[:-1][whole], np.diff(v)[whole] / spans[whole], float(t[-1]), steady
-    )
+    is_piece = spans > 0
+    slopes = np.diff(v)[is_piece] / spans[is_piece]
+    return PiecewiseLinear(t[:-1][is_piece], v[:-1][is_piece], slopes, float(t[-1]), steady)
 
 
 def harmonic(frequency: float, phase: float = 0.0, *, steady: bool = False) -> Sine:

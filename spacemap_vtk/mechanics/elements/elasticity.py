@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.mechanics.elements.tetrahedra import (
+    ELEMENTS,
     check_mesh,
     edges_and_volumes,
-    reference_element,
     volumes,
 )
 from spacemap_vtk.ndarrays import Floats, Ints
@@ -72,7 +72,7 @@ def nodal_mass(
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     if factors is not None:
         volume = volume * factors
-    shape = reference_element(nodes.shape[1])
+    shape = ELEMENTS[nodes.shape[1]]
     share = shape.lumps if lumped else shape.products.sum(axis=1)
     return density * _sum_by_index(nodes, np.outer(volume, share), len(np.asarray(points)))
 
@@ -87,7 +87,7 @@ def assemble(
     points, tetrahedra = check_mesh(points, tetrahedra)
     gradient, volume = barycentric_gradients(points, tetrahedra)
     nodes, count = tetrahedra.shape[1], len(points)
-    shape = reference_element(nodes)
+    shape = ELEMENTS[nodes]
 
     key = (tetrahedra[:, :, None] * count + tetrahedra[:, None, :]).ravel()
     pair, slot = np.unique(key, return_inverse=True)

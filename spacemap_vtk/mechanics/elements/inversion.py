@@ -70,14 +70,14 @@ def _handedness(points: Floats, cells: Ints, surface: MidSurface | None) -> Floa
     """Compute the triple product of three directions in each element."""
     if surface is None:
         corner = points.T.take(cells[:, :4].T, axis=1)  # (3, 4, T)
-        one, two, three = (corner[:, k] - corner[:, 0] for k in (1, 2, 3))
+        first, second, third = (corner[:, k] - corner[:, 0] for k in (1, 2, 3))
     else:
         middle, half = np.split(surface.to_nodes(points), 2)
         middle, half = (part.T.take(surface.quads.T, axis=1) for part in (middle, half))
-        one, two = middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1]
-        three = half.sum(axis=1)
+        first, second = middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1]
+        third = half.sum(axis=1)
     return np.asarray(
-        one[0] * (two[1] * three[2] - two[2] * three[1])
-        + one[1] * (two[2] * three[0] - two[0] * three[2])
-        + one[2] * (two[0] * three[1] - two[1] * three[0])
+        first[0] * (second[1] * third[2] - second[2] * third[1])
+        + first[1] * (second[2] * third[0] - second[0] * third[2])
+        + first[2] * (second[0] * third[1] - second[1] * third[0])
     )

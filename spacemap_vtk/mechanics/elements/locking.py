@@ -19,15 +19,19 @@ from spacemap_vtk.ndarrays import Bools, Floats, Ints
 #: A mesh is thin along an axis if its extent is below this share of that along another axis.
 _THIN = 1 / 3
 
-#: Poisson's ratio for which the fits were made, and G/C₃₃ at this ratio.
-_RATIO, _SWELLING = 0.3, 0.2 / 0.7
+#: Poisson's ratio for which the fits were made.
+_RATIO = 0.3
+#: G/C₃₃ at this ratio.
+_SWELLING = 0.2 / 0.7
 
+#: Degree of the polynomials for a plate's modes.
+_DEGREE = 7
+#: Number of the plate's lowest modes that are considered.
+_MODES = 5
 
-#: Degree of the polynomials for a plate's modes, and number of modes that are judged.
-_DEGREE, _MODES = 7, 5
-
-#: Edges of a tetrahedron, and the largest number of held edges that are examined.
+#: Edges of a tetrahedron.
 _EDGES = list(itertools.combinations(range(4), 2))
+#: Largest number of held edges that are examined.
 _MAX_EDGES = 500
 
 #: Limit of the factors; above it float64 would no longer resolve the softer motions.

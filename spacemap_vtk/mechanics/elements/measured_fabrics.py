@@ -88,10 +88,10 @@ class MeasuredFabric(NamedTuple):
         """Stiffness of the fabric as a sheet, per width."""
         c11, c12, c22, c33 = self.stiffness
         c12 = max(c12, 0.0)
-        along, askew, across = self.bending
+        along, bias, across = self.bending
         # Bending along the bias is (D11 + D22 + 2 D12 + 4 D66)/4, with D12 = 0. The shear is in
         # tensor measure: force per width = c33 γ / 2.
-        twisting = askew - (along + across) / 4
+        twisting = bias - (along + across) / 4
         stretched = np.array([[c11, c12, 0.0], [c12, c22, 0.0], [0.0, 0.0, c33 / 2]])
         bent = np.diag([along, across, twisting])
         return Plate(stretched, bent)
@@ -148,8 +148,8 @@ swimsuit   0.204  47.971176   6.834521 104.615456  60.773663  60.237942  58.8032
 def _parse_table() -> Iterator[tuple[str, MeasuredFabric]]:
     for name, *words in map(str.split, _MEASURED.strip().splitlines()):
         mass, c11, c12, c22, c33 = map(float, words[:5])
-        along, askew, across = (float(f"{word}e-6") for word in words[5:])
-        bending = along, askew, across
+        along, bias, across = (float(f"{word}e-6") for word in words[5:])
+        bending = along, bias, across
         yield name, MeasuredFabric(*_SAMPLES[name], mass, (c11, c12, c22, c33), bending)
 
 

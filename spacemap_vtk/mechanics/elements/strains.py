@@ -172,8 +172,7 @@ class Strains(EnergyTerm):
     def resistance_matrices(self) -> Floats:
         """Compute matrices, (E, 3 n, 3 n), that are zero for moves which strain no element."""
         rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
-        seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
-        return seen
+        return np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
 
     @cached_property
     def _can_stabilise(self) -> Bools:
@@ -240,10 +239,10 @@ class BaseSprings(Strains):
     def resistance_matrices(self) -> Floats:
         """Compute a matrix of each spring that is zero for moves which it does not resist."""
         size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
-        alike = BaseSprings(
+        scaled = BaseSprings(
             self.nodes, self.forms, self.reference, self.stiffness / size, self.weights
         )
-        return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
+        return scaled.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
 
 
 def springs_to_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> BaseSprings:

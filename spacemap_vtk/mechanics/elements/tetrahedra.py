@@ -115,11 +115,6 @@ class Element(NamedTuple):
     lumps: Floats
 
 
-def reference_element(nodes: int) -> Element:
-    """Return the reference tetrahedron with the given number of nodes."""
-    return _ELEMENTS[nodes]
-
-
 def shape_functions(weights: Floats) -> Floats:
     """Evaluate the ten shape functions of quadratic tetrahedra.
 
@@ -189,7 +184,8 @@ def _quadratic_element() -> Element:
     return Element(products, slopes, lumps)
 
 
-_ELEMENTS = {4: _linear_element(), 10: _quadratic_element()}
+#: Reference tetrahedra by their number of nodes.
+ELEMENTS = {4: _linear_element(), 10: _quadratic_element()}
 
 
 def add_midpoints(vertices: Floats, tetrahedra: Ints) -> tuple[Floats, Ints]:

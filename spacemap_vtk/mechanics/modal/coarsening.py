@@ -43,9 +43,9 @@ def coarsen(model: Model) -> Model | None:
     assert own is not None
     order = np.lexsort(own.to_nodes(points)[: len(own.pairs), :2].T)
     held = np.zeros(points.shape, dtype=bool)
-    for mine, theirs in zip(own.pairs.T, surface.pairs.T, strict=True):
-        points[mine[order]] = model.points[theirs[kept.ravel()]]
-        held[mine[order]] = ~model.free.reshape(-1, 3)[theirs[kept.ravel()]]
+    for new, old in zip(own.pairs.T, surface.pairs.T, strict=True):
+        points[new[order]] = model.points[old[kept.ravel()]]
+        held[new[order]] = ~model.free.reshape(-1, 3)[old[kept.ravel()]]
     if not plate.follows_thickness:
         plate = Plate(plate.membrane, plate.bending)
     return Model(points, cells, plate, model.density, held, model.lumped)

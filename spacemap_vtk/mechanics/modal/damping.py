@@ -96,10 +96,10 @@ def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
             f"both pairs have the same frequency, {first:g} Hz",
             cure="Give two different frequencies",
         )
-    one, two = 2 * math.pi * first, 2 * math.pi * second
-    spread = two * two - one * one
-    alpha = 2 * one * two * (low * two - high * one) / spread
-    beta = 2 * (high * two - low * one) / spread
+    omega, omega2 = 2 * math.pi * first, 2 * math.pi * second
+    spread = omega2 * omega2 - omega * omega
+    alpha = 2 * omega * omega2 * (low * omega2 - high * omega) / spread
+    beta = 2 * (high * omega2 - low * omega) / spread
     if alpha < 0 or beta < 0:
         least, most = low * first / second, low * second / first
         raise InputError(

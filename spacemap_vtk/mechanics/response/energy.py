@@ -146,8 +146,8 @@ class EnergyAccount:
             if following - start > 1e-15 * start and start - last > 1e-15 * start
         ]
         size = max(1, CHUNK // len(motion.stiffness))
-        for some in blocks(len(starts), size):
-            ends = np.array(starts[some])
+        for part in blocks(len(starts), size):
+            ends = np.array(starts[part])
             after = np.stack([motion.state(float(end)) for end in ends])
             before = after
             if any(drive.moves_base for drive in motion.drives):
@@ -190,13 +190,13 @@ class EnergyAccount:
             for phasor, sine in motion.sines
         ]
         work = load * (lasts[:, 0] - firsts[:, 0])
-        spells = _Spans(motion, spans, firsts, lasts, load, slope, sines)
+        motions = _Spans(motion, spans, firsts, lasts, load, slope, sines)
         if slope.any():
-            work += slope * (spans * lasts[:, 0] - spells.integral())
+            work += slope * (spans * lasts[:, 0] - motions.integral())
         for phasor, omega in sines:
             at_end = (phasor * np.exp(1j * omega * spans)).imag
-            whole = (phasor * (1j * omega) * spells.transform(omega)).imag
-            work += at_end * lasts[:, 0] - phasor.imag * firsts[:, 0] - whole
+            integral = (phasor * (1j * omega) * motions.transform(omega)).imag
+            work += at_end * lasts[:, 0] - phasor.imag * firsts[:, 0] - integral
         return np.asarray(work.sum(axis=1))
 
 

@@ -35,10 +35,11 @@ class MotionExtremes(NamedTuple):
         if self.rotation >= math.pi:
             return math.inf  # a pendulum released upside down never returns
         # 2 K(sin θ/2)/π as an arithmetic-geometric mean.
-        one, other = 1.0, math.cos(self.rotation / 2)
-        while abs(one - other) > 1e-12:
-            one, other = (one + other) / 2, math.sqrt(one * other)
-        return 1.0 / one
+        arithmetic, geometric = 1.0, math.cos(self.rotation / 2)
+        while abs(arithmetic - geometric) > 1e-12:
+            mean = (arithmetic + geometric) / 2
+            arithmetic, geometric = mean, math.sqrt(arithmetic * geometric)
+        return 1.0 / arithmetic
 
 
 def measure_extremes(
@@ -72,8 +73,8 @@ def measure_extremes(
     gradient = MeanGradient(rest, cells) if gradient is None else gradient
     edges = cells[:, EDGES] if surface is None else surface.quads[:, _SIDES]
     # Each edge once. Not by `np.unique`, whose imports would delay the window's first picture.
-    one, other = np.sort(edges.reshape(-1, 2), axis=1).T
-    keys = np.sort(one * len(rest) + other)
+    lower, higher = np.sort(edges.reshape(-1, 2), axis=1).T
+    keys = np.sort(lower * len(rest) + higher)
     first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))
 
     def lengths(vertices: Floats) -> Floats:
@@ -86,11 +87,11 @@ def measure_extremes(
         cancel.check()
         moved = motion.points + motion.at_time(time)[0]
         tensor = gradient.evaluate(moved - rest)
-        swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
+        volume_ratios = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
         now = (
             largest_rotation(tensor),
             abs(lengths(moved) / before - 1).max(),
-            abs(swollen - 1).max(),
+            abs(volume_ratios - 1).max(),
         )
         most = MotionExtremes(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
     return most

@@ -21,9 +21,7 @@ from spacemap_vtk.ndarrays import Floats
 CHUNK = 2_000_000
 
 
-def propagate(
-    kernel: Kernels, stiffness: Floats, state: Floats, load: Floats, slope: Floats
-) -> Floats:
+def propagate(kernel: Kernels, state: Floats, load: Floats, slope: Floats) -> Floats:
     """Propagate the state of oscillators in time under a load that is linear in time."""
     q, rate = state
     return np.array(
@@ -64,7 +62,7 @@ class PiecewiseLinearMotion:
         for first in range(0, count - 1, chunk):
             block = compute_kernels(stiffness, half, spans[first : first + chunk])
             for k, kernel in enumerate(zip(*block, strict=True), first):
-                end = propagate(Kernels(*kernel), stiffness, self._starts[k], *self._load(k))
+                end = propagate(Kernels(*kernel), self._starts[k], *self._load(k))
                 self._starts[k + 1] = end if jumps is None else end + jumps[k + 1]
 
     def _load(self, k: int) -> tuple[Floats, Floats]:
@@ -78,7 +76,7 @@ class PiecewiseLinearMotion:
         if self._last is None or self._last[0] != k:
             self._last = k, *self._load(k)
         kernel = compute_kernels(self._stiffness, self._half, time - self._times[k])
-        return propagate(kernel, self._stiffness, self._starts[k], *self._last[1:])
+        return propagate(kernel, self._starts[k], *self._last[1:])
 
 
 class PeriodicMotion:
