@@ -97,7 +97,7 @@ class CageFittings(Parameterised):
         "Places of the cage that cannot move: sides of its bounding box, boxes, spheres or point "
         'masks. A colon and components, "-x:yz", hold only these; a direction, "-x:(0, 1, 1)", '
         "lets the place slide in the plane across it.",
-        automatic="the bottom of an object; the top of a thin one",
+        automatic="for an object its bottom, or its top if it is thin",
     )
     rigid = RigidPlaces(
         "",

@@ -131,8 +131,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     )
     gravity = Vector(
         (0.0, 0.0, 0.0),
-        "Gravity under which the cage hangs before it moves, with any deformation; the modes are "
-        "those about this equilibrium.",
+        "Gravity under which the cage hangs before it moves. Deformations can be large; the modes "
+        "are those about this equilibrium.",
         component=Real(0.0, "", unit="m/s2"),
         group="Hung",
     )

@@ -75,8 +75,8 @@ class TransientResponse(LoadParameters, Stage):
 
     held = Supports(
         "",
-        "Places that are held, undeformed, until t = 0, in addition to the supports. The motion "
-        "starts from the equilibrium under the loads, when these places are released.",
+        "Places that are held in their undeformed positions until t = 0, in addition to the "
+        "supports. The motion starts from this equilibrium, when these places are released.",
     )
     tolerance = Real(
         1e-4,

@@ -140,7 +140,7 @@ def find_equilibrium(
 def _no_equilibrium(steps: int, solved_share: float, critical: float | None) -> SolverError:
     buckled = "" if critical is None else f", and the cage buckles at {critical:.1%} of it"
     return SolverError(
-        f"no stable equilibrium was found in {steps} steps: it was found for {solved_share:.1%} "
+        f"no stable equilibrium was found in {steps} steps: the search reached {solved_share:.1%} "
         f"of the load{buckled}",
         cure="Lower the load, fix more of the cage, or make it stiffer",
     )
