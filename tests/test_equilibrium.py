@@ -330,7 +330,7 @@ def test_unsupported_body_is_refused() -> None:
     rows = np.concatenate([~np.tile(held, 2), np.ones(len(made.start), dtype=bool)])
     load = np.zeros((len(rows), 3))
     load[-len(made.start) : -len(held), 2] = -1e-3 * made.weights
-    with pytest.raises(InputError, match="Hold a side"):
+    with pytest.raises(InputError, match="Fix a side"):
         hang(two, free(rows), np.concatenate([made.start, made.start]), load)
     ends = made.middle[:, 0] > made.middle[:, 0].max() - 1e-12
     resting = made.hung(held & False, np.outer(1.0 * ends - held, (WEIGHT, 0, 0)))

@@ -36,13 +36,13 @@ class Shearing:
     def __init__(self, cage: Any, rate: float) -> None:
         self.points, self.cells, self.rate = points_of(cage), tetrahedra_of(cage), rate
 
-    def at(self, time: float) -> np.ndarray:
+    def at_time(self, time: float) -> np.ndarray:
         speed = np.zeros((3, len(self.points), 3))
         speed[:, :, 2] = np.outer((self.rate * time, self.rate, 0.0), self.points[:, 1])
         return speed
 
     def history(self, weights: np.ndarray, times: np.ndarray) -> np.ndarray:
-        return np.stack([weights @ self.at(time) for time in times], axis=1)
+        return np.stack([weights @ self.at_time(time) for time in times], axis=1)
 
     def energies(self, times: np.ndarray) -> np.ndarray:
         return np.full((len(times), 4), np.nan)

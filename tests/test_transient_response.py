@@ -182,12 +182,12 @@ def test_stopped_run_continues() -> None:
     [
         (
             {"loads": [{"gravity": [0, 0, 1], "time": "harmonic", "frequency": 3, "steady": True}]},
-            r"loads\[0\]\.steady.*Leave it out",
+            r"loads\[0\]\.steady.*Leave out steady",
         ),
         ({"held": "sphere(1, 1, 1, 1 mm)"}, "held"),
         (
             {"loads": [FOLLOWER], "initial": "equilibrium"},
-            r"loads\[0\]\.follower.*keep their direction.*begin later",
+            r"loads\[0\]\.follower.*follower pressures.*Start the load later",
         ),
     ],
 )
