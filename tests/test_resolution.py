@@ -76,8 +76,8 @@ def test_axial_modes_are_resolved_better_than_bending_modes():
 
 def test_resolved_modes_between_unresolved_ones_are_not_counted():
     assert describe_unresolved_modes([0.01, 0.3, 0.05, 0.2, 0.02]) == (
-        "2 of the modes 2 to 4 are not resolved by the cage's cells: frequencies are at least about "
-        "20% too high"
+        "2 of the modes 2 to 4 are not resolved by the cage's cells: frequencies are at least "
+        "about 20% too high"
     )
     assert describe_unresolved_modes([0.01, 0.2]).startswith("mode 2 is not resolved")
     assert describe_unresolved_modes([0.0, 0.1]) == ""
