@@ -62,14 +62,14 @@ _MAX_PROGRESS = 99
 _MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
 _MIN_WIDTH = 690
-#: Factor by which one key press makes lines and dots thicker.
+#: Factor by which one key press makes lines and points thicker.
 _THICKNESS_STEP = 1.25
-
-
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
-#: End of a warning's first statement, and number of its words that the status line shows.
-_STATEMENT_END, _MAX_WORDS = re.compile(r"[;:]|, so that|, of which"), 16
+#: End of a warning's first statement, which the status line shows.
+_STATEMENT_END = re.compile(r"[;:]|, so that|, of which")
+#: Most words of that statement in the status line.
+_MAX_WORDS = 16
 
 
 class MainWindow(QMainWindow):

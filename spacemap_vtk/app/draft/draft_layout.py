@@ -6,9 +6,14 @@ from typing import NamedTuple
 
 from spacemap_vtk.scenes.shown import Shown
 
-#: In pixels: margin around the draft; gap between grids, with the numbers; width of a strip of
-#: colours; distance of a strip from its grid.
-MARGIN, GAP, STRIP, NEAR = 10, 24, 13, 4
+#: Margin around the draft, in pixels.
+MARGIN = 10
+#: Gap between grids, which contains the numbers, in pixels.
+GAP = 24
+#: Width of a strip of colours, in pixels.
+STRIP = 13
+#: Distance of a strip from its grid, in pixels.
+STRIP_DISTANCE = 4
 #: The parts before and after the drawdown stay visible if they take at most this fraction of the
 #: widget.
 FROZEN = 0.6
@@ -136,8 +141,10 @@ class DraftLayout:
     ) -> None:
         (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
         self.cell = cell
-        top_margin = MARGIN + STRIP + NEAR
-        x = ScrollAxis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
+        top_margin = MARGIN + STRIP + STRIP_DISTANCE
+        x = ScrollAxis(
+            MARGIN, ends, GAP + columns * cell + STRIP_DISTANCE + STRIP + MARGIN, cell, room[0], 0
+        )
         y = ScrollAxis(top_margin + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
         #: Largest scroll offsets.
         self.max_offset = x.max_offset, y.max_offset
@@ -155,7 +162,7 @@ class DraftLayout:
         heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
         strip, side = (
             PanelSpan(begin, 0, STRIP, begin, begin + STRIP, False)
-            for begin in (y.before_begin + MARGIN, end + NEAR)
+            for begin in (y.before_begin + MARGIN, end + STRIP_DISTANCE)
         )
         self.panels: dict[str, tuple[PanelSpan, PanelSpan]] = {
             "threading": (along_ends, heddles),
@@ -185,7 +192,7 @@ class DraftLayout:
 def fit_cell_size(shown: Shown, space: tuple[int, int], smallest: int, largest: int) -> int:
     """Return the largest size of a cell with which the whole draft is visible."""
     ends, picks = shown.size
-    width = space[0] - 2 * MARGIN - GAP - NEAR - STRIP
-    height = space[1] - 2 * MARGIN - GAP - NEAR - STRIP
+    width = space[0] - 2 * MARGIN - GAP - STRIP_DISTANCE - STRIP
+    height = space[1] - 2 * MARGIN - GAP - STRIP_DISTANCE - STRIP
     cell = min(width // (ends + shown.columns), height // (picks + shown.loom.shafts))
     return min(max(cell, smallest), largest)

@@ -12,8 +12,10 @@ from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 from spacemap_vtk.app.draft.draft_layout import GAP, DraftLayout, GridCell, PanelSpan
 from spacemap_vtk.scenes.shown import Shown
 
-#: Least sizes of a cell in pixels to draw lines between cells, and to draw round yarns.
-_MIN_CELL_FOR_LINES, _MIN_CELL_FOR_YARNS = 5, 6
+#: Smallest size of a cell to draw lines between cells, in pixels.
+_MIN_CELL_FOR_LINES = 5
+#: Smallest size of a cell to draw round yarns, in pixels.
+_MIN_CELL_FOR_YARNS = 6
 #: Number of cells between heavier lines.
 GROUP = 4
 

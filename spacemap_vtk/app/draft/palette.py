@@ -10,7 +10,9 @@ from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 from spacemap_vtk.app.widgets import painter_on
 from spacemap_vtk.scenes.shown import Shown
 
-_SIDE, _GAP = 22, 5
+#: Side of a colour, and gap between colours, in pixels.
+_SIDE = 22
+_GAP = 5
 #: Colours offered in addition to the draft's.
 _DEFAULT_COLORS = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
 _MAX_COLORS = 24

@@ -214,9 +214,12 @@ class SupportsEditor(LineEditor):
         return text
 
 
-_SIDE, _GAP = 20, 3
-#: Most swatches in a row, in the full and in half the width.
-_PER_ROW, _PER_NARROW_ROW = 11, 5
+#: Side of a swatch, and gap between swatches, in pixels.
+_SIDE = 20
+_GAP = 3
+#: Most swatches in a row of full width, and of half the width.
+_PER_ROW = 11
+_PER_NARROW_ROW = 5
 
 
 class ColorsEditor(LineEditor):

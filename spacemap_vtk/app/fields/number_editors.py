@@ -25,8 +25,10 @@ from spacemap_vtk.units import pretty
 
 _Role = QPalette.ColorRole
 _bursts = itertools.count(1)
-#: Width of a line beside its slider in pixels; Qt's value for no limit (QWIDGETSIZE_MAX).
-_LINE_WIDTH, _NO_MAX_WIDTH = 80, 16_777_215
+#: Width of a line beside its slider, in pixels.
+_LINE_WIDTH = 80
+#: Qt's value for a width without limit (QWIDGETSIZE_MAX).
+_NO_MAX_WIDTH = 16_777_215
 #: Replaces the characters of `pretty` by those of files.
 _PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 

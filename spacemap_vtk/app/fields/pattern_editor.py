@@ -37,10 +37,14 @@ COMMON = (
     "satin 8/3",
     "basket 2",
 )
-_MAX_SQUARE, _MIN_SQUARE, _MAX_HEIGHT = 26.0, 3.0, 140
-#: Width of the darker sides of a yarn, as a fraction of a square; below, Qt's factor of darkening
-#: in percent.
-_EDGE, _DARKER = 0.14, 135
+#: Largest and smallest side of a square, and largest height of the grid, in pixels.
+_MAX_SQUARE = 26.0
+_MIN_SQUARE = 3.0
+_MAX_HEIGHT = 140
+#: Width of the darker sides of a yarn, as a fraction of a square.
+_EDGE = 0.14
+#: Darkness of these sides: Qt's factor in percent.
+_DARKER = 135
 
 
 class PatternEditor(Editor):

@@ -40,8 +40,10 @@ from spacemap_vtk.units import UNITS
 
 #: Time without changes until the figures are computed, in ms.
 _REST_TIME = 250
-#: Dots per inch of the drawing, and its smallest width in pixels, which its labels need.
-_DPI, _MIN_WIDTH = 100.0, 240
+#: Resolution of the drawing, in dots per inch.
+_DPI = 100.0
+#: Smallest width of the drawing, which its labels need, in pixels.
+_MIN_WIDTH = 240
 #: Figures of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (

@@ -20,8 +20,10 @@ from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
-#: Smallest width of a thumbnail in pixels, and its height over its width.
-_MIN_WIDTH, _ASPECT = 140, 2 / 3
+#: Smallest width of a thumbnail, in pixels.
+_MIN_WIDTH = 140
+#: Height of a thumbnail over its width.
+_ASPECT = 2 / 3
 _NAME = Qt.ItemDataRole.UserRole
 
 

@@ -38,7 +38,8 @@ from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping
 from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "f [Hz]", "Damping", "Mass")
-_FREQUENCY, _MASS = _HEADINGS.index("f [Hz]"), _HEADINGS.index("Mass")
+_FREQUENCY = _HEADINGS.index("f [Hz]")
+_MASS = _HEADINGS.index("Mass")
 #: Prefix of a frequency whose mode the cells of the cage are too large to resolve.
 _APPROXIMATE = "≈ "
 _TIPS = (

@@ -26,9 +26,11 @@ from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
 
-#: Least time between two computations of feasible intervals in s, and largest fraction of the time
-#: that they may take: during a drag, one computation costs as much as a few frames.
-_LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
+#: Shortest time between two computations of feasible intervals, in s. During a drag, one
+#: computation costs as much as a few frames.
+_LIMIT_SECONDS = 0.25
+#: Largest fraction of the time that these computations may take.
+_LIMIT_SHARE = 0.02
 #: Sections with more parameters get a search field.
 _SEARCH_FROM = 8
 

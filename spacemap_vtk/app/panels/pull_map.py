@@ -27,15 +27,20 @@ from spacemap_vtk.textile.crimp.biaxial import StretchMap
 
 #: Margins of the map in pixels: left, right, above, below.
 _MARGINS = (52, 12, 10, 40)
-#: In pixels: radius of the point; least distance of marks; least half width of a region with a
-#: name.
-_POINT_RADIUS, _MIN_MARK_DISTANCE, _MIN_REGION = 6.0, 46.0, 18.0
+#: Radius of the point, in pixels.
+_POINT_RADIUS = 6.0
+#: Smallest distance between two marks of a scale, in pixels.
+_MIN_MARK_DISTANCE = 46.0
+#: Smallest half width of a region with a name, in pixels.
+_MIN_REGION = 18.0
 #: Colours of the lines of warp and weft, in the light and in the dark theme.
 _COLORS = (("#c8502a", "#2c5f9e"), ("#ff8a5c", "#6cb4ee"))
 #: Possible positions of a number along its line, as fractions of the line.
 _LABEL_POSITIONS = (0.5, 0.35, 0.65, 0.22, 0.78, 0.1, 0.9)
-#: Step of the point for one key press, and the factor with Shift.
-_STEP, _SHIFT_FACTOR = 0.002, 5
+#: Step of the point for one key press, as a stretch ratio.
+_STEP = 0.002
+#: Factor of this step while Shift is pressed.
+_SHIFT_FACTOR = 5
 _STEPS = {
     Qt.Key.Key_Left: (-1, 0),
     Qt.Key.Key_Right: (1, 0),

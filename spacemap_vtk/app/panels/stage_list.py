@@ -34,9 +34,10 @@ STATES = {
 }
 _KEY = Qt.ItemDataRole.UserRole
 _CHECKED = Qt.CheckState.Checked
-#: Columns: name with the state's dot, time of the last run, number of runs, box to switch the
-#: stage on (shown first), eye to show its result. Below: the width of the last two in pixels.
+#: Columns: name with the dot of the state, time of the last run, number of runs, box to switch the
+#: stage on (shown first), eye to show its result.
 _NAME, _TIME, _RUNS, _BOX, _EYE = range(5)
+#: Width of the columns with box and eye, in pixels.
 _ICON_WIDTH = 24
 
 

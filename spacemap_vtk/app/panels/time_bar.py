@@ -17,9 +17,12 @@ from spacemap_vtk.units import format_quantity
 _STEPS = 2000
 #: Interval of the timer while playing, in ms. Playing shows as many frames as can be computed.
 _TICK = 15
-#: Widths in pixels below which some controls are hidden to keep the slider usable, and the
-#: smallest width of the bar.
-_WIDE, _MIDDLE, _NARROW = 560, 500, 380
+#: Below this width, the first and last buttons and the end time are hidden, in pixels.
+_WIDTH_FOR_ENDS = 560
+#: Below this width, the buttons for one frame are hidden too, in pixels.
+_WIDTH_FOR_STEPS = 500
+#: Smallest width of the bar, in pixels.
+_MIN_WIDTH = 380
 _NO_MOTION = "This scene does not move. Switch on a stage of motion, such as Modal response."
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
@@ -62,7 +65,7 @@ class TimeBar(QWidget):
         buttons = (self.first, self.back, self.play, self.forward, self.last, self.loop)
         others = ((self.slider, 1), self.line, self.end_label, self.speed)
         row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
-        self.setMinimumWidth(_NARROW)
+        self.setMinimumWidth(_MIN_WIDTH)
         #: Tooltips while the scene moves; otherwise `_NO_MOTION` replaces them.
         self._tips = {w: w.toolTip() for w in (self, *buttons, self.slider, self.line, self.speed)}
         self._timer = QTimer(self, interval=_TICK)
@@ -75,8 +78,8 @@ class TimeBar(QWidget):
         """In a narrow window, hide controls that also have keys."""
         super().resizeEvent(event)
         for least, widgets in (
-            (_WIDE, (self.first, self.last, self.end_label)),
-            (_MIDDLE, (self.back, self.forward)),
+            (_WIDTH_FOR_ENDS, (self.first, self.last, self.end_label)),
+            (_WIDTH_FOR_STEPS, (self.back, self.forward)),
         ):
             for widget in widgets:
                 widget.setVisible(self.width() >= least)

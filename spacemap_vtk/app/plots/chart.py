@@ -17,13 +17,21 @@ from spacemap_vtk.app.plots.curves import Curves
 from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, prefixed_unit
 
-#: Colours of points; below, the margins of the plots in pixels: left, right, top, between, bottom.
+#: Colours of points.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
 COMPONENTS = ("x", "y", "z", "size")
-_LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
-#: Height of a line of the legend in pixels; gap between a title and the legend beside it in pixels;
-#: matplotlib's distance between a title and its plot in points.
-_LINE, _GAP, _PAD = 14, 10, 6.0
+#: Margins of the plots, in pixels.
+_LEFT = 58
+_RIGHT = 14
+_TOP = 24
+_BETWEEN = 58
+_BOTTOM = 40
+#: Height of a line of the legend, in pixels.
+_LINE = 14
+#: Gap between a title and the legend beside it, in pixels.
+_GAP = 10
+#: Distance of a title from its plot, in points.
+_PAD = 6.0
 
 
 class CurveOptions(NamedTuple):

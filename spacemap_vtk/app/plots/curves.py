@@ -40,8 +40,10 @@ SAMPLES = 1500
 CHUNK = 60
 #: Intended time of one such part in s.
 _SLICE_TIME = 0.1
-#: Progress when the time steps are finished, and when the motion is known.
-_STEPPED, _MOVED = 0.9, 0.97
+#: Progress when the time steps are finished.
+_STEPPED = 0.9
+#: Progress when the motion of the points is known.
+_MOVED = 0.97
 
 
 class CurveRequest(NamedTuple):

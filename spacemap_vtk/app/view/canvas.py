@@ -21,8 +21,13 @@ from spacemap_vtk.draw.actors.shadow_layer import ShadowLayer
 from spacemap_vtk.draw.camera import add_front_renderer, make_renderer
 
 # Constants of OpenGL.
-_READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
-_COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
+_READ_FRAMEBUFFER = 0x8CA8
+_DRAW_FRAMEBUFFER = 0x8CA9
+_COLOR_BUFFER = 0x4000
+_NEAREST = 0x2600
+_SCISSOR_TEST = 0x0C11
+_LEQUAL = 0x0203
+#: Replacement of the texture lookups in VTK's shader; see `Canvas._patch_fxaa`.
 _TEXEL = """
 vec4 texel(vec2 at)
 {

@@ -46,9 +46,11 @@ if TYPE_CHECKING:
 _REST_TIME = 220
 #: Most pixels that the mouse may move during a click.
 _MAX_CLICK_MOVE = 3.0
-#: While something moves, the next picture has smooth edges (FXAA) only if the last one took less
-#: time, in s: with smooth edges, and without.
-_SMOOTH, _ROUGH = 0.2, 0.1
+#: While something moves, the next picture has smooth edges (FXAA) if the last one, with smooth
+#: edges, took less than this time, in s.
+_MAX_SMOOTH_TIME = 0.2
+#: The same if the last picture had no smooth edges.
+_MAX_ROUGH_TIME = 0.1
 #: VTK's interactor state while the mouse turns the camera (VTKIS_ROTATE).
 _TURNING = 1
 
@@ -256,7 +258,7 @@ class View3D(QWidget):
         renderer, took = self.canvas.renderer, self.canvas.draw_time
         moving = self.steering or (self.frame is not None and self.frame.coarse)
         if moving and self._was_moving:
-            self._is_quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
+            self._is_quick = took < (_MAX_SMOOTH_TIME if renderer.GetUseFXAA() else _MAX_ROUGH_TIME)
         self._was_moving = moving
         self.scene_view.surface.set_samples(1 if moving else FINE_SAMPLES)
         renderer.SetUseFXAA(self._is_quick or not moving)

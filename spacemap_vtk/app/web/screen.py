@@ -15,10 +15,14 @@ from spacemap_vtk.draw.offscreen import OffscreenWindow
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of
 from spacemap_vtk.scenes.settings import FLAT, View
 
-#: JPEG quality of still and of moving pictures.
-_STILL, _MOVING = 92, 75
-#: Least and most pixels along a side. Larger screens get an enlarged picture.
-_MIN_SIDE, _MAX_SIDE = 64, 2560
+#: JPEG quality of still pictures.
+_STILL_QUALITY = 92
+#: JPEG quality of moving pictures.
+_MOVING_QUALITY = 75
+#: Smallest side of the picture, in pixels.
+_MIN_SIDE = 64
+#: Largest side of the picture, in pixels; larger screens get an enlarged picture.
+_MAX_SIDE = 2560
 #: Rotation in degrees for a drag across the whole picture, as in VTK.
 _TURN = 200.0
 
@@ -129,7 +133,7 @@ class Screen:
             self.window.render(front=self._view.loads)
             file = io.BytesIO()
             image = Image.fromarray(np.ascontiguousarray(self.window.pixels()[..., :3]))
-            quality: dict[str, Any] = {"quality": _MOVING if moving else _STILL}
+            quality: dict[str, Any] = {"quality": _MOVING_QUALITY if moving else _STILL_QUALITY}
             image.save(file, "JPEG", **quality, subsampling=2 if moving else 0)
             self._drawn = self.version, file.getvalue()
         return self._drawn[1]

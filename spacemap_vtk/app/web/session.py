@@ -26,10 +26,14 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity
 
-#: Time in s after which a run is shown as running, and after which the camera counts as at rest.
-_NOTICE_DELAY, _REST_TIME = 0.15, 0.25
-#: Most frames per second, and the time in s that playing waits until a browser fetches a picture.
-_MAX_RATE, _FETCH_TIME = 30.0, 1.0
+#: Time after which a run is shown as running, in s.
+_NOTICE_DELAY = 0.15
+#: Time after which the camera counts as at rest, in s.
+_REST_TIME = 0.25
+#: Most frames per second while playing.
+_MAX_RATE = 30.0
+#: Longest time that playing waits until a browser fetches a picture, in s.
+_FETCH_TIME = 1.0
 #: Number of steps of the time slider.
 TIME_STEPS = 2000
 

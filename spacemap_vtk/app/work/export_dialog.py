@@ -29,7 +29,10 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 
 #: Sizes in pixels, by name. The list starts with the sizes of the window and of the scene.
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
-_OTHER, _SIZE_KEY = "Other", "export/size"
+#: Name of a size that is not in the list.
+_OTHER = "Other"
+#: Settings key for the last size.
+_SIZE_KEY = "export/size"
 #: Choices of the camera, each with an explanation.
 _CAMERAS = {
     "As in the window": "The same content and background as in the window, fitted to this size.",
