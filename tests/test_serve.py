@@ -50,14 +50,14 @@ def opened(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def served(opened) -> Iterator[tuple[subprocess.Popen[str], str]]:
     prepare_offscreen()  # in this process, so that the tests are skipped if it cannot draw
-    words = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
+    arguments = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
     script = opened.with_name("browser")
     script.write_text(f'#!/bin/sh\necho "$1" >"{opened}.new" && mv "{opened}.new" "{opened}"\n')
     script.chmod(0o755)
     bare = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
     bare |= {"WAYLAND_DISPLAY": "none", "BROWSER": f"{script} %s"}
     process = subprocess.Popen(
-        [sys.executable, "-m", "spacemap_vtk", *words],
+        [sys.executable, "-m", "spacemap_vtk", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -77,9 +77,9 @@ def test_requests_without_the_token_are_refused(served, opened):
         time.sleep(0.01)
     once = opened.read_text().strip()
     assert urlsplit(address).path.strip("/") not in once
-    here, token = urlsplit(address).netloc, urlsplit(address).path.strip("/")
+    host, token = urlsplit(address).netloc, urlsplit(address).path.strip("/")
     assert len(token) >= 32
-    root, wrong = f"http://{here}/", token[:-1] + ("0" if token[-1] != "0" else "1")
+    root, wrong = f"http://{host}/", token[:-1] + ("0" if token[-1] != "0" else "1")
     name = {"Host": "elsewhere.example:80"}
     origin = {"Origin": "http://elsewhere.example"}
 
@@ -135,7 +135,7 @@ async def _call(socket, number, method, args):
 
 def test_used_port_and_public_address_are_refused(served, capsys):
     port = str(urlsplit(served[1]).port)
-    for option, value, told in (
+    for option, value, message in (
         ("--host", "0.0.0.0", "reachable from this machine only"),
         ("--port", port, "another program uses this port"),
         ("--port", "70000", "cannot be opened"),
@@ -145,7 +145,7 @@ def test_used_port_and_public_address_are_refused(served, capsys):
         error = capsys.readouterr().err
         assert error.count("\n") == 1
         assert f"{option} = " in error
-        assert told in error
+        assert message in error
 
 
 class _State(types.SimpleNamespace):
@@ -213,15 +213,15 @@ def test_browser_page_moves_and_follows_changes(served):
         first = page.screenshot()[60:500, :500]
         assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500  # a cloth, not a plain background
         _play(page)
-        before = _seen(page)
+        before = _still_picture(page)
         _type(page, "weave.ends", "3")
         page.wait_until("document.getElementById('weave.ends').value === '3'")
-        narrower = _changed(page, before)
+        narrower = _changed_picture(page, before)
         _type(page, "weave.ends", "0")
         page.wait_until("document.querySelector('.bad .note') !== null")
         note = page.evaluate("document.querySelector('.bad .note').textContent")
         assert "out of range; allowed: a whole number at least 1" in note
-        assert np.array_equal(_seen(page), narrower)
+        assert np.array_equal(_still_picture(page), narrower)
         page.drag((200, 300), (300, 250))
         while not _differ(page.screenshot()[60:500, :500], narrower):
             time.sleep(0.02)
@@ -252,14 +252,14 @@ def _type(page: Page, row: str, text: str) -> None:
     )
 
 
-def _seen(page: Page):
+def _still_picture(page: Page):
     """Return the picture when it no longer changes."""
     page.evaluate(_QUIET)
     return page.screenshot()[60:500, :500]
 
 
-def _changed(page: Page, before):
-    now = _seen(page)
+def _changed_picture(page: Page, before):
+    now = _still_picture(page)
     assert _differ(now, before)
     return now
 

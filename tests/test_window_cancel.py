@@ -30,7 +30,7 @@ from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
-def slack() -> float:
+def cancel_time() -> float:
     """Return the seconds that cancelling may take on a busy machine."""
     return 10.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
@@ -73,11 +73,11 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
         lambda: window.stages.states[stage] == "running" and window.cancel_button.isVisible()
     )
     QTest.qWait(200)
-    begun = time.monotonic()
+    start = time.monotonic()
     QTest.mouseClick(window.cancel_button, Qt.MouseButton.LeftButton)
     assert window.running_label.text().endswith("stopping…")
     wait_until(lambda: not window.engine.busy)
-    assert time.monotonic() - begun < slack()
+    assert time.monotonic() - start < cancel_time()
     wait_until(
         lambda: window.stages.states[stage] == "stale" and not window.cancel_button.isVisible()
     )
@@ -149,9 +149,9 @@ def test_closing_cancels_the_run(open_window: Any) -> None:
     window.document.set("cage", "divisions", [130, 100, 65])
     wait_until(lambda: window.stages.states["cage"] == "running")
     QTest.qWait(200)
-    begun = time.monotonic()
+    start = time.monotonic()
     window.discard()
-    assert time.monotonic() - begun < slack()
+    assert time.monotonic() - start < cancel_time()
     assert not window.engine.isRunning()
 
 
@@ -167,10 +167,10 @@ def test_child_process_ends_with_the_cancelled_run(tmp_path: Path) -> None:
     thread = threading.Thread(target=work)
     thread.start()
     wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
-    begun = time.monotonic()
+    start = time.monotonic()
     token.cancel()
     thread.join(10.0)
-    assert ends[0] - begun < slack()
+    assert ends[0] - start < cancel_time()
     assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
 
 
@@ -182,7 +182,7 @@ def test_child_process_returns_its_output(tmp_path: Path) -> None:
     assert done.stderr == "wrong"
 
 
-def a_job(divisions: int, generation: int = 1) -> FrameRequest:
+def make_request(divisions: int, generation: int = 1) -> FrameRequest:
     """Request a frame of a small cloth in a cage that is solved quickly."""
     values = {
         "weave": {"ends": 3, "picks": 3},
@@ -203,13 +203,13 @@ def a_job(divisions: int, generation: int = 1) -> FrameRequest:
 @contextmanager
 def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
     """Run an engine; the list holds the values of each frame, or "cancelled"."""
-    engine, told = Engine(), []
+    engine, results = Engine(), []
     direct = Qt.ConnectionType.DirectConnection
-    engine.ready.connect(lambda: told.append(engine.take_frame().values), direct)
-    engine.cancelled.connect(lambda: told.append("cancelled"), direct)
+    engine.ready.connect(lambda: results.append(engine.take_frame().values), direct)
+    engine.cancelled.connect(lambda: results.append("cancelled"), direct)
     engine.start()
     try:
-        yield engine, told
+        yield engine, results
     finally:
         engine.finish()
         engine.ready.disconnect()
@@ -217,8 +217,8 @@ def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
 
 
 def test_cancel_before_a_run_starts_stops_only_that_run(qapp: Any) -> None:
-    with running_engine() as (engine, told):
-        first, second = a_job(2), a_job(3)
+    with running_engine() as (engine, results):
+        first, second = make_request(2), make_request(3)
         do, pending = engine.run_request, [engine.cancel]
 
         def cancelled_first(job: FrameRequest) -> None:
@@ -229,21 +229,21 @@ def test_cancel_before_a_run_starts_stops_only_that_run(qapp: Any) -> None:
 
         engine.run_request = cancelled_first
         engine.request(first)
-        wait_until(lambda: told and not engine.busy)
-        assert told == ["cancelled"]
+        wait_until(lambda: results and not engine.busy)
+        assert results == ["cancelled"]
         engine.request(second)
-        wait_until(lambda: len(told) == 2)
-        assert told[1] == second.values
+        wait_until(lambda: len(results) == 2)
+        assert results[1] == second.values
         # Nothing runs and nothing waits, so the cancellation has no effect.
         wait_until(lambda: not engine.busy)
         engine.cancel()
         engine.request(first)
-        wait_until(lambda: len(told) == 3)
-        assert told[2] == first.values
+        wait_until(lambda: len(results) == 3)
+        assert results[2] == first.values
 
 
 def test_closing_before_a_run_starts_ends_the_engine(qapp: Any) -> None:
-    with running_engine() as (engine, told):
+    with running_engine() as (engine, results):
         do, taken = engine.run_request, threading.Event()
 
         def late(job: FrameRequest) -> None:
@@ -254,24 +254,24 @@ def test_closing_before_a_run_starts_ends_the_engine(qapp: Any) -> None:
             do(job)
 
         engine.run_request = late
-        engine.request(a_job(2))
+        engine.request(make_request(2))
         assert taken.wait(30.0)
         engine.finish()
-        assert told == ["cancelled"]
+        assert results == ["cancelled"]
 
 
 def test_cancelling_a_long_run_does_not_cancel_the_next(
     qapp: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A newer request cancels a long run, which may end at the same moment."""
-    with running_engine() as (engine, told):
-        first, second = a_job(2), a_job(3)
+    with running_engine() as (engine, results):
+        first, second = make_request(2), make_request(3)
         do = engine.run_request
-        begun, asked, taken = threading.Event(), threading.Event(), []
+        start, asked, taken = threading.Event(), threading.Event(), []
 
         def slow(job: FrameRequest) -> None:
             taken.append(job)
-            begun.set()
+            start.set()
             if job is first:
                 assert asked.wait(30.0)
             do(job)
@@ -289,7 +289,7 @@ def test_cancelling_a_long_run_does_not_cancel_the_next(
         monkeypatch.setattr("spacemap_vtk.app.work.engine.CANCEL_AFTER", 0.0)
         engine.run_request = slow
         engine.request(first)
-        assert begun.wait(30.0)
+        assert start.wait(30.0)
         engine.request(second)
-        wait_until(lambda: len(told) == 2)
-        assert told[1] == second.values
+        wait_until(lambda: len(results) == 2)
+        assert results[1] == second.values

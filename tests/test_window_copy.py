@@ -24,7 +24,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 pytestmark = pytest.mark.usefixtures("kept_modes")
 
 
-def copied(window: Any, action: str) -> str:
+def copied_text(window: Any, action: str) -> str:
     window.menus.actions[action].trigger()
     return QGuiApplication.clipboard().text()
 
@@ -51,12 +51,19 @@ def test_copied_command_draws_the_same_picture(
         window.document.new()
     change_a_lot(window)
     wait_until(lambda: settled(window))
-    line = copied(window, "Copy as command line")
+    line = copied_text(window, "Copy as command line")
     window.document.save(tmp_path / "same.toml")
-    words = shlex.split(line, comments=True)
-    assert words[:2] == ["spacemap", "render"]
-    same = ["render", "same.toml", "-o", "same.png", "--time", words[words.index("--time") + 1]]
-    for command in (words[1:], same):
+    arguments = shlex.split(line, comments=True)
+    assert arguments[:2] == ["spacemap", "render"]
+    same = [
+        "render",
+        "same.toml",
+        "-o",
+        "same.png",
+        "--time",
+        arguments[arguments.index("--time") + 1],
+    ]
+    for command in (arguments[1:], same):
         done = subprocess.run(
             [sys.executable, "-m", "spacemap_vtk", *command, "-q"],
             cwd=tmp_path,
@@ -76,7 +83,7 @@ def test_copied_script_computes_the_points_of_the_window(open_scene: Any, tmp_pa
     wait_until(lambda: settled(window))
     script = tmp_path / "script.py"
     script.write_text(
-        copied(window, "Copy as Python script") + "print(*surface.GetBounds(), sep=',')\n"
+        copied_text(window, "Copy as Python script") + "print(*surface.GetBounds(), sep=',')\n"
     )
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=tmp_path
@@ -89,13 +96,13 @@ def test_copied_script_computes_the_points_of_the_window(open_scene: Any, tmp_pa
 def test_copied_command_sets_automatic_values(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("weave", "warp_diameter", None)
-    line = copied(window, "Copy as command line")
+    line = copied_text(window, "Copy as command line")
     assert 'weave.warp_diameter="auto"' in line
-    words = shlex.split(line)
-    again = Scene.read(words[2])
-    for number, word in enumerate(words):
+    arguments = shlex.split(line)
+    again = Scene.read(arguments[2])
+    for number, word in enumerate(arguments):
         if word == "--set":
-            again.set(words[number + 1])
+            again.set(arguments[number + 1])
     assert again.source.settings == window.document.scene.source.settings
 
 
@@ -103,7 +110,7 @@ def test_copied_command_names_the_draft_file(open_scene: Any) -> None:
     draft = library.folder() / "32-shaft_twill.wif"
     window = open_scene(str(draft), wait=False)
     window.document.set("weave", "thick_yarns", "scale")
-    line = copied(window, "Copy as command line")
+    line = copied_text(window, "Copy as command line")
     assert str(draft.resolve()) in line
     assert 'weave.thick_yarns="scale"' in line
 
@@ -118,20 +125,20 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
         return {name: cells for name, *cells in (line.split("\t") for line in lines)}
 
     wait_until(lambda: rows().get("least clearance [mm]", [""])[0])  # it comes last
-    drawn = window.figures.sections.picture
-    wait_until(lambda: not drawn.pixmap().isNull())
-    image = drawn.pixmap().toImage()
+    picture = window.figures.sections.picture
+    wait_until(lambda: not picture.pixmap().isNull())
+    image = picture.pixmap().toImage()
     width, height = image.width(), image.height()
-    seen = {image.pixelColor(x, y).name() for x in range(width) for y in range(20, height, 8)}
+    colors = {image.pixelColor(x, y).name() for x in range(width) for y in range(20, height, 8)}
     paper, share = np.full(3, 255), 0.38  # part of a yarn's colour, so that lines are visible on it
     for yarns in window.document.scene.woven.cloth.threads:
         tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
-        assert "#{:02x}{:02x}{:02x}".format(*tint) in seen
-    found, told = report.fabric(Scene.read("twill_2_2")), rows()
-    assert float(told["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
+        assert "#{:02x}{:02x}{:02x}".format(*tint) in colors
+    found, shown = report.fabric(Scene.read("twill_2_2")), rows()
+    assert float(shown["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
     crimp = [100 * found[family]["crimp"] for family in ("warp", "weft")]
-    assert [float(c) for c in told["crimp c [%]"]] == pytest.approx(crimp, 1e-5)
-    assert abs(float(told["least clearance [mm]"][0])) < 1e-9
+    assert [float(c) for c in shown["crimp c [%]"]] == pytest.approx(crimp, 1e-5)
+    assert abs(float(shown["least clearance [mm]"][0])) < 1e-9
     window.document.set("weave", "ends", 7)
     wait_until(lambda: rows()["yarns"][0] == "7")
     # If the cloth cannot be woven, the last good cloth and its figures stay.
@@ -141,4 +148,4 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
         window.tabs.setCurrentWidget(tab)
     wait_until(lambda: not window.figures._rest_timer.isActive())
     assert rows()["yarns"][0] == "7"
-    assert rows()["spacing p [mm]"] == told["spacing p [mm]"]
+    assert rows()["spacing p [mm]"] == shown["spacing p [mm]"]

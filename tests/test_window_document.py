@@ -48,10 +48,10 @@ def test_each_edit_builds_one_scene(
     document.changed.connect(lambda: changes.append(1))
     assert count(lambda: drag(modulus.slider, 5)) == len(changes) > 0
     # Switching sections changes the connections of the engine's scene.
-    still = tmp_path / "still.toml"
-    still.write_text("[weave]\nends = 4\npicks = 4\n")
+    scene_file = tmp_path / "still.toml"
+    scene_file.write_text("[weave]\nends = 4\npicks = 4\n")
     with_engine = 2
-    assert count(lambda: document.open(still)) == with_engine
+    assert count(lambda: document.open(scene_file)) == with_engine
     assert count(lambda: document.set("cage", "divisions", [2, 2, 1])) == 1
     assert window.stages.states["modal"] == "fresh"
     assert count(document.history.undo) == 1
@@ -68,7 +68,7 @@ def test_each_edit_builds_one_scene(
     document.history.setClean()
 
 
-def box(window: Any, section: str, column: int = 3) -> None:
+def click_box(window: Any, section: str, column: int = 3) -> None:
     """Click the box of a stage, or another column."""
     stages = window.stages
     at = stages.visualRect(stages.indexFromItem(stages.items[section], column)).center()
@@ -89,11 +89,11 @@ def test_stages_can_be_switched_in_the_list(open_scene: Any) -> None:
     assert window.properties.switch_on_button.isHidden()
     # Stages that do not depend on it do not run again.
     assert stages.items["modal"].text(2) == "1"
-    box(window, "rotation")
+    click_box(window, "rotation")
     assert document.text == before
     # A source cannot be switched off; without modes nothing moves, and modes restore the motion.
     assert stages.items["weave"].data(3, Qt.ItemDataRole.CheckStateRole) is None
-    box(window, "modal")
+    click_box(window, "modal")
     assert [s for s, state in stages.states.items() if state == "fresh"] == ["weave", "surface"]
     assert (
         window.statusBar()
@@ -101,7 +101,7 @@ def test_stages_can_be_switched_in_the_list(open_scene: Any) -> None:
         .startswith("Also switched off: Tetra cage, Modal response")
     )
     assert window.view.frame.cage is None
-    box(window, "response")
+    click_box(window, "response")
     assert document.values == values
     assert stages.states["rotation"] == "off"
     for _ in range(4):
@@ -119,7 +119,7 @@ def test_replacing_stage_takes_over_common_values(open_scene: Any, tmp_path: Pat
     )
     window = open_scene(scene)
     document, before = window.document, window.document.text
-    box(window, "transient")
+    click_box(window, "transient")
     assert document.scene.parts["transient"].gravity == (0.0, 0.0, -2.0)
     assert document.scene.parts["transient"].duration == 1.0
     assert document.scene.parts["transient"].loads[0].pressure == 1.0
@@ -128,7 +128,7 @@ def test_replacing_stage_takes_over_common_values(open_scene: Any, tmp_path: Pat
     assert document.text == before
     document.history.redo()
     document.set_many("transient", {"gravity": [0.0, 0.0, -3.0], "duration": None, "alpha": 4.0})
-    box(window, "response")
+    click_box(window, "response")
     assert document.values["response"] == {
         "gravity": [0.0, 0.0, -3.0],
         "residual_vectors": False,  # only of the transient response
@@ -145,9 +145,9 @@ def test_eye_button_menu_and_scene_always_agree(open_scene: Any) -> None:
         window.view.scene_view.cage,
     )
     for click, show in (
-        (lambda: box(window, "cage", column=4), "fabric"),
+        (lambda: click_box(window, "cage", column=4), "fabric"),
         (cage.trigger, "side by side"),  # as before
-        (lambda: box(window, "surface", column=4), "cage"),
+        (lambda: click_box(window, "surface", column=4), "cage"),
         (lambda: document.set("view", "show", "both"), "both"),
         (document.history.undo, "cage"),
     ):

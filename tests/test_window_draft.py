@@ -24,59 +24,59 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
 
-def spot(window: Any, panel: str, x: int, y: int) -> QPoint:
+def cell_position(window: Any, panel: str, x: int, y: int) -> QPoint:
     return QPoint(*window.draft.grid.current_layout().center(GridCell(panel, x, y)))
 
 
 def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> None:
-    at = spot(window, panel, x, y)
+    at = cell_position(window, panel, x, y)
     qtbot.mouseClick(window.draft.grid.viewport(), LEFT, *keys, pos=at)
 
 
-def woven(window: Any) -> np.ndarray:
+def drawdown_of(window: Any) -> np.ndarray:
     """Return the drawdown of the drawn fabric."""
     wait_until(lambda: settled(window))
     return scene_of(window).woven.cloth.drawdown
 
 
-def runs(window: Any) -> dict[str, int]:
+def executions(window: Any) -> dict[str, int]:
     return {s.section: s.executions for s in scene_of(window).stages}
 
 
 def test_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
-    before, counts, image = woven(window), runs(window), window.view.image().astype(int)
+    before, counts, image = drawdown_of(window), executions(window), window.view.image().astype(int)
     click(qtbot, window, "threading", 2, 4)
-    after = woven(window)
+    after = drawdown_of(window)
     # End 2 now equals end 4, and nothing else has changed.
     np.testing.assert_array_equal(after[:, 1], before[:, 3])
     np.testing.assert_array_equal(np.delete(after, 1, 1), np.delete(before, 1, 1))
     np.testing.assert_array_equal(window.draft.grid.shown.drawdown, after)
     assert np.abs(window.view.image().astype(int) - image).max() > 60
     # Each stage has run once more, and one undo restores everything.
-    assert runs(window) == {name: count + 1 for name, count in counts.items()}
+    assert executions(window) == {name: count + 1 for name, count in counts.items()}
     assert window.document.history.count() == 1
     window.menus.actions["Undo"].trigger()
-    np.testing.assert_array_equal(woven(window), before)
+    np.testing.assert_array_equal(drawdown_of(window), before)
     np.testing.assert_array_equal(window.draft.grid.shown.drawdown, before)
     assert window.document.value_in_file("weave", "draft") == "twill.wif"
     window.menus.actions["Redo"].trigger()
-    np.testing.assert_array_equal(woven(window), after)
+    np.testing.assert_array_equal(drawdown_of(window), after)
 
 
 def test_drag_threads_several_ends_in_one_undo_step(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     view = window.draft.grid.viewport()
-    qtbot.mousePress(view, LEFT, pos=spot(window, "threading", 8, 1))
+    qtbot.mousePress(view, LEFT, pos=cell_position(window, "threading", 8, 1))
     # A fast drag: two mouse moves over six ends.
     for end, shaft in ((5, 4), (2, 1)):
-        qtbot.mouseMove(view, spot(window, "threading", end, shaft))
+        qtbot.mouseMove(view, cell_position(window, "threading", end, shaft))
         qtbot.wait(20)
-    qtbot.mouseRelease(view, LEFT, pos=spot(window, "threading", 2, 1))
+    qtbot.mouseRelease(view, LEFT, pos=cell_position(window, "threading", 2, 1))
     assert window.draft.grid.shown.loom.threading[1:] == ((1,), (2,), (3,), (4,), (3,), (2,), (1,))
     wait_until(lambda: settled(window))
     assert window.document.history.count() == 1
-    np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
+    np.testing.assert_array_equal(drawdown_of(window), window.draft.grid.shown.drawdown)
     window.document.history.undo()
     assert window.draft.grid.shown.loom.threading[7] == (4,)
 
@@ -96,7 +96,7 @@ def test_tie_up_treadling_and_second_marks_can_be_edited(
     assert window.draft.grid.shown.loom.treadling[0] == (2, 3)
     click(qtbot, window, "threading", 1, 1)
     assert window.draft.grid.shown.loom.threading[0] == ()  # not threaded, so it floats
-    assert not woven(window)[:, 0].any()
+    assert not drawdown_of(window)[:, 0].any()
     # The drawdown of a loom cannot be painted; a message says why.
     before = window.document.text
     click(qtbot, window, "drawdown", 4, 4)
@@ -108,7 +108,7 @@ def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, t
     window = draft_of(twill)
     # The treadles are not pressed in order; they keep their numbers after both conversions.
     window.draft._set_loom(window.draft.grid.shown.loom.replace_treadling(1, (3,)), "treadling")
-    before, tied = woven(window), window.draft.grid.shown.loom
+    before, tied = drawdown_of(window), window.draft.grid.shown.loom
     window.draft.loom_kind.setFocus()
     qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Down)
     qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Up)
@@ -117,30 +117,30 @@ def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, t
     shown = window.draft.grid.shown
     assert shown.loom.liftplan[:2] == ((3, 4), (2, 3))
     assert "tieup" not in window.draft.grid.current_layout().panels
-    np.testing.assert_array_equal(woven(window), before)
+    np.testing.assert_array_equal(drawdown_of(window), before)
     click(qtbot, window, "treadling", 1, 1)
-    np.testing.assert_array_equal(woven(window)[0], before[0] | (np.arange(8) % 4 == 0))
+    np.testing.assert_array_equal(drawdown_of(window)[0], before[0] | (np.arange(8) % 4 == 0))
     qtbot.keyClick(window.draft.loom_kind, Qt.Key.Key_Up)
     loom = window.draft.grid.shown.loom
     assert loom.liftplan is None
     assert loom.treadles == 5
-    np.testing.assert_array_equal(loom.drawdown(), woven(window))
+    np.testing.assert_array_equal(loom.drawdown(), drawdown_of(window))
 
 
 def test_sinking_shed_inverts_the_drawdown(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
-    before = woven(window)
+    before = drawdown_of(window)
     box = window.draft.rising
     qtbot.mouseClick(box, LEFT, pos=QPoint(8, box.height() // 2))
-    np.testing.assert_array_equal(woven(window), ~before)
+    np.testing.assert_array_equal(drawdown_of(window), ~before)
 
 
 def test_yarns_shafts_and_treadles_can_be_counted(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
-    before, counts = woven(window), window.draft.counts
+    before, counts = drawdown_of(window), window.draft.counts
     type_into(counts["ends"].lineEdit(), "12")
     assert window.document.scene.source.ends == 12
-    np.testing.assert_array_equal(woven(window), np.tile(before, (1, 2))[:, :12])
+    np.testing.assert_array_equal(drawdown_of(window), np.tile(before, (1, 2))[:, :12])
     assert window.draft.grid.shown.loom.shafts == 4  # the loom of the draft, repeated
     type_into(counts["shafts"].lineEdit(), "6")
     assert window.draft.grid.shown.loom.shafts == 6
@@ -150,18 +150,18 @@ def test_yarns_shafts_and_treadles_can_be_counted(draft_of: Any, qtbot: Any, twi
     type_into(counts["picks"].lineEdit(), "many")
     assert window.draft.grid.shown.size == (12, 8)
     click(qtbot, window, "threading", 12, 1)
-    assert woven(window).shape == (8, 12)
+    assert drawdown_of(window).shape == (8, 12)
     assert window.errors.text == ""
 
 
 def test_drawdown_of_a_pattern_can_be_painted(draft_of: Any, qtbot: Any) -> None:
     window = draft_of("plain_weave")
-    before, view = woven(window), window.draft.grid.viewport()
+    before, view = drawdown_of(window), window.draft.grid.viewport()
     assert not before[0, 1]
-    qtbot.mousePress(view, LEFT, pos=spot(window, "drawdown", 2, 1))
-    qtbot.mouseMove(view, spot(window, "drawdown", 2, 4))
-    qtbot.mouseRelease(view, LEFT, pos=spot(window, "drawdown", 2, 4))
-    after = woven(window)
+    qtbot.mousePress(view, LEFT, pos=cell_position(window, "drawdown", 2, 1))
+    qtbot.mouseMove(view, cell_position(window, "drawdown", 2, 4))
+    qtbot.mouseRelease(view, LEFT, pos=cell_position(window, "drawdown", 2, 4))
+    after = drawdown_of(window)
     assert after[:4, 1].all()
     after[:4, 1] = before[:4, 1]
     np.testing.assert_array_equal(after, before)
@@ -172,7 +172,7 @@ def test_drawdown_of_a_pattern_can_be_painted(draft_of: Any, qtbot: Any) -> None
     # A pattern becomes a draft when its loom is changed.
     click(qtbot, window, "tieup", 1, 2)
     assert window.document.scene.source.draft is not None
-    np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
+    np.testing.assert_array_equal(drawdown_of(window), window.draft.grid.shown.drawdown)
 
 
 def test_strips_are_painted_with_palette_and_dialog_colours(
@@ -192,9 +192,9 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     qtbot.mouseClick(draft.palette_row, LEFT, pos=plus)
     assert draft.grid.color.name() == "#112233"
     view = draft.grid.viewport()
-    qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
-    qtbot.mouseMove(view, spot(window, "warp", 3, 0))
-    qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 3, 0))
+    qtbot.mousePress(view, LEFT, pos=cell_position(window, "warp", 1, 0))
+    qtbot.mouseMove(view, cell_position(window, "warp", 3, 0))
+    qtbot.mouseRelease(view, LEFT, pos=cell_position(window, "warp", 3, 0))
     wait_until(lambda: settled(window))
     colors = scene_of(window).woven.cloth.warp.colors
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
@@ -210,7 +210,7 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     window.document.history.undo()
     assert window.document.value_in_file("weave", "warp_color") is None
     # A right click picks a colour.
-    qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=spot(window, "weft", 0, 2))
+    qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=cell_position(window, "weft", 0, 2))
     assert draft.grid.color.name() == "#e8c78f"
 
 
@@ -226,9 +226,9 @@ def test_swatches_keep_their_places(draft_of: Any, qtbot: Any, twill: Path) -> N
     before = stand()
     # The last colour is selected, and a colour without yarns stays.
     qtbot.mouseClick(row, LEFT, pos=row.rect_of(len(before) - 1).center())
-    qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
-    qtbot.mouseMove(view, spot(window, "warp", 8, 0))
-    qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 8, 0))
+    qtbot.mousePress(view, LEFT, pos=cell_position(window, "warp", 1, 0))
+    qtbot.mouseMove(view, cell_position(window, "warp", 8, 0))
+    qtbot.mouseRelease(view, LEFT, pos=cell_position(window, "warp", 8, 0))
     assert window.document.value_in_file("weave", "warp_color") == before[-1][0]
     assert stand() == before
     draft.hint.setText("a long hint " * 30)
@@ -347,14 +347,14 @@ def test_drawdown_has_the_orientation_of_the_cloth(draft_of: Any, qtbot: Any, tw
 
 def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
-    before = runs(window)
+    before = executions(window)
     for end in range(1, 9):
-        qtbot.mouseMove(window.draft.grid.viewport(), spot(window, "drawdown", end, 3))
+        qtbot.mouseMove(window.draft.grid.viewport(), cell_position(window, "drawdown", end, 3))
     qtbot.mouseClick(window.draft.zoom_in_button, LEFT)
     qtbot.mouseClick(window.draft.colors_button, LEFT)
     window.tabs.setCurrentWidget(window.modes)
     qtbot.wait(400)
-    assert runs(window) == before
+    assert executions(window) == before
 
 
 def test_draft_tab_explains_that_a_mesh_has_no_draft(draft_of: Any) -> None:

@@ -29,7 +29,7 @@ def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twil
     window = draft_of(twill)
     original = read_wif(twill.with_suffix(".wif")).loom
     click(qtbot, window, "threading", 2, 4)
-    kept = window.document.scene.source.draft
+    saved = window.document.scene.source.draft
     window.menus.actions["Copy as command line"].trigger()
     assert "save the scene" in window.errors.text
     # An existing file of that name is never overwritten.
@@ -46,7 +46,7 @@ def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twil
     assert read_wif(twill.parent / "mine-2.wif").loom.threading[1:3] == ((4,), (4,))
     assert not (twill.parent / "mine-3.wif").exists()
     assert read_wif(twill.with_suffix(".wif")).loom == original
-    assert kept.is_file()  # for undo
+    assert saved.is_file()  # for undo
 
 
 def test_draft_versions_are_deleted_with_their_owner(twill: Path) -> None:
@@ -189,8 +189,11 @@ def test_opened_draft_is_saved_as_a_draft(
 def test_draft_can_be_opened_edited_and_saved_as_a_document(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file, said = twill.with_suffix(".wif"), "[TEXT]\nAuthor=Ada\n[NOTES]\n1=for the loom upstairs\n"
-    file.write_text(said + file.read_text())
+    file, notes = (
+        twill.with_suffix(".wif"),
+        "[TEXT]\nAuthor=Ada\n[NOTES]\n1=for the loom upstairs\n",
+    )
+    file.write_text(notes + file.read_text())
     original = file.read_bytes()
     window = draft_of(file)
     assert window.windowTitle().startswith("twill.wif")
@@ -218,10 +221,10 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     window.menus.actions["Save"].trigger()
     assert "a draft file cannot store cage.divisions" in window.errors.text
     assert window.isWindowModified()
-    asked: list[tuple[str, ...]] = []
+    dialogs: list[tuple[str, ...]] = []
 
     def answer(_parent: Any, *about: str) -> tuple[str, str]:
-        asked.append(about)
+        dialogs.append(about)
         return next(answers, ("", ""))
 
     twill.unlink()
@@ -232,7 +235,7 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     window.menus.actions["Save as…"].trigger()
     assert window.document.file == twill
     assert Scene.read(twill).cage.divisions == (3, 3, 1)
-    asked.clear()
+    dialogs.clear()
     # Opening another draft replaces the document.
     window.document.open(file)
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(other), ""))
@@ -246,8 +249,8 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     window.menus.actions["Save"].trigger()
     window.document.open("twill_2_2")
     window.menus.actions["Save as…"].trigger()
-    assert [about[1] for about in asked] == [str(file), str(file.parent / "twill_2_2.toml")]
-    assert "no .wifw can be written" in asked[0][0]
+    assert [about[1] for about in dialogs] == [str(file), str(file.parent / "twill_2_2.toml")]
+    assert "no .wifw can be written" in dialogs[0][0]
 
 
 def test_yarn_colours_are_written_as_their_repeat() -> None:
@@ -269,10 +272,10 @@ def test_edited_draft_keeps_the_data_of_its_file(draft_of: Any, qtbot: Any) -> N
     before = window.document.scene.woven.cloth
     click(qtbot, window, "threading", 31, 1)
     now = window.document.scene.source
-    kept, original = read_wif(now.draft), read_wif(source)
-    assert kept.loom.tieup == original.loom.tieup
-    assert kept.warp.thickness == original.warp.thickness
-    np.testing.assert_array_equal(kept.warp.colors, original.warp.colors)
+    saved, original = read_wif(now.draft), read_wif(source)
+    assert saved.loom.tieup == original.loom.tieup
+    assert saved.warp.thickness == original.warp.thickness
+    np.testing.assert_array_equal(saved.warp.colors, original.warp.colors)
     np.testing.assert_array_equal(now.cloth.warp.colors, before.warp.colors)
     assert np.array_equal(now.cloth.warp.diameter, before.warp.diameter)
-    assert format_wif(kept) == now.draft.read_bytes()
+    assert format_wif(saved) == now.draft.read_bytes()

@@ -27,7 +27,7 @@ from spacemap_vtk.app.work.export_dialog import ExportDialog  # noqa: E402
 pytestmark = pytest.mark.usefixtures("kept_modes")
 
 
-def written(window: Any) -> list[str]:
+def record_written(window: Any) -> list[str]:
     names: list[str] = []
     window.exports.written.connect(names.append)
     return names
@@ -51,7 +51,7 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
 def test_exported_picture_has_the_camera_of_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.tools.part_actions["cage"].trigger()
-    done = written(window)
+    done = record_written(window)
     pictures = []
     for camera in ("front", "right"):
         window.tools.cameras[camera].trigger()
@@ -71,13 +71,11 @@ def test_exported_picture_has_the_camera_of_the_window(open_scene: Any, tmp_path
     assert coloured[1] < 0.6 * coloured[0]
 
 
-def colourful(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+def find_yarns(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
     """Return a mask of the yarns in a picture, and the fractions of width and height they fill."""
-    there = np.ptp(picture.astype(int), axis=2) > 40
-    shares = [
-        np.ptp(np.flatnonzero(there.any(axis=axis))) / there.shape[1 - axis] for axis in (0, 1)
-    ]
-    return there, (shares[0], shares[1])
+    mask = np.ptp(picture.astype(int), axis=2) > 40
+    shares = [np.ptp(np.flatnonzero(mask.any(axis=axis))) / mask.shape[1 - axis] for axis in (0, 1)]
+    return mask, (shares[0], shares[1])
 
 
 @pytest.mark.parametrize("widths", [(300, 260, 640), (200, 900, 100)])
@@ -92,12 +90,12 @@ def test_exported_picture_of_any_shape_is_filled(
     for name in ("cage", "triad", "scale_bar"):
         window.tools.part_actions[name].trigger()
     wait_until(lambda: settled(window))
-    _, seen = colourful(window.view.image())
-    file, done = tmp_path / "cloth.png", written(window)
+    _, seen = find_yarns(window.view.image())
+    file, done = tmp_path / "cloth.png", record_written(window)
     QTimer.singleShot(50, lambda: fill_dialog(file, *size, 0))
     window.menus.actions["Export picture…"].trigger()
     wait_until(lambda: str(file) in done or window.errors.text)
-    _, shares = colourful(np.asarray(Image.open(file)))
+    _, shares = find_yarns(np.asarray(Image.open(file)))
     assert max(shares) == pytest.approx(max(seen), abs=0.02)
 
 
@@ -111,9 +109,11 @@ def test_exported_picture_contains_at_least_the_zoomed_view(open_scene: Any) -> 
         window.view.viewpoint_for((height, 2 * height)),
     )
     # The cloth fills the view: a wider picture has its whole height, a taller one all its width.
-    own = np.tan(np.radians(window.view.viewpoint.angle / 2))
-    assert np.tan(np.radians(wide.angle / 2)) == pytest.approx(own)
-    assert 0.5 * np.tan(np.radians(tall.angle / 2)) == pytest.approx(own * width / height, rel=1e-6)
+    tangent = np.tan(np.radians(window.view.viewpoint.angle / 2))
+    assert np.tan(np.radians(wide.angle / 2)) == pytest.approx(tangent)
+    assert 0.5 * np.tan(np.radians(tall.angle / 2)) == pytest.approx(
+        tangent * width / height, rel=1e-6
+    )
     window.tools.orthographic.trigger()
     here = window.view.viewpoint
     assert window.view.viewpoint_for((width, height)).parallel_scale == pytest.approx(
@@ -140,14 +140,14 @@ def test_dark_window_exports_its_background_and_wireframe(open_scene: Any, tmp_p
             wait_until(lambda file=file: str(file) in done or window.errors.text)
             assert window.errors.text == ""
             pictures.append(np.asarray(Image.open(file)))
-        drawn = window.view.image()
+        view_image = window.view.image()
     finally:
         window.menus.dark.trigger()
-    tops = [np.median(picture[0], axis=0) for picture in (drawn, *pictures)]
+    tops = [np.median(picture[0], axis=0) for picture in (view_image, *pictures)]
     assert np.abs(tops[0] - tops[1]).max() <= 3
     assert (tops[2] > 200).all()
     # Edges cover only a part of the cloth, as in the view.
-    shares = [colourful(picture)[0].mean() for picture in (pictures[0], drawn, filled)]
+    shares = [find_yarns(picture)[0].mean() for picture in (pictures[0], view_image, filled)]
     assert shares[0] < 0.6 * shares[2]
     assert shares[1] < 0.6 * shares[2]
 
@@ -195,7 +195,7 @@ def test_export_dialog_applies_presets_and_remembers_the_size(
 
 def test_data_lost_by_a_format_are_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("twill_2_2")
-    done = written(window)
+    done = record_written(window)
     file = tmp_path / "twill.dtx"
     window.exports.start("draft", file)
     wait_until(lambda: str(file) in done)
@@ -209,7 +209,7 @@ def test_data_lost_by_a_format_are_reported(open_scene: Any, tmp_path: Path) -> 
 def test_film_has_all_its_frames(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("animation", "stop", "20 ms")
-    done = written(window)
+    done = record_written(window)
     file = tmp_path / "swing.gif"
     QTimer.singleShot(50, lambda: fill_dialog(file, 160, 120, 1))
     window.menus.actions["Export film…"].trigger()
@@ -236,16 +236,16 @@ def test_cancelled_film_leaves_no_file(
     assert "long.gif is being written. Wait" in window.errors.text
     window.times.go_to(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
-    asked: list[str] = []
+    questions: list[str] = []
 
     def refuse(*about: Any) -> Any:
-        asked.append(about[2])
+        questions.append(about[2])
         return QMessageBox.StandardButton.No
 
     monkeypatch.setattr(QMessageBox, "question", refuse)
     window.close()
     assert window.isVisible()
-    assert "long.gif is being written. Cancel it and close?" in asked[0]
+    assert "long.gif is being written. Cancel it and close?" in questions[0]
     window.document.history.setClean()
     window.errors.clear()
     QTest.qWait(100)  # the view is larger again
@@ -268,14 +268,14 @@ def test_film_without_an_encoder_is_neither_proposed_nor_started(
     else:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     proposed: list[tuple[str, str]] = []
-    said: list[str] = []
+    messages: list[str] = []
 
     def look() -> None:
         dialog = QApplication.activeModalWidget()
         proposed.append((dialog.file.name, dialog._picture.filters))
         # Requirements are checked before the export starts.
         dialog.file_line.setText(str(tmp_path / "film.mp4"))
-        said.append(dialog.summary.text())
+        messages.append(dialog.summary.text())
         assert dialog.save_button.isEnabled() == encoder
         dialog.file_line.setText(str(tmp_path / "film.avi"))
         assert not dialog.save_button.isEnabled()
@@ -284,7 +284,7 @@ def test_film_without_an_encoder_is_neither_proposed_nor_started(
     QTimer.singleShot(200, look)
     window.menus.actions["Export film…"].trigger()
     assert proposed[0][0] == ("plain_weave.mp4" if encoder else "plain_weave.gif")
-    assert ("50 frames" if encoder else "pip install 'spacemap_vtk[movie]'") in said[0]
+    assert ("50 frames" if encoder else "pip install 'spacemap_vtk[movie]'") in messages[0]
     assert ("*.mp4" in proposed[0][1]) == encoder
     window.exports.start("film", tmp_path / "film.mp4", size=(160, 120))
     assert window.exports.busy == encoder
@@ -312,7 +312,7 @@ def test_exported_data_belong_to_the_shown_time(
     cells: int | None,
 ) -> None:
     window = open_scene()
-    done, file = written(window), tmp_path / f"data{ending}"
+    done, file = record_written(window), tmp_path / f"data{ending}"
     answer = str(file), f"{words} (*{ending})"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: answer)
     window.menus.actions["Export data…"].trigger()
@@ -329,33 +329,33 @@ def test_exported_series_has_the_typed_times(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
-    done, file = written(window), tmp_path / "cloth.pvd"
+    done, file = record_written(window), tmp_path / "cloth.pvd"
     answer = str(file.with_suffix("")), "Surface, all times (*.pvd)"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: answer)
-    said: list[str] = []
+    messages: list[str] = []
 
     def fill() -> None:
         dialog = QApplication.activeModalWidget()
         if not isinstance(dialog, ExportDialog):
             QTimer.singleShot(50, fill)
             return
-        said.append(dialog.summary.text())
+        messages.append(dialog.summary.text())
         for name, text in {"frames_per_second": "50", "start": "1 s", "stop": "0.3"}.items():
             dialog.time_lines[name].selectAll()
             QTest.keyClicks(dialog.time_lines[name], text)
-        said.append(dialog.summary.text())
+        messages.append(dialog.summary.text())
         assert not dialog.save_button.isEnabled()
         dialog.time_lines["start"].setText("292 ms")
-        said.append(dialog.summary.text())
+        messages.append(dialog.summary.text())
         QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
 
     QTimer.singleShot(50, fill)
     window.menus.actions["Export data…"].trigger()
     wait_until(lambda: done or window.errors.text)
     assert window.errors.text == ""
-    assert said[0] == "50 times, 4 ms apart; 1 s of film shows 100 ms"
-    assert "a time after animation.start = 1 s" in said[1]
-    assert said[2].startswith("4 times, 2 ms apart")
+    assert messages[0] == "50 times, 4 ms apart; 1 s of film shows 100 ms"
+    assert "a time after animation.start = 1 s" in messages[1]
+    assert messages[2].startswith("4 times, 2 ms apart")
     assert done[0].startswith(f"{file}: 4 times, ")
     reader = pv.PVDReader(file)
     np.testing.assert_allclose(reader.time_values, [0.292, 0.294, 0.296, 0.298], rtol=1e-12)
@@ -445,7 +445,7 @@ def test_process_that_does_not_start_is_reported(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
-    done, folder = written(window), tmp_path / "pictures"
+    done, folder = record_written(window), tmp_path / "pictures"
     folder.mkdir()
     for kind in ("nothing there", "no program", "ends at once"):
         program = tmp_path / kind
@@ -497,6 +497,6 @@ def test_typed_size_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
     assert "99999" in seen[0][1]
     assert "16 to 8192" in seen[0][1]
     assert not seen[0][2]
-    for (text, told, able), size in zip(seen[1:], ("2400 px", "8192 px"), strict=True):
-        assert (text, able) == (size, True)
-        assert "out of range" not in told
+    for (text, message, enabled), size in zip(seen[1:], ("2400 px", "8192 px"), strict=True):
+        assert (text, enabled) == (size, True)
+        assert "out of range" not in message

@@ -62,8 +62,8 @@ def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     assert {table.item(row, 2).text() for row in range(10)} == {"0.050"}
     window.document.set("response", "damping_ratio", [1.5, 1.0, 0.05])
     wait_until(lambda: settled(window))
-    told = [table.item(row, 2).text() for row in range(3)]
-    assert told == ["overdamped", "critical", "0.050"]
+    damping = [table.item(row, 2).text() for row in range(3)]
+    assert damping == ["overdamped", "critical", "0.050"]
     window.document.history.undo()
     wait_until(lambda: settled(window))
     # Contradictory parameters are reported, and the table stays.
@@ -138,9 +138,9 @@ def test_leaving_the_time_field_unchanged_keeps_the_time(open_scene: Any) -> Non
 
 
 def test_undo_switches_an_added_stage_off(open_scene: Any, tmp_path: Path) -> None:
-    still = tmp_path / "still.toml"
-    still.write_text(SMALL)
-    window = open_scene(str(still))
+    scene_file = tmp_path / "still.toml"
+    scene_file.write_text(SMALL)
+    window = open_scene(str(scene_file))
     assert window.stages.states["modal"] == "off"
     window.document.set("response", "alpha", 1.0)
     wait_until(lambda: settled(window) and window.stages.states["modal"] == "fresh")

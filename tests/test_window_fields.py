@@ -111,17 +111,17 @@ def test_swatch_opens_a_dialog_with_its_colour(
 ) -> None:
     window = open_scene("tartan")
     colors = editor(window, "weave", "warp_color")
-    asked: list[str] = []
+    colors_before: list[str] = []
 
     def choose(before: QColor, *_: Any) -> QColor:
-        asked.append(before.name())
+        colors_before.append(before.name())
         return QColor("#010203")
 
     monkeypatch.setattr(QColorDialog, "getColor", choose)
     before = window.document.scene.source.warp_color
     click(colors.swatches, colors.swatches.swatch_rect(6).center().toPoint())
     after = window.document.scene.source.warp_color
-    assert asked == ["#3d5fa8"]
+    assert colors_before == ["#3d5fa8"]
     assert after[6] == (1, 2, 3)
     assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
 
@@ -133,12 +133,12 @@ def test_automatic_values_in_use_are_shown(
     colors = editor(window, "weave", "weft_color")
     window.document.set("weave", "weft_color", None)
     wait_until(lambda: colors.swatches.colors == ["#e8c78f"])
-    asked: list[str] = []
+    colors_before: list[str] = []
     monkeypatch.setattr(
-        QColorDialog, "getColor", lambda before, *_: asked.append(before.name()) or QColor()
+        QColorDialog, "getColor", lambda before, *_: colors_before.append(before.name()) or QColor()
     )
     click(colors.swatches, colors.swatches.swatch_rect(0).center().toPoint())
-    assert asked == ["#e8c78f"]
+    assert colors_before == ["#e8c78f"]
     window.properties.rows["weft_color"].automatic.click()
     assert window.document.value_in_file("weave", "weft_color") == "#e8c78f"
     # Without a value, the line takes the place of the slider.
@@ -179,8 +179,8 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
             loads.cards[-1].remove_button.click()
         wait_until(lambda: settled(window))
         assert window.errors.text == ""
-    made = [load.action for load in window.document.scene.response.loads]
-    assert made == [a.data() for a in loads.add_button.menu().actions() if a.data() != "array"]
+    actions = [load.action for load in window.document.scene.response.loads]
+    assert actions == [a.data() for a in loads.add_button.menu().actions() if a.data() != "array"]
     for card in range(len(loads.cards)):
         for time in ("pulse", "ramp", "table", "harmonic", "periodic", "step"):
             box = loads.cards[card].rows["time"].editor.box

@@ -29,7 +29,7 @@ from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
-def opened(open_scene: Any, name: str) -> Any:
+def open_and_check(open_scene: Any, name: str) -> Any:
     """Open a scene instead of another one, which has another picture."""
     window = open_scene("gust" if name == "plain_weave" else "plain_weave")
     before = window.view.image().astype(int)
@@ -67,12 +67,12 @@ def kinds() -> list[Any]:
 @pytest.mark.usefixtures("kept_modes")
 @pytest.mark.parametrize("name", kinds())
 def test_every_kind_of_scene_opens(open_scene: Any, name: str) -> None:
-    opened(open_scene, name)
+    open_and_check(open_scene, name)
 
 
 def test_mesh_opens_as_a_scene(open_scene: Any) -> None:
     mesh = next(library.folder().rglob("*.ply"))
-    window = opened(open_scene, str(mesh))
+    window = open_and_check(open_scene, str(mesh))
     assert window.document.values["object"]["file"] == str(mesh.resolve())
 
 
@@ -237,7 +237,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return first, second
 
 
-def leads_to(document: Document) -> tuple[Path | None, Path]:
+def resolved_files(document: Document) -> tuple[Path | None, Path]:
     """Return the resolved files of the draft and of the first load's table."""
     scene = document.scene
     draft = None if scene.source.draft is None else scene.source.draft.resolve(strict=True)
@@ -248,18 +248,18 @@ def test_undo_after_save_as_keeps_every_path(folders: tuple[Path, Path]) -> None
     first, second = folders
     document = Document()
     document.open(first / "scene.toml")
-    wanted = first / "twill.wif", first / "puff.csv"
+    expected = first / "twill.wif", first / "puff.csv"
     whole = first / "whole.wif", first / "puff.csv"
     document.set("weave", "ends", 5)
     document.set("weave", "draft", str(first / "whole.wif"))
     document.save(second / "scene.toml")
-    assert leads_to(document) == whole
+    assert resolved_files(document) == whole
     # An absolute path stays absolute.
     assert document.value_in_file("weave", "draft") == str(first / "whole.wif")
     document.history.undo()
-    assert leads_to(document) == wanted
+    assert resolved_files(document) == expected
     document.history.undo()
-    assert leads_to(document) == wanted
+    assert resolved_files(document) == expected
     assert document.value_in_file("weave", "draft") == "../../a/twill.wif"
     document.save()
     assert Scene.read(second / "scene.toml").source.draft.resolve() == first / "twill.wif"
@@ -267,10 +267,10 @@ def test_undo_after_save_as_keeps_every_path(folders: tuple[Path, Path]) -> None
     document.save(first / "again.toml")
     for _ in range(2):
         document.history.redo()
-    assert leads_to(document) == whole
+    assert resolved_files(document) == whole
     document.history.undo()
     assert document.value_in_file("weave", "draft") == "twill.wif"
-    assert leads_to(document) == wanted
+    assert resolved_files(document) == expected
     document.history.undo()
     assert document.text == (first / "scene.toml").read_text()
 
@@ -285,9 +285,9 @@ def test_failed_save_changes_nothing(folders: tuple[Path, Path]) -> None:
         document.save(second / "nowhere" / "scene.toml")
     assert (document.text, document.file) == (text, first / "scene.toml")
     assert not document.history.isClean()
-    assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
+    assert resolved_files(document) == (first / "twill.wif", first / "puff.csv")
     document.set("weave", "picks", 5)
-    assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
+    assert resolved_files(document) == (first / "twill.wif", first / "puff.csv")
 
 
 def test_undo_restores_an_overwritten_draft(folders: tuple[Path, Path]) -> None:
@@ -384,10 +384,10 @@ def test_copied_command_and_script_run(open_scene: Any, tmp_path: Path) -> None:
     window.document.set("weave", "ends", 5)
     window.document.set("weave", "warp_diameter", "0.2 mm")
     window.menus.actions["Copy as command line"].trigger()
-    words = shlex.split(QGuiApplication.clipboard().text())
-    assert words[:2] == ["spacemap", "render"]
-    assert words.count("--set") == 2
-    checked = ["validate", words[2], *words[words.index("--set") :], "-q"]
+    arguments = shlex.split(QGuiApplication.clipboard().text())
+    assert arguments[:2] == ["spacemap", "render"]
+    assert arguments.count("--set") == 2
+    checked = ["validate", arguments[2], *arguments[arguments.index("--set") :], "-q"]
     with pytest.raises(SystemExit) as ended:
         main(checked)
     assert ended.value.code == 0
@@ -428,8 +428,8 @@ def test_dark_theme_can_be_switched_and_help_lists_the_keys(open_scene: Any) -> 
     window.menus.dark.trigger()
     assert window.palette().window().color().lightness() < light / 2
     window.menus.dark.trigger()
-    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost", "or Ctrl+Q", "or Ctrl+Y"):
-        assert words in "\n".join(window.menus.help_texts)
+    for arguments in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost", "or Ctrl+Q", "or Ctrl+Y"):
+        assert arguments in "\n".join(window.menus.help_texts)
 
 
 def test_menu_items_are_unique(open_scene: Any) -> None:

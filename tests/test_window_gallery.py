@@ -24,7 +24,7 @@ from spacemap_vtk.draw import thumbnails  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
 
-def place(window: Any, name: str) -> Any:
+def item_position(window: Any, name: str) -> Any:
     pictures = window.gallery.list
     item = next(
         pictures.item(k)
@@ -70,7 +70,7 @@ def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     opened: list[str] = []
     window.document.replaced.connect(lambda: opened.append(window.document.source.stem))
     pictures, left = window.gallery.list, Qt.MouseButton.LeftButton
-    at = place(window, "twill_2_2")
+    at = item_position(window, "twill_2_2")
     if how == "keyboard":
         pictures.setFocus()
         pictures.setCurrentRow(0)
@@ -98,7 +98,7 @@ def test_opening_a_scene_asks_about_unsaved_changes(
     window = open_scene(None)
     window.document.set("weave", "ends", 5)
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Cancel)
-    at = place(window, "gust")
+    at = item_position(window, "gust")
     QTest.mouseClick(window.gallery.list.viewport(), Qt.MouseButton.LeftButton, pos=at)
     assert window.document.source.stem == "plain_weave"
     assert window.document.scene.source.ends == 5
@@ -123,8 +123,8 @@ def test_splash_screen_closes_when_the_window_has_drawn(open_window: Any) -> Non
     splash = Splash("gust")
     screen = splash.label
     assert screen.isVisible()
-    seen = screen.grab().toImage()
-    assert len({seen.pixel(x, 160) for x in range(0, 480, 3)}) > 20
+    shot = screen.grab().toImage()
+    assert len({shot.pixel(x, 160) for x in range(0, 480, 3)}) > 20
     window = open_window("gust", wait=False)
     splash.close_after_first_frame(window)
     wait_until(lambda: settled(window))
@@ -209,14 +209,14 @@ def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     wait_until(view.preview.isVisible)
     assert view.preview.size() == view.size()
     # It is the thumbnail of the scene, as wide as the view allows.
-    seen = view.preview.grab().toImage()
+    shot = view.preview.grab().toImage()
     scene = QImage(str(thumbnails.file_of("tartan")))
-    middle, its_middle = seen.rect().center(), scene.rect().center()
+    middle, its_middle = shot.rect().center(), scene.rect().center()
     step, its_step = round(0.3 * view.width()), round(0.3 / 0.88 * scene.width())
-    for way in (-1, 0, 1):
-        color = seen.pixelColor(middle.x() + way * step, middle.y())
+    for side in (-1, 0, 1):
+        color = shot.pixelColor(middle.x() + side * step, middle.y())
         around = [
-            scene.pixelColor(its_middle.x() + way * its_step + x, its_middle.y() + y)
+            scene.pixelColor(its_middle.x() + side * its_step + x, its_middle.y() + y)
             for x in range(-4, 5)
             for y in range(-4, 5)
         ]

@@ -99,8 +99,8 @@ def test_missing_system_library_is_named(
 
 def free_display() -> str:
     """Return the name of an X display without a server."""
-    taken = {path.name for path in Path("/tmp/.X11-unix").glob("X*")}
-    return next(f":{number}" for number in range(77, 977) if f"X{number}" not in taken)
+    used = {path.name for path in Path("/tmp/.X11-unix").glob("X*")}
+    return next(f":{number}" for number in range(77, 977) if f"X{number}" not in used)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of X and Wayland")

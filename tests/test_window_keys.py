@@ -99,7 +99,7 @@ def test_arrow_keys_zoom_in_the_view_and_select_in_lists(view_of: Any, hand: Pre
 
 def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Press) -> None:
     window = view_of()
-    whole, at_first = image(window), direction(window)
+    fitted, at_first = image(window), direction(window)
     camera = window.view.canvas.camera
     camera.Azimuth(25.0)
     camera.Dolly(4.0)
@@ -112,13 +112,13 @@ def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Pre
     # The view angle of saved pictures.
     assert camera.GetViewAngle() == VIEW_ANGLE
     # Everything is visible and fills the height or the width.
-    seen = np.abs(np.diff(image(window), axis=1)).max(axis=2) > 30
-    rows, columns = np.nonzero(seen.any(axis=1))[0], np.nonzero(seen.any(axis=0))[0]
-    shares = [(lot[-1] - lot[0]) / n for lot, n in zip((rows, columns), seen.shape, strict=True)]
+    edges = np.abs(np.diff(image(window), axis=1)).max(axis=2) > 30
+    rows, columns = np.nonzero(edges.any(axis=1))[0], np.nonzero(edges.any(axis=0))[0]
+    shares = [(lot[-1] - lot[0]) / n for lot, n in zip((rows, columns), edges.shape, strict=True)]
     assert 0.7 < max(shares) < 0.98
     hand("1")
     wait_until(lambda: np.allclose(direction(window), at_first))
-    assert np.abs(image(window) - whole).max() < 8
+    assert np.abs(image(window) - fitted).max() < 8
     hand("v")  # PyVista's key
     wait_until(lambda: np.allclose(direction(window), -1 / np.sqrt(3)))
 
@@ -216,14 +216,14 @@ def test_p_picks_and_shift_f_flies_to_the_point_under_the_mouse(view_of: Any, ha
 
 def test_other_keys_do_not_change_the_view(view_of: Any) -> None:
     window = view_of()
-    taken = {
+    used_keys = {
         key[0].key()
         for action in [*window.menus.actions.values(), *window.tools.all_actions]
         for key in action.shortcuts()
     }
     before, props = image(window), window.view.canvas.renderer.GetViewProps().GetNumberOfItems()
     for code in (*range(Qt.Key.Key_A, Qt.Key.Key_Z + 1), Qt.Key.Key_Left, Qt.Key.Key_Eacute):
-        if code not in taken:
+        if code not in used_keys:
             key = Qt.Key(code)
             QTest.keyClick(window.view.canvas, key)
             text = QKeySequence(key).toString()

@@ -20,16 +20,18 @@ require_display()
 
 def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
     """Run a script of this folder, and return the JSON that it prints."""
-    here = Path(__file__).parent
+    folder = Path(__file__).parent
     # A separate screen if Xvfb exists, because twice the pixels need twice the space.
     screen = ["xvfb-run", "-a", "-s", "-screen 0 2560x1440x24"] if shutil.which("xvfb-run") else []
     done = subprocess.run(
-        [*screen, sys.executable, "-W", "error", str(here / script), *arguments],
+        [*screen, sys.executable, "-W", "error", str(folder / script), *arguments],
         capture_output=True,
         text=True,
         check=False,
         timeout=900,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(here.parent), *sys.path])} | variables,
+        env=os.environ
+        | {"PYTHONPATH": os.pathsep.join([str(folder.parent), *sys.path])}
+        | variables,
     )
     assert done.returncode == 0, done.stderr
     assert "rror" not in done.stderr, done.stderr
@@ -38,17 +40,17 @@ def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("rounds", [10, pytest.param(100, marks=pytest.mark.nightly)])
 def test_many_windows_leave_no_memory_or_objects_behind(rounds: int) -> None:
-    told = run("window_rounds.py", str(rounds))
-    assert len(told["memory"]) == rounds
-    assert (told["windows"], told["widgets"]) == (0, 0)
+    result = run("window_rounds.py", str(rounds))
+    assert len(result["memory"]) == rounds
+    assert (result["windows"], result["widgets"]) == (0, 0)
     warm = rounds // 2  # caches fill until then
-    assert told["threads"][-1] == told["threads"][warm]
-    assert told["files"] < 60
+    assert result["threads"][-1] == result["threads"][warm]
+    assert result["files"] < 60
     # Python objects: only matplotlib's font caches grow.
-    late = told["objects"][warm:]
-    assert max(late) - min(late) < 2 * warm, told["grown"]
+    late = result["objects"][warm:]
+    assert max(late) - min(late) < 2 * warm, result["grown"]
     # A window takes about 20 MB, which must be freed.
-    assert told["memory"][-1] - told["memory"][warm] < 10, told["memory"]
+    assert result["memory"][-1] - result["memory"][warm] < 10, result["memory"]
 
 
 def test_high_resolution_screen_shows_the_same_in_finer_pixels(tmp_path: Path) -> None:
@@ -68,7 +70,7 @@ def test_high_resolution_screen_shows_the_same_in_finer_pixels(tmp_path: Path) -
     assert once["threading"] == twice["threading"]
     assert once["threading"][2] == [2]
     assert sum(found is not None for found in once["picked"]) > 3
-    yarns = [[found and found[0] for found in told["picked"]] for told in (once, twice)]
+    yarns = [[found and found[0] for found in result["picked"]] for result in (once, twice)]
     assert sum(a != b for a, b in zip(*yarns, strict=True)) <= 2
     small = Image.open(tmp_path / "1.png").convert("RGB")
     large = Image.open(tmp_path / "2.png").convert("RGB")

@@ -127,12 +127,12 @@ def test_near_yarns_move_like_the_whole_cloth(
         given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, camera_view=seen
     )
 
-    def drawn(few: int) -> Frame:
+    def draw_frame(few: int) -> Frame:
         monkeypatch.setattr(level_of_detail, "WINDOW_PATCHES", few)
         nothing: Any = lambda *_: None  # noqa: E731
         return pipeline.Pipeline(nothing, nothing).run(job)
 
-    whole, frame = drawn(10**6), drawn(100)
+    whole, frame = draw_frame(10**6), draw_frame(100)
     assert whole.cloth is None
     assert frame.cloth is not None
     assert frame.yarns is not None

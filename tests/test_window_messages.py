@@ -22,9 +22,9 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 def frames_drawn(window: Any, count: int) -> None:
     """Wait for a number of further frames."""
-    drawn: list[Any] = []
-    link = window.director.drawn.connect(drawn.append)
-    wait_until(lambda: len(drawn) >= count)
+    frames: list[Any] = []
+    link = window.director.drawn.connect(frames.append)
+    wait_until(lambda: len(frames) >= count)
     window.director.drawn.disconnect(link)
 
 
@@ -102,29 +102,29 @@ def test_failing_mode_animation_ends(open_scene: Any) -> None:
     window = open_scene()
     window.modes.table.cellClicked.emit(1, 0)
     frames_drawn(window, 3)
-    told: list[Any] = []
-    window.director.failed.connect(told.append)
+    messages: list[Any] = []
+    window.director.failed.connect(messages.append)
     window.document.set("weave", "warp_diameter", "1.9 mm")
-    wait_until(lambda: told and window.modes.mode is None and not window.engine.busy)
+    wait_until(lambda: messages and window.modes.mode is None and not window.engine.busy)
     assert window.errors.text != ""
     QTest.qWait(300)
     # The user can change other stages to correct it.
     window.stages.select("surface")
     QTest.qWait(300)
     assert window.properties.section == "surface"
-    assert len(told) < 4
+    assert len(messages) < 4
 
 
 def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
     window = open_scene()
-    told: list[Any] = []
-    window.director.failed.connect(told.append)
+    messages: list[Any] = []
+    window.director.failed.connect(messages.append)
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_without_window(lambda: not window.engine.busy)
     # The run has failed, but the window has not processed the signal.
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window))
-    assert len(told) == 1
+    assert len(messages) == 1
     assert window.errors.text == ""
     assert not window.properties.rows["warp_diameter"].property("bad")
     # A failure of a closed scene is not reported.
@@ -132,7 +132,7 @@ def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
     wait_without_window(lambda: not window.engine.busy)
     window.document.new()
     wait_until(lambda: settled(window))
-    assert len(told) == 1
+    assert len(messages) == 1
 
 
 def wait_without_window(done: Callable[[], bool]) -> None:
@@ -193,16 +193,16 @@ def test_surface_too_large_to_draw_is_refused_and_the_last_one_stays(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
-    told: list[str] = []
-    window.director.failed.connect(lambda *words: told.append(" ".join(map(str, words))))
+    messages: list[str] = []
+    window.director.failed.connect(lambda *words: messages.append(" ".join(map(str, words))))
     shown = window.view.frame.surface.GetNumberOfCells()
     # Enough memory for the surface, but not for OpenGL's copy.
     monkeypatch.setattr("spacemap_vtk.app.work.pipeline.DRAWN_POINT", 300)
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 150 * 4 * shown)
     window.document.set("surface", "subdivisions", 2 * window.document.scene.surface.subdivisions)
-    wait_until(lambda: told and not window.engine.busy)
-    assert f"to draw {4 * shown} polygons would need" in told[-1]
+    wait_until(lambda: messages and not window.engine.busy)
+    assert f"to draw {4 * shown} polygons would need" in messages[-1]
     assert window.view.frame.surface.GetNumberOfCells() <= shown
 
 
@@ -271,12 +271,12 @@ def test_warnings_are_short_and_hidden_for_unchanged_examples(
     # After a change by the user, warnings are shown.
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window) and "⚠" in window.status_text.full_text)
-    told = window.status_text.full_text.partition("⚠")[2]
-    assert "too stiffly" in told
-    assert len(told.split()) <= 16
-    assert not set('[]="') & set(told)
-    whole = window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text)
-    assert whole <= 900  # in a window of 1,280 pixels
+    messages = window.status_text.full_text.partition("⚠")[2]
+    assert "too stiffly" in messages
+    assert len(messages.split()) <= 16
+    assert not set('[]="') & set(messages)
+    full_width = window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text)
+    assert full_width <= 900  # in a window of 1,280 pixels
     # A click shows the whole text.
     shown: list[str] = []
     monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))

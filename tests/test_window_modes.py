@@ -60,9 +60,9 @@ def test_click_in_the_response_plot_animates_the_nearest_mode(
     wait_until(lambda: window.director.swing is not None and window.director.swing.mode == 3)
     QTest.mouseClick(window.modes.back_button, Qt.MouseButton.LeftButton)
     assert plot.mode is None
-    still = tmp_path / "still.toml"  # without modes
-    still.write_text("[weave]\nends = 3\npicks = 3\n")
-    open_scene(str(still))
+    scene_file = tmp_path / "still.toml"  # without modes
+    scene_file.write_text("[weave]\nends = 3\npicks = 3\n")
+    open_scene(str(scene_file))
     wait_until(lambda: not plot.isVisible(), 20.0)
 
 
@@ -95,10 +95,10 @@ def test_table_of_modes_follows_the_scene(open_scene: Any, tmp_path: Path) -> No
     window.document.set("modal", "modes", 12)
     wait_until(lambda: settled(window))
     assert window.modes.table.rowCount() == 12
-    still = tmp_path / "still.toml"
-    still.write_text("[weave]\nends = 3\npicks = 3\n")
+    scene_file = tmp_path / "still.toml"
+    scene_file.write_text("[weave]\nends = 3\npicks = 3\n")
     wait_until(window.modes.response.isVisible)
-    window.document.open(still)
+    window.document.open(scene_file)
     # At once, so that modes of the former scene are not shown.
     assert window.modes.table.rowCount() == 0
     assert not window.modes.response.isVisible()
@@ -124,8 +124,10 @@ def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     for name, value in sheet.items():
         scene.set(f"modal.{name}={value}")
     report.modes(scene)
-    (told,) = (text for text in scene.warnings if "not resolved by the cage's cells" in text)
-    assert warning.text().split(";")[0].lower() == told.split(";")[0]
+    (warning_text,) = (
+        text for text in scene.warnings if "not resolved by the cage's cells" in text
+    )
+    assert warning.text().split(";")[0].lower() == warning_text.split(";")[0]
     marked = [row for row in range(20) if table.item(row, 1).text().startswith("≈")]
     assert marked[0] == 6
     assert "too high" in table.item(6, 1).toolTip()

@@ -19,7 +19,7 @@ from spacemap_vtk.scenes.chain import sections  # noqa: E402
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
 
-def active(open_scene: Any, qtbot: Any) -> Any:
+def open_active(open_scene: Any, qtbot: Any) -> Any:
     """Open a window that has the keyboard focus."""
     window = open_scene()
     with qtbot.waitActive(window):
@@ -33,7 +33,7 @@ def press(qtbot: Any, window: Any, key: Any, *keys: Any) -> None:
 
 
 def test_keys_play_step_switch_parts_and_undo(open_scene: Any, qtbot: Any) -> None:
-    window = active(open_scene, qtbot)
+    window = open_active(open_scene, qtbot)
     press(qtbot, window, Qt.Key.Key_Space)
     assert window.times.playing
     press(qtbot, window, Qt.Key.Key_Space)
@@ -62,7 +62,7 @@ def test_keys_play_step_switch_parts_and_undo(open_scene: Any, qtbot: Any) -> No
 
 
 def test_letters_typed_into_a_field_are_no_shortcuts(open_scene: Any, qtbot: Any) -> None:
-    window = active(open_scene, qtbot)
+    window = open_active(open_scene, qtbot)
     window.stages.select("weave")
     line = window.properties.rows["pattern"].editor
     line = getattr(line, "line", line)
@@ -76,7 +76,7 @@ def test_letters_typed_into_a_field_are_no_shortcuts(open_scene: Any, qtbot: Any
 def test_enter_focuses_the_view_and_tab_continues_from_the_field(
     open_scene: Any, qtbot: Any
 ) -> None:
-    window = active(open_scene, qtbot)
+    window = open_active(open_scene, qtbot)
     window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     view = window.view.canvas
@@ -107,7 +107,7 @@ def test_enter_focuses_the_view_and_tab_continues_from_the_field(
 
 
 def test_undo_works_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:
-    window = active(open_scene, qtbot)
+    window = open_active(open_scene, qtbot)
     window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "0.2 mm")

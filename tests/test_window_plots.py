@@ -26,7 +26,7 @@ from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
-def plotted(window: Any) -> bool:
+def is_plotted(window: Any) -> bool:
     plots = window.plots
     return plots.curves is not None and plots.curves.key == plots.make_request().key
 
@@ -43,7 +43,7 @@ def plots_of(open_scene: Any) -> Any:
         plots.quantity.setCurrentIndex(0)
         plots.component.setCurrentIndex(0)
         window.tabs.setCurrentWidget(plots)
-        wait_until(lambda: plotted(window))
+        wait_until(lambda: is_plotted(window))
         return window
 
     return open_
@@ -52,13 +52,13 @@ def plots_of(open_scene: Any) -> Any:
 def pick(qtbot: Any, window: Any, number: int = 1) -> None:
     """Pick a number of points, and wait for the curves of all points."""
     for _ in range(number):
-        _pick_one(qtbot, window)
+        pick_point(qtbot, window)
     count = len(window.plots.points)
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     assert len(window.plots.curves.points) == count
 
 
-def _pick_one(qtbot: Any, window: Any) -> None:
+def pick_point(qtbot: Any, window: Any) -> None:
     count = len(window.plots.points)
     middle = QPoint(window.view.canvas.width() // 2, window.view.canvas.height() // 2)
     keys = Qt.KeyboardModifier
@@ -107,12 +107,12 @@ def test_plotted_points_are_marked_in_the_view(plots_of: Any, qtbot: Any) -> Non
     (alone,) = window.view.picks
     assert window.plots.points == [alone]
     assert alone not in (first, second)
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     np.testing.assert_allclose(window.plots.curves.points, [alone.rest])
     qtbot.mouseClick(window.plots.clear_button, LEFT)
     assert window.view.picks == []
     assert not window.view.marks.GetVisibility()
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     assert len(window.plots.curves.points) == 1  # the tip
 
 
@@ -194,7 +194,7 @@ def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot:
     window = plots_of()
     first = window.plots.curves
     window.document.set("modal", "youngs_modulus", "4 kPa")
-    wait_until(lambda: settled(window) and plotted(window))
+    wait_until(lambda: settled(window) and is_plotted(window))
     second = window.plots.curves
     ratio = second.modes[0] / first.modes[0]
     assert ratio == pytest.approx(np.sqrt(4e3 / Scene.read("plain_weave").modal.youngs_modulus))
@@ -209,7 +209,7 @@ def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot:
     qtbot.wait(400)
     assert window.plots.curves is second
     window.tabs.setCurrentWidget(window.plots)
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     assert window.plots.curves is not second
 
 
@@ -272,16 +272,16 @@ def test_plots_use_the_time_steps_of_a_motion_file(plots_of: Any) -> None:
 
 def test_scene_without_motion_has_no_plots(plots_of: Any, tmp_path: Path) -> None:
     window = plots_of()
-    still = tmp_path / "still.toml"
-    still.write_text("[weave]\nends = 3\npicks = 3\n")
-    window.document.open(still)
+    scene_file = tmp_path / "still.toml"
+    scene_file.write_text("[weave]\nends = 3\npicks = 3\n")
+    window.document.open(scene_file)
     wait_until(lambda: settled(window) and "not move" in window.plots.hint.text())
     assert not window.plots.canvas.isVisible()
     assert not window.plots.save_button.isEnabled()
     window.document.open("plain_weave")
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     assert window.plots.canvas.isVisible()
-    window.document.open(still)
+    window.document.open(scene_file)
     assert not window.plots.canvas.isVisible()  # at once
     wait_until(lambda: settled(window))
 
@@ -330,9 +330,9 @@ def test_cancelled_run_gives_no_curves(plots_of: Any) -> None:
     assert plots.hint.text() != "Computing…"
     # After undo, the curves are valid again; for another scene, new ones follow.
     window.document.history.undo()
-    wait_until(lambda: settled(window) and plotted(window))
+    wait_until(lambda: settled(window) and is_plotted(window))
     window.document.set("cage", "divisions", [3, 3, 1])
-    wait_until(lambda: settled(window) and plotted(window))
+    wait_until(lambda: settled(window) and is_plotted(window))
     assert not np.allclose(plots.curves.modes[:5], before.modes[:5], rtol=1e-3)
 
 
@@ -366,7 +366,7 @@ def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: 
     # Another motion has other curves.
     window.document.set("transient", "gravity", [0.0, 0.0, 4.0])
     assert "before the last change" in window.plots.hint.text()  # at once
-    wait_until(lambda: settled(window) and plotted(window))
+    wait_until(lambda: settled(window) and is_plotted(window))
     assert "before the change" not in window.plots.hint.text()
     assert window.plots.curves.motion[0, 0, 7, 2] > 0
 
@@ -376,11 +376,11 @@ def test_slow_curves_show_progress_and_can_be_cancelled(
 ) -> None:
     window = open_scene()
     plots, engine = window.plots, window.engine
-    seen = []
+    shown = []
 
     def slow(scene: Any, wish: Any) -> Any:
         for share in compute_curves(scene, wish):
-            seen.append(share)
+            shown.append(share)
             time.sleep(0.06)
             yield share
 
@@ -391,24 +391,24 @@ def test_slow_curves_show_progress_and_can_be_cancelled(
     wait_until(
         lambda: (
             plots.progress_bar.isVisible()
-            and max(seen, default=0.0) >= 0.1 <= plots.progress_bar.value() / 100
+            and max(shown, default=0.0) >= 0.1 <= plots.progress_bar.value() / 100
         )
     )
-    assert seen == sorted(seen)
-    assert 0.0 <= seen[0] < seen[-1] <= 1.0
+    assert shown == sorted(shown)
+    assert 0.0 <= shown[0] < shown[-1] <= 1.0
     assert plots.run_button.text() == "Cancel"
     QTest.mouseClick(plots.run_button, LEFT)
     assert engine.background is None
     assert not plots.progress_bar.isVisible()
     assert "Cancelled" in plots.hint.text()
-    count = len(seen)
+    count = len(shown)
     QTest.qWait(400)
-    assert len(seen) <= count + 1
+    assert len(shown) <= count + 1
     assert plots.curves is None
 
     monkeypatch.setattr(plots_tab, "compute_curves", compute_curves)
     assert plots.run_button.text() == "Compute"
     QTest.mouseClick(plots.run_button, LEFT)
-    wait_until(lambda: plotted(window))
+    wait_until(lambda: is_plotted(window))
     assert not plots.run_button.isVisible()
     assert not plots.progress_bar.isVisible()

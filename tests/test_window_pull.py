@@ -19,7 +19,7 @@ from spacemap_vtk.scenes import library  # noqa: E402
 ELASTIC = {"inextensible": False, "tension": "50 N", "contact": "10 N"}
 
 
-def show_pad(window: Any, **yarns: Any) -> Any:
+def show_map(window: Any, **yarns: Any) -> Any:
     """Show the pull tab of a scene with a section [yarns]."""
     if yarns:
         window.document.set_many("yarns", yarns)
@@ -43,7 +43,7 @@ def drag(window: Any, *stretches: tuple[float, float], wait: int = 10) -> None:
     QTest.mouseRelease(pad, Qt.MouseButton.LeftButton, pos=at)
 
 
-def pulled(window: Any) -> bool:
+def is_stretched(window: Any) -> bool:
     frame = window.view.frame
     return settled(window) and frame.mode == -1 and not frame.coarse
 
@@ -54,14 +54,14 @@ def size_of(data: Any) -> np.ndarray:
 
 def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) -> None:
     window = open_scene()
-    pad = show_pad(window)
+    pad = show_map(window)
     # This square cloth jams beyond +5.287 %; Peirce's geometry gives the exchange curve.
     found = pad.map
     assert np.interp(1.06, found.warp, found.jam[1]) == pytest.approx(0.910090, abs=1e-5)
     assert np.interp(1.02896, *found.exchange) == pytest.approx(1 - 0.03640, abs=5e-4)
     before = {stage.section: stage.executions for stage in scene_of(window).stages}
     drag(window, (1.01, 0.99), (1.02, 0.975), (1.03, 0.96))
-    wait_until(lambda: pulled(window))
+    wait_until(lambda: is_stretched(window))
     assert pad.stretch == pytest.approx((1.03, 0.96), abs=2e-3)  # a pixel
     # At rest, the surface is as fine as the scene says, and the cloth has the stretched size.
     cage = window.view.frame.cage
@@ -81,7 +81,7 @@ def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) ->
 
 def test_keys_move_the_point_and_a_jam_is_reported(open_scene: Any) -> None:
     window = open_scene()
-    pad = show_pad(window)
+    pad = show_map(window)
     shown = window.times.time
     QTest.mouseClick(pad, Qt.MouseButton.LeftButton, pos=pad.position_of(1.0, 0.95).toPoint())
     start = pad.stretch
@@ -97,33 +97,33 @@ def test_keys_move_the_point_and_a_jam_is_reported(open_scene: Any) -> None:
     QTest.keyClick(pad, Qt.Key.Key_Home)
     assert pad.stretch == (1.0, 1.0)
     assert window.times.time == shown  # the key does not trigger the menu
-    wait_until(lambda: pulled(window))
+    wait_until(lambda: is_stretched(window))
     QTest.keyClick(pad, Qt.Key.Key_Escape)
     wait_until(lambda: settled(window) and window.view.frame.mode is None)
 
 
 def test_drag_on_the_map_stretches_the_cloth(open_scene: Any) -> None:
     window = open_scene()
-    pad = show_pad(window, **ELASTIC)
+    pad = show_map(window, **ELASTIC)
     force = pad.map.force
     assert force.max() > 1.0
     np.testing.assert_allclose(force[0], force[1].T, rtol=1e-6, atol=1e-6)  # a square cloth
     drag(window, (1.03, 1.03))
-    wait_until(lambda: pulled(window))
+    wait_until(lambda: is_stretched(window))
     assert "N/m" in window.pull.state_text.text()
 
 
 def test_map_follows_a_changed_cloth_and_keeps_the_stretch(open_scene: Any) -> None:
     window = open_scene()
-    pad = show_pad(window, **ELASTIC)
+    pad = show_map(window, **ELASTIC)
     before = pad.map
     drag(window, (1.05, 1.02))
-    wait_until(lambda: pulled(window))
-    told = window.pull.state_text.text()
+    wait_until(lambda: is_stretched(window))
+    text = window.pull.state_text.text()
     window.document.set("yarns", "tension", "100 N")
-    wait_until(lambda: pad.map is not before and pulled(window))
+    wait_until(lambda: pad.map is not before and is_stretched(window))
     assert pad.map.force.max() > before.force.max()
-    assert window.pull.state_text.text() != told
+    assert window.pull.state_text.text() != text
     assert window.director.swing.warp == pad.stretch[0]
     # Without the section there is no map, and the motion is shown.
     window.document.set("yarns", "inextensible", True)

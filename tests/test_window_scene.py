@@ -122,7 +122,7 @@ def test_load_arrows_follow_the_time(open_scene: Any) -> None:
 def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
-    whole = window.view.image().astype(int)
+    uncut = window.view.image().astype(int)
     window.tools.clip.trigger()
     half = window.view.image().astype(int)
     width = half.shape[1]
@@ -132,8 +132,8 @@ def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
         return (np.ptp(image, axis=2) > 70).sum(axis=0)
 
     right = slice(int(width * 0.56), int(width * 0.75))
-    assert colored(whole)[right].sum() > 2000
-    assert colored(half)[right].sum() < 0.15 * colored(whole)[right].sum()
+    assert colored(uncut)[right].sum() > 2000
+    assert colored(half)[right].sum() < 0.15 * colored(uncut)[right].sum()
     # The mouse moves the plane.
     window.tools.cameras["three-quarter"].trigger()
     QTest.qWait(100)
@@ -170,7 +170,7 @@ def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
     np.testing.assert_allclose(np.abs(window.view.scene_view.cut[0]), [0, 0, 1])
     window.tools.clip.trigger()
     window.tools.cameras["front"].trigger()
-    assert np.abs(window.view.image().astype(int) - whole).mean() < 1.0
+    assert np.abs(window.view.image().astype(int) - uncut).mean() < 1.0
 
 
 def test_new_scene_is_not_clipped(open_scene: Any) -> None:
@@ -216,28 +216,28 @@ def test_picked_points_are_listed_and_move_with_the_cloth(open_scene: Any) -> No
     window.tools.cameras["front"].trigger()
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
-    told: list[list[Any]] = []
-    window.view.picks_changed.connect(told.append)
+    lists: list[list[Any]] = []
+    window.view.picks_changed.connect(lists.append)
     widget = window.view.canvas
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     left, shift = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier
     for k, modifier in ((0, Qt.KeyboardModifier.NoModifier), (1, shift), (2, shift)):
         QTest.mouseClick(widget, left, modifier, middle + QPoint(0, 90 * (k - 1)))
-    assert [len(picks) for picks in told] == list(range(1, len(told) + 1))
-    assert len(told) >= 2
-    assert window.view.picks == told[-1]
-    still = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
+    assert [len(picks) for picks in lists] == list(range(1, len(lists) + 1))
+    assert len(lists) >= 2
+    assert window.view.picks == lists[-1]
+    bounds_before = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
     type_into(window.times.line, "20 ms")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
     moved = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
-    assert np.abs(moved - still).max() > 1e-4
+    assert np.abs(moved - bounds_before).max() > 1e-4
     # A click without Shift starts a new list, and another scene clears it.
     QTest.mouseClick(widget, left, Qt.KeyboardModifier.NoModifier, middle)
-    assert len(window.view.picks) <= 1 or len(told[-1]) == 1
+    assert len(window.view.picks) <= 1 or len(lists[-1]) == 1
     window.document.open("twill_2_2")
     wait_until(lambda: settled(window))
     assert window.view.picks == []
-    assert told[-1] == []
+    assert lists[-1] == []
 
 
 def test_point_of_an_object_can_be_picked(open_scene: Any) -> None:

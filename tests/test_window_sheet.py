@@ -53,7 +53,7 @@ def equilibrium(window: Any) -> np.ndarray | None:
     return None if array is None else vtk_to_numpy(array)
 
 
-def notes(window: Any) -> dict[str, str]:
+def notes_of(window: Any) -> dict[str, str]:
     rows = window.properties.rows
     return {name: row.note.text() for name, row in rows.items() if not row.isHidden()}
 
@@ -61,30 +61,30 @@ def notes(window: Any) -> dict[str, str]:
 def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.stages.select("modal")
-    found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
-    assert told["elements"] == "in use: sheet"  # "auto" has decided
-    assert told["bending_rigidity"] == (
+    found, shown_notes = report.modes(Scene.read(strip))["sheet"], notes_of(window)
+    assert shown_notes["elements"] == "in use: sheet"  # "auto" has decided
+    assert shown_notes["bending_rigidity"] == (
         "in use: warp 12 µN·m (0.1224 gf.cm²/cm), weft 8 µN·m (0.08158 gf.cm²/cm)"
     )
-    assert told["areal_mass"] == "in use: 150 g/m² (4.424 oz/yd²)"
+    assert shown_notes["areal_mass"] == "in use: 150 g/m² (4.424 oz/yd²)"
     warp, weft = (f"{1e3 * c:.4g} mm ({1e2 * c:.4g} cm)" for c in found["bending_length"])
-    assert told["bending_length"] == f"in use: warp {warp}, weft {weft}"
+    assert shown_notes["bending_length"] == f"in use: warp {warp}, weft {weft}"
     assert f"bending length warp {warp}, weft {weft}" in window.modes.sheet.text()
     for name in found:
-        assert told[name].startswith("in use: ")
+        assert shown_notes[name].startswith("in use: ")
     assert not window.properties.rows["material"].note.text()
     headings = window.properties.groups
     assert list(headings) == ["Sheet", "Hung"]
     assert all(heading.isVisibleTo(window) for heading in headings.values())
     # With two layers it is not a sheet: parameters of sheets are hidden unless they are written.
     window.document.set("cage", "divisions", [8, 2, 2])
-    wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
-    told = notes(window)
-    assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
-    assert told["bending_rigidity"] == "no effect: the cage is not a sheet"
+    wait_until(lambda: settled(window) and "tetrahedra" in notes_of(window)["elements"])
+    shown_notes = notes_of(window)
+    assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & shown_notes.keys()
+    assert shown_notes["bending_rigidity"] == "no effect: the cage is not a sheet"
     assert "tetrahedra" in window.modes.sheet.text()
     window.document.set("modal", "elements", "tetrahedra")
-    wait_until(lambda: settled(window) and notes(window)["elements"] == "")  # the field shows it
+    wait_until(lambda: settled(window) and notes_of(window)["elements"] == "")  # the field shows it
     window.document.history.undo()
     wait_until(lambda: settled(window))
     assert headings["Sheet"].isVisibleTo(window)  # written values stay
@@ -95,7 +95,7 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     assert headings["Hung"].isVisibleTo(window)
     for _ in range(4):
         window.document.history.undo()
-    wait_until(lambda: settled(window) and "bending_length" in notes(window))
+    wait_until(lambda: settled(window) and "bending_length" in notes_of(window))
     supports, times = window.tools.part_actions["supports"], window.times
     assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
     play = times.play.toolTip()
@@ -121,13 +121,13 @@ def test_automatic_off_starts_with_the_value_in_use(open_scene: Any, strip: Path
     window = open_scene(str(strip))
     window.document.set("modal", "bending_rigidity", None)
     window.stages.select("modal")
-    wait_until(lambda: settled(window) and "warp" not in notes(window)["bending_rigidity"])
-    before, row = notes(window), window.properties.rows["bending_length"]
+    wait_until(lambda: settled(window) and "warp" not in notes_of(window)["bending_rigidity"])
+    before, row = notes_of(window), window.properties.rows["bending_length"]
     wait_until(lambda: row.automatic_value is not None)
     row.automatic.click()
     wait_until(lambda: settled(window))
     assert window.document.scene.modal.bending_length is not None
-    assert notes(window)["bending_rigidity"] == before["bending_rigidity"]
+    assert notes_of(window)["bending_rigidity"] == before["bending_rigidity"]
     assert window.errors.text == ""
 
 

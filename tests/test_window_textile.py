@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QFileDialog  # noqa: E402
 from test_textile import MOVING, Loops, Rods, sources  # noqa: E402, F401
 
 
-def offered(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+def offered_types(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     """Return the file types that the export dialog offers."""
     asked: list[str] = []
 
@@ -30,7 +30,7 @@ def offered(window: Any, monkeypatch: pytest.MonkeyPatch) -> str:
 def test_export_offers_drafts_for_a_weave(
     open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert "draft" in offered(open_window("plain_weave"), monkeypatch)
+    assert "draft" in offered_types(open_window("plain_weave"), monkeypatch)
 
 
 def test_draft_of_another_source_cannot_be_edited(open_window: Any, tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_other_textile_shows_its_own_figures(
     window.tabs.setCurrentWidget(window.draft)
     wait_until(lambda: "not woven" in window.draft.placeholder.text())
     assert not window.draft.save_button.isEnabled()
-    assert "draft" not in offered(window, monkeypatch)
+    assert "draft" not in offered_types(window, monkeypatch)
     # Another value of the source gives another textile.
     window.document.set(source.section, "count", 6)
     window.tabs.setCurrentWidget(window.figures)

@@ -241,13 +241,13 @@ def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
     moved = np.array(pick.rest) + pick.displacement
     np.testing.assert_allclose(moved, pick.position, atol=1e-9)
     # As weavers count, and as "spacemap info" and the draft do.
-    said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
-    assert window.status_text.full_text.startswith(said + " ")
+    yarn_name = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
+    assert window.status_text.full_text.startswith(yarn_name + " ")
     # A label shows the pick and the shown value while playing, until Escape.
     labels = window.view.scene_view.annotations
-    place, words = labels.labels[0]
+    place, text = labels.labels[0]
     np.testing.assert_allclose(place, pick.position, atol=1e-9)
-    assert words.splitlines()[0] == pick.name
+    assert text.splitlines()[0] == pick.name
     end, over = sorted(pick.name.replace("pick", "q").split(" × "))  # by the crossing at rest
     spacing = 0.5e-3
     np.testing.assert_allclose(pick.rest[0] / spacing + 4, int(end[4:]), atol=0.5)
@@ -271,7 +271,7 @@ def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
     assert np.abs(still.displacement).max() == 0.0
 
 
-def seen(window: Any) -> np.ndarray:
+def screenshot(window: Any) -> np.ndarray:
     """Return a screenshot of the view without drawing it again."""
     view = window.view.canvas
     place = view.mapToGlobal(QPoint(0, 0))
@@ -285,16 +285,16 @@ def test_screen_follows_rotating_and_zooming(open_scene: Any) -> None:
     window = open_scene()
     widget, at = window.view.canvas, QPoint(300, 300)
     QTest.qWait(300)
-    pictures = [seen(window)]
+    pictures = [screenshot(window)]
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
     for _ in range(3):
         at += QPoint(30, 12)
         QTest.mouseMove(widget, at)
-        wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
-        pictures.append(seen(window))
+        wait_until(lambda: np.abs(screenshot(window) - pictures[-1]).max() > 30, 10.0)
+        pictures.append(screenshot(window))
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
     QTest.wheelEvent(window.windowHandle(), widget.mapTo(window, at), QPoint(0, 120))
-    wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
+    wait_until(lambda: np.abs(screenshot(window) - pictures[-1]).max() > 30, 10.0)
 
 
 def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scene: Any) -> None:
@@ -427,9 +427,9 @@ def test_all_tabs_and_tools_are_visible(size: tuple[int, int], open_window: Any)
     bar = window.tabs.tabBar()
     for number in range(bar.count()):
         place = bar.tabRect(number)
-        words = bar.fontMetrics().horizontalAdvance(bar.tabText(number))
+        text = bar.fontMetrics().horizontalAdvance(bar.tabText(number))
         assert bar.rect().contains(place), bar.tabText(number)
-        assert words <= place.width(), bar.tabText(number)
+        assert text <= place.width(), bar.tabText(number)
     tools = window.tools
     for action in tools.actions():
         assert tools.widgetForAction(action).isVisible(), action.text()

@@ -90,12 +90,12 @@ def test_engineer_designs_a_twill(
     window.pull.hint.linkActivated.emit("yarns")
     pad = window.pull.map
     wait_until(lambda: pad.map is not None and settled(window))
-    here, there = pad.position_of(*pad.stretch).toPoint(), pad.position_of(1.03, 1.0).toPoint()
-    qtbot.mousePress(pad, LEFT, pos=here)
+    start, end = pad.position_of(*pad.stretch).toPoint(), pad.position_of(1.03, 1.0).toPoint()
+    qtbot.mousePress(pad, LEFT, pos=start)
     for share in (0.25, 0.5, 0.75, 1.0):
-        qtbot.mouseMove(pad, here + (there - here) * share)
+        qtbot.mouseMove(pad, start + (end - start) * share)
         qtbot.wait(10)
-    qtbot.mouseRelease(pad, LEFT, pos=there)
+    qtbot.mouseRelease(pad, LEFT, pos=end)
     wait_until(lambda: "Crossings are pressed to" in window.pull.state_text.text())
     assert "pressed to 86." in window.pull.state_text.text()
     keep_picture(window, "engineer.jpg")

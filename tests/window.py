@@ -219,8 +219,8 @@ def keep_picture(window: Any, name: str) -> None:
     """
     if (folder := os.environ.get("SPACEMAP_WALKS")) is None:
         return
-    begun = time.monotonic()  # tabs and fields are updated after a delay
-    wait_until(lambda: settled(window) and time.monotonic() > begun + 2.0)
+    start = time.monotonic()  # tabs and fields are updated after a delay
+    wait_until(lambda: settled(window) and time.monotonic() > start + 2.0)
     at = window.frameGeometry()
     grabbed = window.screen().grabWindow(0, at.x(), at.y(), at.width(), at.height())
     assert grabbed.save(str(Path(folder) / name), quality=70)

@@ -77,7 +77,7 @@ def main(picture: str) -> None:
     for x in range(-20, 24, 4):
         found = window.view.pick(view.width() / 2 + x, view.height() / 2)
         picked.append(None if found is None else (found.yarn, found.rest))
-    told = {
+    result = {
         "fits": fits,
         "ratio": window.devicePixelRatioF(),
         "view": [view.width(), view.height()],
@@ -87,10 +87,10 @@ def main(picture: str) -> None:
     }
     app.processEvents()
     app.primaryScreen().grabWindow(window.winId()).save(picture)
-    told["pixels"] = pixels_of(window)
+    result["pixels"] = pixels_of(window)
     window.discard()
     app.processEvents()
-    print(json.dumps(told))
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

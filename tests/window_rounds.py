@@ -34,7 +34,7 @@ stop = 0.1
 """
 
 
-def one_round(app: QApplication, scene: Path, whole: bool) -> None:
+def one_round(app: QApplication, scene: Path, with_plots: bool) -> None:
     window = MainWindow()
     window.resize(1000, 600)
     window.start(str(scene))
@@ -43,7 +43,7 @@ def one_round(app: QApplication, scene: Path, whole: bool) -> None:
     for number in range(window.tabs.count()):
         window.tabs.setCurrentIndex(number)
         app.processEvents()
-    if whole:
+    if with_plots:
         window.document.set("weave", "warp_diameter", "0.2 mm")
         wait_until(lambda: settled(window))
         window.tabs.setCurrentWidget(window.plots)
@@ -52,7 +52,7 @@ def one_round(app: QApplication, scene: Path, whole: bool) -> None:
     window.discard()
 
 
-def kinds() -> Counter[str]:
+def count_types() -> Counter[str]:
     return Counter(type(thing).__name__ for thing in gc.get_objects())
 
 
@@ -76,13 +76,15 @@ def main(rounds: int) -> None:
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
         gc.collect()
         if number == rounds // 2:
-            early = kinds()
+            early = count_types()
         memory.append(process.memory_info().rss / 2**20)
         objects.append(len(gc.get_objects()))
         threads.append(process.num_threads())
-    grown = {name: count - early[name] for name, count in kinds().items() if count > early[name]}
+    grown = {
+        name: count - early[name] for name, count in count_types().items() if count > early[name]
+    }
     left = [thing for thing in gc.get_objects() if isinstance(thing, QObject)]
-    told = {
+    result = {
         "memory": memory,
         "objects": objects,
         "threads": threads,
@@ -91,7 +93,7 @@ def main(rounds: int) -> None:
         "widgets": len(QApplication.allWidgets()),
         "files": process.num_fds(),
     }
-    print(json.dumps(told))
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":
