@@ -107,7 +107,7 @@ class PatchTessellator(Stage):
 
     @property
     def detail(self) -> tuple[int, bool, Detail | None]:
-        """Arguments with which `choose` gives the same facets."""
+        """Arguments with which `set_detail` gives the same facets."""
         return self._chosen, self._strands, self._detail
 
     def set_detail(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:

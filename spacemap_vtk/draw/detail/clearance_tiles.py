@@ -141,7 +141,7 @@ class SampledClearances:
 
     def __init__(self, scene: Scene, sides: int) -> None:
         self._stages = PartStages(scene)
-        self._stages.surface.choose(sides)
+        self._stages.surface.set_detail(sides)
         self._parts, self._weaves = representative_parts(self._stages.cloth, _MOST)
         #: Vertices of the last cage (strains without a cage), and the clearances found for them.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None

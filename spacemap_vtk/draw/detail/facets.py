@@ -98,7 +98,7 @@ class FacetChooser:
 def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: CameraView) -> None:
     """Set the subdivisions of a stage to those of a level of detail, for a view."""
     facets = FacetChooser(seen, level.sides, level.near_quads, level.plies)
-    stage.choose(level.sides, level.fibres, facets if level.near_quads else None)
+    stage.set_detail(level.sides, level.fibres, facets if level.near_quads else None)
 
 
 def coarse_scale(plies: int, points: AnyFloats, patches: AnyInts) -> float:

@@ -48,7 +48,7 @@ class YarnPieces:
         self._scene, self._level = scene, level
         self._stages = PartStages(scene)
         self._cloth = self._stages.cloth
-        self._stages.surface.choose(*scene.surface.chosen)
+        self._stages.surface.set_detail(*scene.surface.detail)
 
     def visible_pieces(
         self, time: float, sheet: ClothSheet, camera: vtkCamera, aspect: float
