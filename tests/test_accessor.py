@@ -56,7 +56,7 @@ def test_deform_refuses_in_words() -> None:
     with pytest.raises(InputError, match=r"shape \(3, 3\); allowed: \(27, 3\)"):
         pv.Sphere().spacemap.deform(cage, np.zeros((3, 3)))
     for made, why in (
-        (np.nan * cage.points, "27 of the cage's 27 displacements are no finite numbers"),
+        (np.nan * cage.points, "27 of the cage's 27 displacements are not finite numbers"),
         (["a"], r"displacement: no array of numbers: .*'a'.*; allowed: \(27, 3\)"),
         (lambda points: [1.0, points], r"no array of numbers"),
     ):

@@ -105,10 +105,10 @@ def test_refused_shapes():
     ride = ride_of(np.zeros((1, 3)), CORNERS, ONE)[1]
     with pytest.raises(InputError, match=r"\(4,\) or \(4, k\)"):
         ride.apply(np.zeros((5, 3)))
-    with pytest.raises(InputError, match="1 of the cage's 4 displacements are no finite numbers"):
+    with pytest.raises(InputError, match="1 of the cage's 4 displacements are not finite numbers"):
         ride.displace(np.zeros((1, 3)), [[0, 0, np.nan], *3 * [[0, 0, 0]]])
     with pytest.raises(InputError, match=r"\(4, 3\): a row for each vertex"):
         ride.displace(np.zeros((1, 3)), np.zeros((4, 2)))
-    with pytest.raises(InputError, match=r"\(1, 3\): those located"):
+    with pytest.raises(InputError, match=r"\(1, 3\)"):
         ride.displace(np.zeros((2, 3)), np.zeros((4, 3)))
     assert ride_of(np.empty((0, 3)), CORNERS, ONE)[1].apply(CORNERS).shape == (0, 3)

@@ -104,7 +104,7 @@ def test_distances_that_no_spaces_give() -> None:
         ends=4, warp_spacing=["0.3 mm", "2 mm", "0.3 mm"], warp_diameter=1e-4, weft_diameter=1e-4
     )
     source.update()
-    with pytest.raises(InputError, match="cannot hold the distances between the warp yarns"):
+    with pytest.raises(InputError, match="cannot store these distances between the warp yarns"):
         source.make_draft()
 
 

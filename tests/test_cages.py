@@ -127,13 +127,17 @@ def test_each_piece_is_reported() -> None:
     two = pv.Sphere(radius=0.5).merge(pv.Sphere(radius=0.5, center=(3, 0, 0)))
     cage, _ = cage_of(two, method="carved", divisions=(8, 2, 2))
     assert (
-        "2 pieces, of 8, 8 hexahedra; each that is not fixed moves on its own" in cage.warnings[0]
+        "2 separate pieces of 8, 8 hexahedra; pieces that are not fixed move separately"
+        in cage.warnings[0]
     )
     cage, _ = cage_of(two, method="carved", divisions=(8, 2, 2), margin=2)
     assert cage.warnings == ()
     diagonal = pv.PolyData(np.array([[0.2, 0.2, 0], [0.8, 0.8, 0], [0, 0, 1], [1, 1, 1.0]]))
     cage, _ = cage_of(diagonal, method="carved", divisions=(2, 2, 1))
-    assert "2 pieces, of 1, 1 hexahedra; 1 of them hang on an edge" in cage.warnings[0]
+    assert (
+        "2 separate pieces of 1, 1 hexahedra; 1 of them are joined only by an edge"
+        in cage.warnings[0]
+    )
 
 
 def test_the_outside_is_told_with_count_and_distance() -> None:
@@ -298,7 +302,7 @@ def test_ftetwild_needs_no_pyvista() -> None:
 def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pytetwild")
     monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")
-    with pytest.raises(GeometryError, match=r"its process ended with -6.*envelope"):
+    with pytest.raises(GeometryError, match=r"its process ended with code -6.*inflate"):
         cage_of(pv.Cube().triangulate(), method="tetwild", edge_length=0.6)
 
 

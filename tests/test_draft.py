@@ -77,7 +77,7 @@ def test_invalid_satins_are_refused(shafts: int, step: int) -> None:
         patterns.satin(shafts, step)
     assert caught.value.key == "step"
     steps = [str(k) for k in range(2, shafts - 1) if gcd(k, shafts) == 1]
-    assert caught.value.allowed == (", ".join(steps) or "none: use 5 shafts, or 7 and more")
+    assert caught.value.allowed == (", ".join(steps) or "none: use 5 shafts, or 7 or more")
 
 
 def test_basket() -> None:
@@ -112,8 +112,8 @@ def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
         (["010", "01"], "row 2 has 2 ends, but row 1 has 3"),
         (["01", "0x"], "row 2 has 'x' at end 2"),
         ([[0, 1], [0, 2]], "row 2 has 2 at end 2"),
-        ([[0, 1], [0, 1], []], "row 3 is no row"),
-        ([[0, 1], 5], "row 2 is no row"),
+        ([[0, 1], [0, 1], []], "row 3 must consist of 0 and 1"),
+        ([[0, 1], 5], "row 2 must consist of 0 and 1"),
         ([[0, [1]]], "row 1 has"),
         ([[0, None]], "row 1 has None at end 2"),
         ([], "at least one row"),

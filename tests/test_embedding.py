@@ -357,8 +357,8 @@ def test_few_points_and_none():
         ([[0, 0]], CORNERS, ONE, r"shape \(1, 2\)"),
         ([[0, 0, 0]], CORNERS, [[0, 1, 2]], "vertex numbers"),
         ([[0, 0, 0]], CORNERS, [[0.0, 1, 2, 3]], "vertex numbers"),
-        ([[0, 0, 0]], CORNERS, [[0, 1, 2, 4]], "refers to vertex 4; allowed: 0 to 3"),
-        ([[0, 0, 0]], CORNERS, [[0, 1, 2, -1]], "refers to vertex -1"),
+        ([[0, 0, 0]], CORNERS, [[0, 1, 2, 4]], "uses vertex 4; allowed: 0 to 3"),
+        ([[0, 0, 0]], CORNERS, [[0, 1, 2, -1]], "uses vertex -1"),
         ([[0, 0, 0]], CORNERS, np.empty((0, 4), int), "no tetrahedra"),
     ],
 )

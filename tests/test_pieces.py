@@ -173,7 +173,7 @@ def test_a_piece_that_was_moved_is_not_taken_for_the_whole() -> None:
     mover.SetInputConnection(weave.GetOutputPort())
     cage.SetInputConnection(mover.GetOutputPort())
     cage.update(piece=Piece(0, 1))
-    with pytest.raises(GeometryError, match="only piece 1 of 3 is here"):
+    with pytest.raises(GeometryError, match="has only piece 1 of 3"):
         cage.update(piece=Piece(1, 3))
 
 
@@ -184,7 +184,7 @@ def test_a_cage_that_follows_the_shape_needs_all_of_it() -> None:
     shape.AddFieldType(vtkDataObject.FIELD_ASSOCIATION_NONE)
     shape.SetInputConnection(weave.GetOutputPort())
     cage.SetInputConnection(shape.GetOutputPort())
-    with pytest.raises(InputError, match="only piece 0 of 2 is here"):
+    with pytest.raises(InputError, match="has only piece 0 of 2"):
         cage.update(piece=Piece(0, 2))
 
 

@@ -69,7 +69,7 @@ def test_diameter_is_peirces(ne: float) -> None:
     ("text", "said"),
     [
         ("30", "out of range"),
-        ("0 Ne", "a yarn count of 0"),
+        ("0 Ne", "the yarn count must be more than 0"),
         ("20 Ne 3", "not known"),
         ("fine", "not a number"),
         ("-3 tex", "out of range"),
@@ -127,7 +127,7 @@ def test_errors_of_a_cloth_name_parameters() -> None:
     assert str(caught.value) == (
         "warp_diameter: the cloth is jammed at every warp_crimp_height: the weft needs at least "
         "0.6245 mm, the warp at most 0.1755 mm; allowed: warp_diameter + weft_diameter up to "
-        "0.57735 mm at these spacings, not 0.8 mm. Make the yarns thinner or a spacing larger"
+        "0.57735 mm at these spacings, not 0.8 mm. Use thinner yarns or a larger spacing"
     )
 
 
@@ -301,7 +301,7 @@ def test_thick_yarns_are_flattened() -> None:
 
 
 def test_thick_yarns_are_refused() -> None:
-    with pytest.raises(GeometryError, match='Let thick_yarns "scale" or "flatten"'):
+    with pytest.raises(GeometryError, match='Set thick_yarns to "scale" or "flatten"'):
         WeaveSource(draft=REAL, thick_yarns="refuse").update()
     source = WeaveSource(draft=REAL, thick_yarns="refuse", warp_diameter=3e-4, weft_diameter=3e-4)
     assert source.cloth.warnings == ()

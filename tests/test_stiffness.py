@@ -246,7 +246,7 @@ def test_yarns_that_make_no_sheet_are_refused():
         (cotton(bending=(B, 0.0)), "bending"),
         (cotton(contact=0.0), "contact"),
     ):
-        with pytest.raises(InputError, match=f"{key}.*no sheet without it"):
+        with pytest.raises(InputError, match=f"{key}.*more than 0 and finite"):
             cloth_stiffness(woven(), yarns)
     cloth_stiffness(woven(), cotton(contact=0.0)._replace(flattest=1.0))
     wide = woven()

@@ -289,9 +289,9 @@ def test_refusals():
     with pytest.raises(GeometryError, match="negative"):
         Tessellation([[0, 1, 2, -3]], (1, 1), 1)
     surface = Tessellation(square, (1, 1), 1)
-    with pytest.raises(GeometryError, match="refer to point 3, and there are 3"):
+    with pytest.raises(GeometryError, match="use point 3, but there are 3"):
         surface.evaluate(np.zeros((3, 3)))
-    with pytest.raises(GeometryError, match="refer to point 3"):
+    with pytest.raises(GeometryError, match="use point 3"):
         surface.interpolate(np.zeros(3))
     with pytest.raises(GeometryError, match=r"\(4, 2\)"):
         surface.evaluate(np.zeros((4, 2)))

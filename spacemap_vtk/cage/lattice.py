@@ -123,7 +123,7 @@ def _check_divisions(divisions: Sequence[int]) -> tuple[int, int, int]:
         for value in values
     ):
         raise InputError(
-            "the cage cannot be divided like this",
+            "invalid divisions of the cage",
             key="divisions",
             value=values,
             allowed="three whole numbers, each at least 1",
@@ -135,7 +135,7 @@ def _vertex_coordinates(bounds: Sequence[float], divisions: tuple[int, int, int]
     box = np.asarray(bounds, dtype=np.float64)
     if box.shape != (6,) or not np.isfinite(box).all():
         raise GeometryError(
-            "not the bounds of a box",
+            "invalid bounds of a box",
             key="bounds",
             value=bounds,
             allowed="six finite numbers xmin, xmax, ymin, ymax, zmin, zmax",
@@ -154,7 +154,7 @@ def _vertex_coordinates(bounds: Sequence[float], divisions: tuple[int, int, int]
                 key="bounds",
                 value=tuple(box.tolist()),
                 allowed=f"{name}min clearly below {name}max",
-                cure="Give the cage padding, or an object that has thickness",
+                cure="Give the cage padding, or use an object with a thickness",
             )
     return axes
 

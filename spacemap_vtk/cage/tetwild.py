@@ -143,7 +143,7 @@ def _is_mesh(entry: dict[str, NDArray[Any]]) -> bool:
     return bool(known and cells.min() >= 0 and cells.max() < len(points))
 
 
-_CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or method = "carved"'
+_CURE = 'Close the holes of the surface, or set inflate = "1 mm" or method = "carved"'
 
 
 def _run_tetwild(**surface: Any) -> dict[str, NDArray[Any]]:
@@ -153,7 +153,7 @@ def _run_tetwild(**surface: Any) -> dict[str, NDArray[Any]]:
         done = run_process([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():
             said = done.stderr.strip().splitlines()
-            reason = said[-1][:200] if said else f"its process ended with {done.returncode}"
+            reason = said[-1][:200] if said else f"its process ended with code {done.returncode}"
             raise GeometryError(f"fTetWild failed: {reason}", cure=_CURE)
         with np.load(folder / "mesh.npz", allow_pickle=False) as mesh:
             return dict(mesh)

@@ -90,7 +90,7 @@ class EmbeddedPoints:
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.ndim not in (1, 2) or len(table) != self.vertex_count:
             raise InputError(
-                f"values of shape {np.shape(values)} at the vertices of the cage",
+                f"the values at the vertices of the cage have shape {np.shape(values)}",
                 allowed=f"({self.vertex_count},) or ({self.vertex_count}, k)",
             )
         columns = table.reshape(len(table), -1)
@@ -124,7 +124,7 @@ class EmbeddedPoints:
         table = check_displacement(displacement, self.vertex_count)
         if points.shape != (self.point_count, 3):
             raise InputError(
-                f"points of shape {points.shape}", allowed=f"({self.point_count}, 3): those located"
+                f"the points have shape {points.shape}", allowed=f"({self.point_count}, 3)"
             )
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
@@ -195,13 +195,13 @@ def check_displacement(values: ArrayLike, vertex_count: int) -> Floats:
     table = np.ascontiguousarray(values, dtype=np.float64)
     if table.shape != (vertex_count, 3):
         raise InputError(
-            f"displacements of shape {table.shape}",
+            f"the displacements have shape {table.shape}",
             allowed=f"({vertex_count}, 3): a row for each vertex of the cage",
         )
     if not np.isfinite(table).all():
         wrong = int((~np.isfinite(table).all(axis=1)).sum())
         raise InputError(
-            f"{wrong} of the cage's {vertex_count} displacements are no finite numbers"
+            f"{wrong} of the cage's {vertex_count} displacements are not finite numbers"
         )
     return table
 
@@ -286,10 +286,10 @@ def point_weights(points: Floats, cells: Ints, place: Floats) -> Floats:
         )
         distance = format_quantity(where.largest_distance, "m")
         raise InputError(
-            f"the point lies outside the cage, by {distance}",
+            f"the point lies {distance} outside the cage",
             key="point",
             value=[float(x) for x in place],
-            allowed=f"a point inside; the cage's box goes from {low} to {high} m",
+            allowed=f"a point inside the cage, whose box extends from {low} to {high} m",
         )
     functions = where.weights[:1]
     if cells.shape[1] == 10:

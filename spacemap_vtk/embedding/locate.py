@@ -113,7 +113,10 @@ def locate(
     """
     if outside not in ("extrapolate", "clamp", "error"):
         raise InputError(
-            "no such treatment", key="outside", value=outside, allowed="extrapolate, clamp, error"
+            "unknown treatment of points outside",
+            key="outside",
+            value=outside,
+            allowed="extrapolate, clamp, error",
         )
     given = np.asarray(points)
     single = given.dtype in (np.float32, np.float16)
@@ -178,7 +181,7 @@ def locate(
     if count and outside == "error":
         raise GeometryError(
             f"{count} of {len(places)} points lie outside the cage, by up to {largest:.3g} m",
-            cure='Enlarge the cage (padding), or let outside be "extrapolate" or "clamp"',
+            cure='Enlarge the cage (padding), or set outside to "extrapolate" or "clamp"',
         )
     return Location(tetrahedron, weights, is_outside, count, largest)
 
@@ -186,14 +189,14 @@ def locate(
 def _check_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[Any]:
     result = np.ascontiguousarray(values, dtype=kind)
     if result.ndim != 2 or result.shape[1] != 3:
-        raise GeometryError(f"{what} coordinates of shape {result.shape}", allowed="(N, 3)")
+        raise GeometryError(f"the {what} coordinates have shape {result.shape}", allowed="(N, 3)")
     finite = np.isfinite(result).all(axis=1)
     if not finite.all():
         bad = np.flatnonzero(~finite)
         raise GeometryError(
             f"{what} {bad[0]} is not finite: {tuple(result[bad[0]].tolist())}"
             + (f", and {len(bad) - 1} more" if len(bad) > 1 else ""),
-            cure="Remove or repair it",
+            cure="Remove or correct it",
         )
     return result
 
@@ -202,14 +205,14 @@ def _check_tetrahedra(values: ArrayLike, vertex_count: int) -> AnyInts:
     result = np.asarray(values)
     if result.ndim != 2 or result.shape[1] != 4 or result.dtype.kind not in "iu":
         raise GeometryError(
-            f"tetrahedra of shape {result.shape} and type {result.dtype}",
+            f"the tetrahedra have shape {result.shape} and type {result.dtype}",
             allowed="(T, 4) vertex numbers",
         )
     if not len(result):
         raise GeometryError("the cage has no tetrahedra")
     if result.min() < 0 or result.max() >= vertex_count:
         raise GeometryError(
-            f"the cage refers to vertex {result.min() if result.min() < 0 else result.max()}",
+            f"the cage uses vertex {result.min() if result.min() < 0 else result.max()}",
             allowed=f"0 to {vertex_count - 1}",
         )
     return result

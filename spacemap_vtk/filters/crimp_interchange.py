@@ -38,20 +38,19 @@ _BLOCK = 250_000
 
 
 class CrimpInterchange(YarnParameters, Stage):
-    """Let yarns keep their length where the cage stretches the space they are in.
+    """Keep the length of yarns in a stretched cage by changing their crimp.
 
-    Port 0 is the weave, port 1 the cage that moves. An embedded yarn would stretch with its space
-    and be squeezed aside; real ones straighten along the pull and bend the more across it. At each
-    crossing the stretches along warp and weft are found, and the crimp heights and the distance of
-    the axes that go with them; the yarns' axes are laid anew through these by Peirce's arcs, and
-    BarycentricWarp carries them. Sections turn with the cloth and stay as they are, but for what
-    yarns that are pressed together flatten.
+    Port 0 is the weave, port 1 the moving cage. Without this stage yarns would stretch with the
+    cage. Real yarns straighten along the pull and bend more across it. For each crossing the stage
+    computes the stretches along warp and weft, and from these the crimp heights and the distance of
+    the axes. It lays new axes through the crossings by Peirce's arcs; BarycentricWarp moves them
+    with the cage. Sections turn with the cloth and change only where yarns press each other flat.
 
     Notes
     -----
-    The points of the output are those of the input, and two point arrays say what becomes of them:
-    ``foot`` is where a control point's ring stands in the plane between warp and weft,
-    ``interchange`` how the point lies from where the cage takes that.
+    The output has the points of the input and two point arrays: ``foot`` is the position, in the
+    plane between warp and weft, of the ring that a control point belongs to; ``interchange`` is the
+    vector from the moved foot to the point.
 
     Examples
     --------
@@ -84,7 +83,7 @@ class CrimpInterchange(YarnParameters, Stage):
     _warned_kinds: set[str] | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
-        """Compute the heights at the crossings and lay the yarns through them."""
+        """Compute the heights at the crossings and the axes through them."""
         output.ShallowCopy(inputs[0])
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # this process has no points
@@ -163,8 +162,8 @@ class CrimpInterchange(YarnParameters, Stage):
             Slices of the yarns whose crossings the input has.
         """
         lent = None
-        if whole is not None and whole._crossed is not None:
-            lent = whole._crossed, part
+        if whole is not None and whole._cloth_crossings is not None:
+            lent = whole._cloth_crossings, part
         if self._borrowed != lent:
             self._borrowed = lent
             self.Modified()
@@ -177,23 +176,23 @@ class CrimpInterchange(YarnParameters, Stage):
             family, pick, end = np.unravel_index(int(np.argmin(pressed)), pressed.shape)
             self._warn_once(
                 "jam",
-                f"{jammed.sum()} of {count} crossings jam: yarns there have no room left to bend, "
-                f"worst at end {end + 1} and pick {pick + 1}, where space along the "
-                f"{FAMILIES[family]} is {pressed.min():.3g} of what it was",
+                f"{jammed.sum()} of {count} crossings are jammed: yarns cannot bend further, worst "
+                f"at end {end + 1} and pick {pick + 1}, where the cage compresses the "
+                f"{FAMILIES[family]} to {pressed.min():.3g} of its length",
             )
         # Excess length: yarn length over path length, both per length of the cloth at rest.
         spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
         if (slack := (state.slack & (spare > _SLACK)).any(axis=0) & ~jammed).any():
             self._warn_once(
                 "slack",
-                f"at {slack.sum()} of {count} crossings yarns lie slack: they are up to "
-                f"{100.0 * spare[:, slack].max():.3g} % longer than their room",
+                f"yarns are slack at {slack.sum()} of {count} crossings: they are up to "
+                f"{100.0 * spare[:, slack].max():.3g} % longer than their path",
             )
         if self.inextensible and (worst := float(state.strain.max())) > _STRAIN:
             family, pick, end = np.unravel_index(int(np.argmax(state.strain)), state.strain.shape)
             self._warn_once(
                 "strain",
-                f"space leaves yarns no crimp to give: the {FAMILIES[family]} strains by up to "
+                f"yarns have no crimp left: the {FAMILIES[family]} is strained by up to "
                 f"{100.0 * worst:.3g} %, most at end {end + 1} and pick {pick + 1}",
             )
 
@@ -213,14 +212,14 @@ class CrimpInterchange(YarnParameters, Stage):
             cloth = cloth_of(weave)
             if cloth is None:
                 raise InputError(
-                    "the data on port 0 do not say what cloth they are",
-                    allowed="a weave, from WeaveSource or from a file of what it made",
-                    cure="Leave [yarns] out: other objects have no yarns that could trade crimp",
+                    "the data on port 0 are not a weave",
+                    allowed="output of WeaveSource, also from a file",
+                    cure="Remove [yarns]: it applies only to weaves",
                 )
             if cloth.axis != "arcs":
                 raise InputError(
-                    f'axes by "{cloth.axis}" hold no distance between yarns that could be kept',
-                    allowed='axis = "arcs" of [weave]',
+                    f'crimp interchange cannot be computed for yarns with axis = "{cloth.axis}"',
+                    allowed='axis = "arcs" in [weave]',
                 )
             arrays = cloth_arrays(weave)
             kept = self._cloth_crossings = _ClothCrossings(
@@ -236,8 +235,8 @@ class CrimpInterchange(YarnParameters, Stage):
         count = weave.GetNumberOfPoints()
         require(
             estimate_bytes(count),
-            f"to let the yarns of {count} points keep their length",
-            cure="Use fewer ends and picks, or leave [yarns] out.",
+            f"crimp interchange of yarns with {count} control points",
+            cure="Use fewer ends and picks, or remove [yarns].",
         )
         cloth = cloth_of(weave)
         assert cloth is not None
@@ -252,8 +251,8 @@ class CrimpInterchange(YarnParameters, Stage):
         woven = feet + recrimp.rest_offsets
         if len(woven) != len(points) or abs(woven - points).max() > _APART * abs(woven).max():
             raise InputError(
-                "the points on port 0 are not where their cloth has been woven",
-                cure="Connect WeaveSource itself, and move what comes after the warp",
+                "the points on port 0 have been moved",
+                cure="Connect WeaveSource directly, and move the result after BarycentricWarp",
             )
         precision = points.dtype.type
         vertices = points_of(cage).astype(np.float64)
@@ -340,7 +339,7 @@ class _ClothCrossings:
     def solve(self, field: NDArray[Any]) -> _CrossingState:
         """Return the state of the crossings for a displacement of the cage's vertices."""
         if self._last is None or not np.array_equal(self._last[0], field):
-            # `at` gives the images of unit vectors along x (weft), then y (warp); warp comes first.
+            # `compute` gives unit vectors along x (weft), then y (warp); here warp comes first.
             found = [slopes.compute(field)[::-1] for slopes in self._slopes]
             stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
             asked = np.concatenate(stretch, axis=1).reshape(self._shape)

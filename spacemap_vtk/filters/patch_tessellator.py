@@ -50,18 +50,17 @@ MOST_SIDES = 12
 
 
 class PatchTessellator(Stage):
-    """Turn Bézier quadrilaterals into polygons with analytic normals; let other cells pass.
+    """Turn Bézier quadrilaterals into polygons with analytic normals; other cells pass unchanged.
 
-    Each patch is evaluated on a regular grid of parameters by matrix products; what depends on
-    the connectivity alone is kept while only the control points move.
+    Each patch is evaluated on a regular grid of parameters. Data that depend only on the
+    connectivity are kept while the control points move.
 
     Notes
     -----
-    Points are not shared between patches: their normals are each patch's own. A whole number that
-    is the same at all points of each patch, as that of a yarn in ParaView, is no quantity to
-    interpolate, and becomes an array of the polygons as those of cells do. Of a grid of other
-    cells comes its surface, with its lines and points; curved cells are subdivided by VTK. A
-    surface passes as it is.
+    Patches share no points, so each has its own normals. A point array with one whole number for
+    each patch, such as the number of a yarn in ParaView, becomes a cell array of the polygons
+    instead of being interpolated. From a grid of other cells the outer surface, lines and points
+    are extracted; VTK subdivides curved cells. A surface passes unchanged.
 
     Examples
     --------
@@ -84,7 +83,7 @@ class PatchTessellator(Stage):
         "Number of quadrilaterals along each side of a patch.",
         minimum=1,
         maximum=64,
-        automatic="as many as can be seen in a picture or in the window; 4 in files",
+        automatic="as many as are visible in pictures and in the window; 4 in files",
     )
 
     _chosen: int = AUTOMATIC_SIDES

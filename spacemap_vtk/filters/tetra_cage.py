@@ -60,19 +60,18 @@ _CROSSINGS, _APART, _SLACK = 1_500, 16, 1e-6
 class TetraCage(Stage):
     """Enclose the fabric or object in a coarse cage of tetrahedra.
 
-    ``"lattice"`` cuts the bounding box into hexahedra, and each of these into five tetrahedra; the
-    cut is mirrored from one hexahedron to the next, so that the mesh conforms. ``"carved"`` keeps
-    of these the hexahedra that the object touches. ``"tetwild"`` fills the object's surface, or an
-    envelope of it, with fTetWild. ``"file"`` reads any volume mesh, and splits what is no
-    tetrahedron; points keep their numbers.
+    ``"lattice"`` divides the bounding box into hexahedra and each of these into five tetrahedra,
+    mirrored from one hexahedron to the next, so that the mesh conforms. ``"carved"`` keeps only the
+    hexahedra that the object touches. ``"tetwild"`` fills the object's surface, or an envelope
+    around it, by fTetWild. ``"file"`` reads any volume mesh and splits its cells into tetrahedra;
+    points keep their numbers.
 
     Notes
     -----
     After section 3 of Furukawa, Kitagawa and Shimizu, "Deformation of Flexible Objects Based on
-    Space Mapping". How many points of the object lie outside, and how far, is told by
-    BarycentricWarp, which finds their places. Cages by fTetWild are moved outward where points are
-    before them; of one on the object's own surface the field array ``filled`` tells how much of its
-    volume that encloses.
+    Space Mapping". BarycentricWarp reports how many points of the object lie outside the cage, and
+    how far. A cage made by fTetWild is moved outwards where points lie outside. The field array
+    ``filled`` is the share of the cage's volume that the object's surface encloses.
 
     Examples
     --------
@@ -91,46 +90,48 @@ class TetraCage(Stage):
 
     method = Choice(
         "lattice",
-        "How the cage is made: the whole box, its hexahedra that the object touches, tetrahedra "
-        "that fill the object's surface, or a mesh from a file.",
+        "How to make the cage: all hexahedra of the box (lattice), those that the object touches "
+        "(carved), tetrahedra inside the object's surface (tetwild), or a mesh from a file.",
         ["lattice", "carved", "tetwild", "file"],
     )
     divisions = Vector(
         (5, 5, 1),
         "Number of hexahedra along x, y and z of the box. One layer can be a sheet, see "
-        "modal.elements. How stiff a thin cage of tetrahedra is depends on how wide they are, more "
-        "than on how many lie through its thickness.",
+        "modal.elements. The stiffness of a thin cage of tetrahedra depends more on their width "
+        "than on the number of layers.",
         component=Integer(1, "", minimum=1, maximum=100_000),
-        automatic=f"as good as cubes, {_ALONG} along the longest side; of what is thin one layer",
+        automatic=f"nearly cubes, {_ALONG} along the longest side; one layer if the object is thin",
         when={"method": ("lattice", "carved")},
     )
     order = Integer(
         1,
-        "1: linear tetrahedra, whose vertices are their corners; of these a sheet is, too (see "
-        "modal.elements). 2: quadratic ones, with midpoints on their edges: one layer bends right, "
-        "and twists right where no cell is wider than four thicknesses.",
+        "1: linear tetrahedra, also needed for sheets (see modal.elements). 2: quadratic "
+        "tetrahedra with midpoints on their edges: one layer bends correctly, and twists correctly "
+        "if no cell is wider than four thicknesses.",
         minimum=1,
         maximum=2,
         when={"method": ("lattice", "carved", "tetwild")},
     )
     padding = Real(
         0.0,
-        "Room between the object and the box on each side, as a share of that side's length.",
+        "Distance between the object and the box on each side, as a share of the side's length.",
         minimum=0.0,
         maximum=10.0,
         when={"method": ("lattice", "carved")},
     )
     margin = Integer(
         0,
-        "Layers of hexahedra round those that are touched.",
+        "Number of layers of hexahedra around those that the object touches.",
         minimum=0,
         maximum=100,
         when={"method": ("carved",)},
     )
-    fill = Flag(True, "Keep the hexahedra that the object encloses.", when={"method": ("carved",)})
+    fill = Flag(
+        True, "Also keep the hexahedra that the object encloses.", when={"method": ("carved",)}
+    )
     edge_length = Real(
         None,
-        "Length of the tetrahedra's edges to aim for.",
+        "Desired edge length of the tetrahedra.",
         unit="m",
         above=0.0,
         when={"method": ("tetwild",)},
@@ -138,8 +139,8 @@ class TetraCage(Stage):
     )
     inflate = Real(
         0.0,
-        "Distance of the envelope that is filled; 0: the object's own surface, unless what that "
-        "encloses hangs together by an edge or a vertex alone.",
+        "Distance of the filled envelope from the object. 0: fill the object's surface itself, "
+        "unless its parts are joined only by an edge or a vertex.",
         unit="m",
         minimum=0.0,
         when={"method": ("tetwild",)},
@@ -175,8 +176,8 @@ class TetraCage(Stage):
         cloth = cloth_of(data) if by_yarns else None
         if self.piece.of > 1 and cloth is None and (wild or (apart and self.method == "carved")):
             raise InputError(
-                f"this cage follows the object's shape, and only piece {self.piece.number} of "
-                f"{self.piece.of} is here",
+                f"a cage of this method needs the whole object, but this process has only piece "
+                f"{self.piece.number} of {self.piece.of}",
                 key="method",
                 value=self.method,
                 cure='Write the cage of the whole object to a file, and use method = "file".',
@@ -209,7 +210,7 @@ class TetraCage(Stage):
             "this cage",
             key="divisions",
             value=list(chosen),
-            cure="Use fewer divisions: a cage is meant to be coarse.",
+            cure="Use fewer divisions; a cage should be coarse.",
         )
         vertices, tetrahedra = build_lattice(bounds.ravel().tolist(), divisions.tolist())
         if not carved:
@@ -226,14 +227,14 @@ class TetraCage(Stage):
         sizes, loose = count_pieces(kept)
         if len(sizes) > 1:
             self.warn(
-                f"the cage falls into {len(sizes)} pieces, of "
+                f"the cage consists of {len(sizes)} separate pieces of "
                 + ", ".join(str(size) for size in sizes[:8])
                 + (", ..." if len(sizes) > 8 else "")
                 + " hexahedra"
                 + (
-                    f"; {len(sizes) - loose} of them hang on an edge or a corner alone"
+                    f"; {len(sizes) - loose} of them are joined only by an edge or a corner"
                     if loose < len(sizes)
-                    else "; each that is not fixed moves on its own"
+                    else "; pieces that are not fixed move separately"
                 )
                 + ": raise cage.margin or lower cage.divisions to join them"
             )
@@ -262,14 +263,14 @@ class TetraCage(Stage):
                 "the object has no surface to fill",
                 key="inflate",
                 value=self.inflate,
-                cure='Give it an envelope, as in inflate = "1 mm", or use method = "carved".',
+                cure='Use an envelope, for example inflate = "1 mm", or method = "carved".',
             )
         open_, crowded = edge_faults(triangles, points)
         kinds = (open_, "open"), (crowded, "branching")
         if faults := [f"{count} {kind} edges" for count, kind in kinds if count]:
             self.warn(
-                f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
-                "own judgement: compare the cage, or give it an envelope (cage.inflate)"
+                f"the object's surface has {' and '.join(faults)}, which fTetWild repairs in its "
+                "own way: check the cage, or use an envelope (cage.inflate)"
             )
         vertices, tetrahedra = self._fill((points, triangles), diagonal)
         inside = float(tetrahedron_volumes(vertices, tetrahedra).sum())
@@ -282,9 +283,9 @@ class TetraCage(Stage):
             vertices, tetrahedra = mesh["vertices"], mesh["tetrahedra"]
             distance = format_quantity(float(f"{float(mesh['distance']):.3g}"), "m")
             self.warn(
-                f"what the object's surface encloses falls into {len(sizes)} parts, some of which "
-                f"hang on an edge or a vertex alone: the cage fills an envelope at {distance} "
-                "from it (cage.inflate sets another)"
+                f"the object's surface encloses {len(sizes)} parts, some joined only by an edge or "
+                f"a vertex: the cage fills an envelope at {distance} from it (cage.inflate "
+                "sets another distance)"
             )
         vertices = enclose_points(points, vertices, tetrahedra, _FURTHEST * tolerance)
         volume = float(tetrahedron_volumes(vertices, tetrahedra).sum())
@@ -292,9 +293,9 @@ class TetraCage(Stage):
         self._filled_share = enclosed_share(points, closed, inside, volume, tolerance)
         if self._filled_share * _LARGER < 1.0:
             self.warn(
-                f"the cage is {1 / self._filled_share:.2g} times as large as what the object's "
-                "surface encloses: the material is spread over all of it, which weighs as much "
-                "and bends less easily"
+                f"the volume of the cage is {1 / self._filled_share:.2g} times that of the object: "
+                "the material is spread over the whole cage, which has the same mass but is "
+                "stiffer in bending"
             )
         return vertices, tetrahedra
 
@@ -320,7 +321,7 @@ class TetraCage(Stage):
         if not len(tetrahedra):
             raise GeometryError(
                 f"all {flat} tetrahedra of the cage are flat",
-                cure="Give the object an envelope (cage.inflate).",
+                cure="Use an envelope (cage.inflate).",
             )
         used, numbers = np.unique(tetrahedra, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
@@ -328,7 +329,7 @@ class TetraCage(Stage):
     def _read_file(self, output: vtkUnstructuredGrid) -> None:
         if self.order == 2:
             raise InputError(
-                "a cage from a file keeps its points, so that none can be put on its edges",
+                "a cage from a file cannot get midpoints on its edges",
                 key="order",
                 value=2,
                 cure="Leave order out, or use another method.",

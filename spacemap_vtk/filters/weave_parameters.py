@@ -79,7 +79,7 @@ class Pattern(Parameter[Any]):
         if isinstance(value, str):
             return patterns.normalise_name(value)
         if not isinstance(value, Iterable):
-            raise InputError("not a weave")
+            raise InputError("a pattern must be a name or rows of 0 and 1")
         return tuple(drawdown.to_rows(drawdown.from_matrix(list(value))))
 
     def text(self, value: Any) -> str:
@@ -114,7 +114,7 @@ class Twist(Real):
     def form(self) -> str:
         """The accepted spellings, with examples."""
         return (
-            'turns in a length and their direction, as "600 Z" (per metre) or "15 /in S", at most '
+            'turns per length and direction, as "600 Z" (per metre) or "15 /in S", at most '
             f"{self.maximum:g} per metre"
         )
 
@@ -141,17 +141,17 @@ class WeaveParameters(Parameterised):
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
         None,
-        "A draft in place of the pattern: a WIF, or one of Fiberworks (.dtx), WeavePoint (.wpo) or "
-        "TempoWeave (.twa); a text (.txt, .csv), a row for each pick, the first pick first, of 0 "
-        "and 1, or of the shafts that rise (1,3); or a black-and-white picture (.png and others), "
-        "a pixel for each crossing, black where the end lies over the pick, the first pick at the "
-        "bottom.",
+        "Draft file that replaces the pattern: WIF, Fiberworks (.dtx), WeavePoint (.wpo), "
+        "TempoWeave (.twa), text or picture. A text (.txt, .csv) has one row for each pick, the "
+        "first pick first: 0 and 1, or the raised shafts (1,3). A black-and-white picture (.png "
+        "and others) has one pixel for each crossing, black where the end lies over the pick, the "
+        "first pick at the bottom.",
         automatic="no draft",
     )
     trim = Flag(
         False,
-        "Cut off ends in no heddle at a draft's sides, and picks without a shed at its beginning "
-        "and end; of a .wpo they are always cut off.",
+        "Remove unthreaded ends at the sides of a draft, and picks without a shed at its beginning "
+        "and end. In a .wpo file they are always removed.",
         when={"draft": ()},
     )
     ends, picks = declare_both(
@@ -167,7 +167,7 @@ class WeaveParameters(Parameterised):
         PerYarn(
             Real(
                 "0.25 mm",
-                "Diameter d{number} of the {name} yarns; of flattened yarns, their height.",
+                "Diameter d{number} of the {name} yarns; the height, if they are flattened.",
                 unit="m",
                 above=0.0,
                 plausible=_YARNS,
@@ -181,7 +181,7 @@ class WeaveParameters(Parameterised):
         PerYarn(
             YarnCount(
                 "30 tex",
-                "Yarn count of the {name}, in place of its diameter.",
+                "Yarn count of the {name}, instead of its diameter.",
                 unit="kg/m",
                 above=0.0,
                 maximum=1.0,
@@ -194,7 +194,7 @@ class WeaveParameters(Parameterised):
     )
     fibre_density = Real(
         COTTON,
-        "Density of the fibres; the default is cotton's.",
+        "Density of the fibres; the default is that of cotton.",
         unit="kg/m3",
         above=0.0,
         group="Yarn",
@@ -223,7 +223,7 @@ class WeaveParameters(Parameterised):
     warp_sett, weft_sett = declare_both(
         Real(
             None,
-            '{Yarns} in a length, in place of their spacing: "20 /cm" or "50 {per_inch}".',
+            '{Yarns} per length, instead of their spacing: "20 /cm" or "50 {per_inch}".',
             unit="1/m",
             above=0.0,
             plausible=(200.0, 1e5),
@@ -234,12 +234,13 @@ class WeaveParameters(Parameterised):
     )
     warp_crimp_height = Real(
         None,
-        "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
+        "Crimp height h1 of the warp, from trough to crest of its axis; that of the weft is "
+        "d1 + d2 - h1.",
         unit="m",
         minimum=0.0,
         plausible=_YARNS,
         usual_units="mm",
-        automatic="from a crimp, or the middle of the feasible interval",
+        automatic="from the crimp, or the middle of the feasible range",
         group="Crimp",
     )
     warp_crimp, weft_crimp = declare_both(
@@ -271,9 +272,9 @@ class WeaveParameters(Parameterised):
     )
     thick_yarns = Choice(
         "scale",
-        "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
-        "of the feasible limit (round, and a net), flatten them (as cloth: they fill their "
-        "spacing, also where the draft gives no thickness), or refuse the draft.",
+        "How to treat yarns of a draft that are too thick to interlace: scale makes them thinner "
+        "(round yarns, an open cloth), flatten makes them flat (a dense cloth: they fill their "
+        "spacing, also if the draft gives no thickness), refuse reports an error.",
         ["scale", "flatten", "refuse"],
         when={"draft": ()},
         group="Section",
@@ -282,18 +283,18 @@ class WeaveParameters(Parameterised):
         PerYarn(
             Integer(
                 None,
-                "Of a double weave, the cloth to which each of the {yarns} belongs: 1 and 2 are "
-                "repeated over them; 1 alone draws one layer.",
+                "Cloth of a double weave, 1 or 2, to which each of the {yarns} belongs, repeated "
+                "over them; a single 1 draws one layer.",
                 minimum=1,
                 maximum=2,
             ),
-            automatic="found in the weave",
+            automatic="found from the weave",
             group="Layers",
         )
     )
     layer_gap = Real(
         None,
-        "Room between the two cloths of a double weave.",
+        "Gap between the two cloths of a double weave.",
         unit="m",
         above=0.0,
         plausible=_YARNS,
@@ -303,31 +304,31 @@ class WeaveParameters(Parameterised):
     )
     overhang = Real(
         None,
-        "How far yarns reach past their last crossing.",
+        "Length of the yarns past their last crossing.",
         unit="m",
         above=0.0,
         plausible=(1e-6, 0.1),
         usual_units="mm",
-        automatic="half the spacing crossed",
+        automatic="half the spacing of the crossed yarns",
         group="Cut ends",
     )
     caps = Flag(True, "Close the cut ends of the yarns.", group="Cut ends")
     exact = Flag(
         False,
-        "Make rational patches, exact to rounding where yarns are round.",
+        "Make rational patches, which represent round yarns exactly.",
         group="Patches",
     )
     precision = Choice(
         "double",
-        "Of the control points: single precision takes half the memory, and is enough for what is "
-        "looked at. What is computed of the cloth stays double.",
+        "Precision of the control points. Single precision needs half the memory and is enough for "
+        "pictures; figures of the cloth are always computed in double precision.",
         ["double", "single"],
         group="Patches",
     )
     axis = Choice(
         "arcs",
-        "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
-        "curvature, which holds no distance between yarns.",
+        "Shape of a yarn's axis: Peirce's arcs and straight lines, or a spline without jumps in "
+        "curvature, with which yarns may overlap.",
         AXES,
         group="Patches",
     )
@@ -335,13 +336,13 @@ class WeaveParameters(Parameterised):
         PerYarn(
             Twist(
                 None,
-                "Twist of the {name}, of plied yarns that of their plies: turns in a length, Z "
-                "above 0 and S below. It is seen, and enters no mechanics.",
+                "Twist of the {name} (of the plies, if it is plied): turns per length, positive "
+                "for Z, negative for S. It affects only the appearance.",
                 unit="1/m",
                 minimum=-20_000,
                 maximum=20_000,
             ),
-            automatic="Z, so that outer fibres lean by 24 degrees; S of plied yarns",
+            automatic="Z, outer fibres inclined by 24 degrees; S for plied yarns",
             group="Twist and colour",
         )
     )
@@ -349,8 +350,8 @@ class WeaveParameters(Parameterised):
         PerYarn(
             Integer(
                 None,
-                "Plies of the {name}: singles that are twisted together, in the section that the "
-                "yarn has. They are seen, and enter no mechanics.",
+                "Number of plies (singles twisted together) of the {name}, within the section of "
+                "the yarn. It affects only the appearance.",
                 minimum=1,
                 maximum=12,
             ),

@@ -169,13 +169,12 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             given = [key for key in rivals if getattr(self, key) is not None]
             if given[1:]:
                 raise InputError(
-                    f"{' and '.join(given)} are given, and each follows from the others",
+                    f"{' and '.join(given)} cannot be given together",
                     key=given[1],
                     value=getattr(self, given[1]),
                     allowed=f"one of {', '.join(rivals)}",
-                    cure=f"Leave out {' or '.join(given)}, as --set "
-                    + " or --set ".join(f"{self.section}.{key}=auto" for key in given)
-                    + " does",
+                    cure=f"Leave out {' or '.join(given)}; on the command line: --set "
+                    + " or --set ".join(f"{self.section}.{key}=auto" for key in given),
                 )
 
     @property
@@ -202,10 +201,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             return Draft(pattern_repeat(self.pattern))
         if self.pattern != self.parameter("pattern").default:
             raise InputError(
-                "there are a pattern and a draft, and a cloth has one weave",
+                "pattern and draft cannot be given together",
                 key="pattern",
                 value=self.pattern,
-                cure=f"Leave out the pattern, or the draft {self.draft}",
+                cure=f"Leave out the pattern or the draft {self.draft}",
             )
         if why := unreadable_reason(self.draft):
             raise InputError(

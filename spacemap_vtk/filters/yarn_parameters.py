@@ -26,7 +26,7 @@ class WarpAndWeft(Series):
         """Convert to a checked value, or to a tuple of two."""
         result = super().convert(value)
         if isinstance(result, tuple) and len(result) != 2:
-            raise InputError(f"{len(result)} values in place of 2")
+            raise InputError(f"there must be 1 or 2 values, not {len(result)}")
         return result
 
     @staticmethod
@@ -47,15 +47,15 @@ class YarnParameters(Parameterised):
 
     inextensible = Flag(
         True,
-        "Yarns keep their length: where the cloth is pulled they give their crimp, and then "
-        "flatten each other; what neither gives is yarn strain, which is shown and told. False: "
-        "they stretch, and trade crimp, as their stiffnesses say.",
+        "Keep the length of yarns: where the cloth is pulled, they lose crimp, and then flatten "
+        "each other. The rest is reported as yarn strain. False: yarns stretch and exchange crimp "
+        "according to their stiffness.",
     )
     tension = WarpAndWeft(
         Real(
             None,
-            "Force EA by which a yarn would be stretched to twice its length: the slope of its "
-            "tensile test, force over strain. One value, or one for the warp and one for the weft.",
+            "Tensile stiffness EA of a yarn: force over strain, the slope of its tensile test. One "
+            "value, or one for the warp and one for the weft.",
             unit="N",
             above=0.0,
         ),
@@ -65,10 +65,10 @@ class YarnParameters(Parameterised):
     modulus = WarpAndWeft(
         Real(
             None,
-            'The yarn\'s modulus over its count, in place of the tension: "300 cN/tex" of a spun '
-            "cotton, whose fibres have some 500; of fibres of wool 230, nylon 260, polyester 1000, "
-            "flax 1800, glass 2800. One value, or one for the warp and one for the weft; each "
-            "yarn's EA is this times its own count.",
+            "Specific modulus of a yarn, instead of the tension; EA is the modulus times the yarn "
+            'count. Spun cotton has about "300 cN/tex"; fibres have, in cN/tex: cotton 500, wool '
+            "230, nylon 260, polyester 1000, flax 1800, glass 2800. One value, or one for the warp "
+            "and one for the weft.",
             unit="N.m/kg",
             above=0.0,
         ),
@@ -77,39 +77,40 @@ class YarnParameters(Parameterised):
     )
     contact = Real(
         None,
-        "Force by which yarns at a crossing would be pressed to nothing, were they springs: the "
-        "slope of force over the share of the thickness that they lose.",
+        "Stiffness of a crossing against flattening: contact force over the relative loss of "
+        "thickness.",
         unit="N",
         minimum=0.0,
-        automatic="none: crossings flatten as the yarns need",
+        automatic="none: crossings flatten as much as the yarns require",
     )
     flattest = Real(
         None,
-        "Least distance of the axes at a crossing, over that of the yarns as woven: where fibres "
-        "lie as close as they can. 1: crossings are hard, and do not flatten.",
+        "Least distance of the axes at a crossing, over that of the yarns as woven, at which the "
+        "fibres are packed as closely as possible. 1: crossings are hard and do not flatten.",
         above=0.0,
         maximum=1.0,
-        automatic=f"{_FLATTEST:.3g}, for fibres that fill 0.6 of a yarn's section",
+        automatic=f"{_FLATTEST:.3g}, for fibres that fill 60 % of a yarn's section",
     )
     bending = WarpAndWeft(
         Real(
             None,
-            "Bending rigidity B of a yarn: moment over curvature. It decides how slack yarns lie. "
+            "Bending rigidity B of a yarn: moment over curvature. It decides the shape of slack "
+            "yarns. "
             "One value, or one for the warp and one for the weft.",
             unit="N.m2",
             minimum=0.0,
         ),
-        automatic="none: they bend alike",
+        automatic="none: all yarns bend equally",
     )
 
     def yarns(self, cloth: Cloth) -> YarnMechanics:
         """Return the mechanics of a cloth's yarns; a modulus is multiplied by their counts."""
         if cloth.layers is not None:
             raise InputError(
-                "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
-                "crossings of its own",
-                allowed="warp_layer = 1 of [weave], which draws one layer",
-                cure='Write that, or leave out [yarns], and modal.material = "yarns"',
+                "yarns of a double weave cannot exchange crimp: its two cloths have separate "
+                "crossings",
+                allowed="warp_layer = 1 in [weave]",
+                cure='Set this to draw one layer, or remove [yarns] and modal.material = "yarns"',
             )
         rest = YarnMechanics(
             contact=self.contact or 0.0,
@@ -124,7 +125,7 @@ class YarnParameters(Parameterised):
             return rest if tension is None else rest._replace(tension=tension)
         if cloth.density is None:
             raise InputError(
-                "a modulus is for a yarn count, and this cloth does not say how heavy yarns are",
+                "a modulus needs the yarn count, which this cloth does not have",
                 key="modulus",
                 value=modulus[0],
                 cure="Give the tension instead",
@@ -142,15 +143,15 @@ class YarnParameters(Parameterised):
             return
         if self.tension is not None and self.modulus is not None:
             raise InputError(
-                "there are a tension and a modulus, and each follows from the other",
+                "tension and modulus cannot be given together",
                 key="tension",
                 value=self.tension,
                 cure="Leave out one of the two",
             )
         if self.tension is None and self.modulus is None:
             raise InputError(
-                "yarns that stretch need to resist it",
+                "yarns that stretch need a tension or a modulus",
                 key="tension",
                 allowed='a force as "50 N", or modulus = "300 cN/tex"',
-                cure="Give one of the two, or leave inextensible true",
+                cure="Give one of them, or set inextensible = true",
             )

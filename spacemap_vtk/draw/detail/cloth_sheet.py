@@ -134,7 +134,7 @@ class ClothSheet:
         if crimp is not None and cage is not None:
             with scene.naming_file():
                 shown = "crimp" if self._shows_clearance else name
-                self.crossings = crimp.at_crossings(shown, scene.source.output, cage)
+                self.crossings = crimp.crossing_values(shown, scene.source.output, cage)
             for text in crimp.warnings:
                 scene.warn(text)
         if self._shows_clearance and (found := self._measure_clearances(cage)) is not None:

@@ -66,7 +66,7 @@ class PartStages:
         """Use the crossings of the whole cloth for a part; None: solve the part's crossings."""
         for stage in self.all:
             if isinstance(stage, CrimpInterchange):
-                stage.borrow(crimp, part)
+                stage.use_crossings_of(crimp, part)
 
     def update(self, time: float, piece: Piece = WHOLE) -> vtkPolyData:
         """Return a copy of the surface at a time [s]."""

@@ -155,8 +155,8 @@ class Interchange:
         cloth.check()
         if cloth.layers is not None:
             raise InputError(
-                "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
-                "crossings of its own",
+                "yarns of a double weave cannot exchange crimp: its two cloths have separate "
+                "crossings"
             )
         yarns = YarnMechanics() if yarns is None else yarns
         self.shape = cloth.drawdown.shape
@@ -306,7 +306,7 @@ class Interchange:
         asked = np.asarray(stretch, np.float64)
         if asked.shape != (2, *self.shape):
             raise InputError(
-                f"stretches of shape {asked.shape}",
+                f"the array has shape {asked.shape}",
                 key="stretch",
                 allowed=f"(2, {self.shape[0]}, {self.shape[1]})",
             )
@@ -336,10 +336,10 @@ class Interchange:
         """Compute the energy and its derivatives by the stretches that the crossings reach."""
         if not self._stretches:
             raise InputError(
-                "yarns that do not stretch take any force",
+                "inextensible yarns carry any force, so they have no energy",
                 key="tension",
                 allowed="a finite EA of warp and weft",
-                cure="Give the yarns a tension, such as their modulus times their section",
+                cure="Give a tension, for example the modulus times the area of the section",
             )
         held, h, d = self._solve_heights(cells, stretch)
         energy, (room, length) = cells.energy(self._hinged), cells.room_and_length(held)
@@ -410,22 +410,22 @@ def _check_tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
     tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]
     for key, values, right, allowed in (
         ("tension", tension, tension > 0.0, "more than 0 N"),
-        ("contact", yarns.contact, yarns.contact >= 0.0, "from 0 N on"),
+        ("contact", yarns.contact, yarns.contact >= 0.0, "0 N or more"),
         (
             "bending",
             yarns.bending,
             np.isfinite(yarns.bending) & (np.array(yarns.bending) >= 0.0),
-            "from 0 N m2 on",
+            "0 N m2 or more",
         ),
-        ("flattest", yarns.flattest, 0.0 < yarns.flattest <= 1.0, "more than 0, up to 1"),
+        ("flattest", yarns.flattest, 0.0 < yarns.flattest <= 1.0, "more than 0, at most 1"),
     ):
         if not np.all(right):
-            raise InputError("no yarn is so", key=key, value=values, allowed=allowed)
+            raise InputError("the value is out of range", key=key, value=values, allowed=allowed)
     if np.isinf(tension).any() and not np.isinf(tension).all():
         raise InputError(
-            "some yarns stretch and some do not",
+            "either all yarns must stretch or none",
             key="tension",
-            allowed="a finite EA of all, or inf for all",
-            cure="Give the stiff ones a large EA",
+            allowed="a finite EA for all yarns, or inf for all",
+            cure="Give stiff yarns a large finite EA",
         )
     return np.broadcast_to(tension, (2, *shape))

@@ -77,33 +77,31 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     """
     if min(cloth.size) < 2:
         raise InputError(
-            "a cloth of {} x {} yarns has no stiffness of its own".format(*cloth.size),
-            allowed="at least two ends and two picks",
+            "the stiffness of a cloth of {} x {} yarns is not defined".format(*cloth.size),
+            allowed="at least 2 ends and 2 picks",
         )
     for key, values, why, cure in (
         (
             "tension",
             yarns.tension,
-            "yarns that do not stretch resist a pull both ways without end",
+            "inextensible yarns make a sheet infinitely stiff",
             "Let the yarns stretch (inextensible = false), and give a tension or a modulus",
         ),
         (
             "bending",
             yarns.bending,
-            "cloth that exchanges crimp resists by the bending of its yarns",
+            "the stiffness of a sheet depends on the bending of its yarns",
             "Give the bending rigidity of a yarn",
         ),
         (
             "contact",
             yarns.contact if yarns.flattest < 1.0 and isfinite(yarns.contact) else 1.0,
-            "crossings that flatten for nothing resist no pull both ways",
-            "Give it, or flattest = 1 for hard crossings",
+            "crossings without contact stiffness do not resist biaxial tension",
+            "Give contact, or flattest = 1 for hard crossings",
         ),
     ):
         if not (np.isfinite(values) & (np.asarray(values) > 0.0)).all():
-            raise InputError(
-                f"no sheet without it: {why}", key=key, allowed="more than 0, and finite", cure=cure
-            )
+            raise InputError(why, key=key, allowed="more than 0 and finite", cure=cure)
     crossings = Interchange(cloth, yarns)
     rest = np.ones((2, *crossings.shape))
     membrane, bending = np.zeros((3, 3)), np.zeros(3)
@@ -117,9 +115,9 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
         pressed += rods.pressure * yarns.bending[k] / 2.0
     if not pressed > 0.0:
         raise InputError(
-            "yarns that nowhere change sides make no cloth",
+            "the yarns do not interlace",
             key="drawdown",
-            cure="Let them interlace",
+            cure="Use a drawdown in which yarns change sides",
         )
     spacings = [family.spacing for family in cloth.families]
     lean += spacings[0] * spacings[1] / (pressed * cloth.diameter_sum / 2.0)

@@ -120,7 +120,7 @@ class Draft:
         ):
             if colors is not None and colors.shape != (count, 3):
                 raise InputError(
-                    f"one RGB colour for each {yarn} is needed, not an array of {colors.shape}",
+                    f"each {yarn} needs one RGB colour; the array has shape {colors.shape}",
                     key=key,
                     allowed=f"({count}, 3)",
                 )

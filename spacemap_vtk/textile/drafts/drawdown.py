@@ -42,7 +42,7 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
     result: list[list[object]] = []
     for number, row in enumerate(matrix, start=1):
         if not isinstance(row, (str, Sequence, np.ndarray)) or not len(row):
-            raise _row_error(number, row, "is no row of 0 and 1")
+            raise _row_error(number, row, "must consist of 0 and 1")
         cells = [{"0": 0, "1": 1}.get(c, c) for c in row] if isinstance(row, str) else list(row)
         for column, cell in enumerate(cells, start=1):
             if not np.isscalar(cell) or cell not in (0, 1):
@@ -142,7 +142,7 @@ def as_drawdown(drawdown: ArrayLike) -> Bools:
     # ascontiguousarray turns a single number into shape (1,).
     if matrix.ndim != 2 or matrix.size == 0:
         raise InputError(
-            f"a drawdown is a matrix of at least one pick and one end, not one of {matrix.shape}",
+            f"a drawdown must be a matrix with at least one pick and one end, not {matrix.shape}",
             key="drawdown",
             cure="Give a row for each pick and a column for each end",
         )
@@ -154,7 +154,10 @@ def check_counts(**counts: int) -> None:
     for key, count in counts.items():
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(
-                "not a number of yarns", key=key, value=count, allowed="a whole number from 1 on"
+                "the number of yarns must be a whole number",
+                key=key,
+                value=count,
+                allowed="1 or more",
             )
 
 

@@ -133,7 +133,8 @@ class Loom:
     def replace_tie(self, treadle: int, shafts: tuple[int, ...]) -> Loom:
         if self.liftplan is not None:
             raise InputError(
-                "a liftplan needs no tie-up", cure="Turn the liftplan into treadles first."
+                "a loom with a liftplan has no tie-up",
+                cure="Convert the liftplan to treadles first.",
             )
         # The treadle may have no tie yet.
         ties = (*self.tieup, *((),) * (self.treadles - len(self.tieup)))
@@ -216,7 +217,7 @@ def _repeat_rows(rows: Rows, count: int) -> Rows:
 
 def _replace_row(rows: Rows, number: int, row: tuple[int, ...], what: str) -> Rows:
     if not 1 <= number <= len(rows):
-        raise InputError(f"there is no {what} {number}", allowed=f"1 to {len(rows)}")
+        raise InputError(f"{what} {number} does not exist", allowed=f"1 to {len(rows)}")
     if any(n < 1 for n in row):
-        raise InputError(f"{row} at {what} {number} is no row of numbers", allowed="from 1 on")
+        raise InputError(f"numbers at {what} {number} must be at least 1: {row}")
     return (*rows[: number - 1], tuple(sorted(set(row))), *rows[number:])

@@ -49,8 +49,8 @@ def satin(shafts: int, step: int, face: str = "warp") -> Bools:
             f"a satin of {shafts} shafts cannot have this step",
             key="step",
             value=step,
-            allowed=", ".join(steps[:12]) or "none: use 5 shafts, or 7 and more",
-            cure="Step and shafts have no common divisor, and 1 < step < shafts - 1",
+            allowed=", ".join(steps[:12]) or "none: use 5 shafts, or 7 or more",
+            cure="Step and shafts must have no common divisor, and 1 < step < shafts - 1",
         )
     place = np.arange(shafts)
     bound = (place - step * place[:, None]) % shafts == 0
@@ -214,15 +214,15 @@ def _parse_name(text: str) -> tuple[str, _Counts, str]:
             words.append(word)
         elif word not in _IGNORED_WORDS:
             known = [*_WEAVES, *side_words, *_SYNONYMS, "sateen"]
-            raise InputError(f'"{token}" is not a word for a weave', cure=suggestion(token, known))
+            raise InputError(f'unknown word "{token}"', cure=suggestion(token, known))
     if len(names) != 1:
-        raise InputError("a pattern names one weave")
+        raise InputError("a pattern must name exactly one weave")
     weave = _WEAVES[names[0]]
     if len(counts) > 1 or len(sum(counts, ())) not in weave.counts:
-        raise InputError(f'not the numbers of a {names[0]}; write, for example, "{weave.example}"')
+        raise InputError(f'wrong numbers for a {names[0]}; write, for example, "{weave.example}"')
     if sum(sum(counts, ())) > MOST_YARNS:
-        raise InputError(f"a repeat of more than {MOST_YARNS} yarns")
+        raise InputError(f"a repeat must not have more than {MOST_YARNS} yarns")
     if len(words) > 1 or not set(words) <= set(weave.words):
         sides = " or ".join(weave.words) or "none"
-        raise InputError(f'"{" ".join(words)}" is no side of a {names[0]}; its sides: {sides}')
+        raise InputError(f'a {names[0]} has no side "{" ".join(words)}"; allowed: {sides}')
     return names[0], sum(counts, ()), (words or [*weave.words[:1], ""])[0]

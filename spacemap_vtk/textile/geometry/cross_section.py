@@ -117,7 +117,9 @@ def cut_cloth(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSectio
     yarn = count // 2 if yarn is None else yarn
     if not 0 <= yarn < count:
         name = ("end", "pick")[family]
-        raise InputError(f"no such {name}", key=name, value=yarn + 1, allowed=f"1 to {count}")
+        raise InputError(
+            f"the cloth has {count} {name}s", key=name, value=yarn + 1, allowed=f"1 to {count}"
+        )
     crossings = min(max(repeat_size(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
     first, last = _choose_view(cloth, family, yarn, min(crossings, crossed))
     window = np.arange(first, last + 1)

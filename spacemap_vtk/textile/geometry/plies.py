@@ -119,7 +119,7 @@ class Strands:
         closing = np.repeat(around[line] // 2, 2) * cloth.caps
         if around.sum() + closing.sum() != len(patches):
             raise GeometryError(
-                f"{len(patches)} patches are not those of a cloth's {len(yarn)} parts of yarns",
+                f"{len(patches)} patches do not match the {len(yarn)} parts of the cloth's yarns",
                 allowed=f"{around.sum() + closing.sum()} patches",
             )
         self._net = patches[:, _ORDER].reshape(-1, 4, 4)

@@ -192,12 +192,12 @@ def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearanc
     table = np.asarray(weave.points if points is None else points, dtype=np.float64)
     count = len(weave.points)
     if table.ndim != 2 or table.shape[1] != 3 or len(table) < count:
-        raise GeometryError(f"control points of shape {table.shape}", allowed=f"({count}, 3)")
+        raise GeometryError(f"the control points have shape {table.shape}", allowed=f"({count}, 3)")
     nets = [_ring_net(table, weave, number) for number in (0, 1)]
     if not all(np.isfinite(net).all() for net in nets):
         raise GeometryError(
-            "there are control points that are not finite numbers",
-            cure="Look for the stage that makes them: a cage turned inside out, or a solver",
+            "some control points are not finite numbers",
+            cure="Check the stages before: an inverted cage or a solver may have made them",
         )
     rows = [
         3 * np.arange(tubes.parts.sum()) + np.repeat(np.arange(len(tubes.parts)), tubes.parts)

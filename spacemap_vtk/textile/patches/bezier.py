@@ -62,7 +62,9 @@ def quadrilateral_order(p: int, q: int) -> Ints:
     # VTK lists the four corners first, then the inner points of the four edges, then those of the
     # face.
     if min(p, q) < 1:
-        raise InputError("no such polynomial", key="degree", value=min(p, q), allowed="at least 1")
+        raise InputError(
+            "the degree is too low", key="degree", value=min(p, q), allowed="at least 1"
+        )
     order = np.empty((q + 1, p + 1), dtype=np.int64)
     order[0, 0], order[0, p], order[q, p], order[q, 0] = range(4)
     # Opposite edges run in the same direction, not around the face.

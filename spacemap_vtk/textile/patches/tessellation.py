@@ -85,7 +85,10 @@ class Tessellation:
     ) -> None:
         if subdivisions < 1:
             raise InputError(
-                "no such surface", key="subdivisions", value=subdivisions, allowed="at least 1"
+                "there must be subdivisions",
+                key="subdivisions",
+                value=subdivisions,
+                allowed="at least 1",
             )
         p, q = degree
         order = quadrilateral_order(p, q)
@@ -93,7 +96,7 @@ class Tessellation:
         if patches.ndim != 2 or patches.shape[1] != len(order):
             raise GeometryError(
                 f"connectivity of shape {patches.shape} does not fit patches of degree {p} x {q}",
-                allowed=f"{len(order)} control points a patch",
+                allowed=f"{len(order)} control points per patch",
             )
         if patches.size and patches.min() < 0:
             raise GeometryError("a patch refers to a negative point number")
@@ -162,10 +165,12 @@ class Tessellation:
         """
         points = self._check_rows(control_points)
         if points.ndim != 2 or points.shape[1] != 3:
-            raise GeometryError(f"control points of shape {points.shape}", allowed="(N, 3)")
+            raise GeometryError(f"the control points have shape {points.shape}", allowed="(N, 3)")
         kind = np.dtype(dtype)
         if kind not in (np.float32, np.float64):
-            raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
+            raise InputError(
+                "unsupported type", key="dtype", value=kind, allowed="float32, float64"
+            )
         rational = None if weights is None else self._check_weights(weights)
         # Squares of cross products are fourth powers of lengths; micrometres would underflow.
         scale = _patch_size(points.take(self._sample_nets, axis=0))
@@ -236,7 +241,9 @@ class Tessellation:
         """
         table = self._check_rows(values)
         if table.ndim not in (1, 2):
-            raise GeometryError(f"point array of shape {table.shape}", allowed="(N,) or (N, k)")
+            raise GeometryError(
+                f"the point array has shape {table.shape}", allowed="(N,) or (N, k)"
+            )
         rational = None if weights is None else self._check_weights(weights)
         columns = table if table.ndim == 2 else table[:, None]
         kind = np.dtype(dtype or (np.float32 if table.dtype == np.float32 else np.float64))
@@ -337,7 +344,7 @@ class Tessellation:
         table = np.asarray(values)
         if table.ndim < 1 or len(table) < self._least_points:
             raise GeometryError(
-                f"the patches refer to point {self._least_points - 1}, and there are "
+                f"the patches use point {self._least_points - 1}, but there are "
                 f"{len(table) if table.ndim else 0} rows",
                 allowed=f"at least {self._least_points}",
             )
@@ -346,9 +353,7 @@ class Tessellation:
     def _check_weights(self, weights: ArrayLike) -> NDArray[Any]:
         table = self._check_rows(weights)
         if table.ndim != 1 or not (table > 0.0).all():
-            raise GeometryError(
-                "rational weights that are no positive numbers, one for each control point"
-            )
+            raise GeometryError("each control point needs one positive rational weight")
         return table
 
     @contextmanager

@@ -85,9 +85,9 @@ def _thread_spaces(cloth: Cloth, number: int) -> Floats:
     high = float(rest[sign < 0].min())
     if not low < high:
         raise InputError(
-            f"a WIF cannot hold the distances between the {FAMILIES[number]} yarns",
+            f"a WIF cannot store these distances between the {FAMILIES[number]} yarns",
             key=cloth.names("spacing", number),
-            cure="It gives each thread a space, in whose middle it stands: let distances change "
-            "more gently",
+            cure="A WIF centres each thread in its own space: use distances that change less from "
+            "yarn to yarn",
         )
     return np.asarray(rest + sign * 0.5 * (low + high))

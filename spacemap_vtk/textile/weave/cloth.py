@@ -406,7 +406,7 @@ class Cloth:
                 key=self.names("crimp", number),
                 value=crimp,
                 allowed=f"{least:.6g} to {most:.6g}",
-                cure="Thinner yarns or wider spacings allow other crimps",
+                cure="Thinner yarns or wider spacings allow a larger range",
             )
         ends = (most, least) if number else (least, most)
         for end, height in zip(ends, (low, high), strict=True):
@@ -434,7 +434,7 @@ class Cloth:
             self.layers.check_room(self.threads, self.layer_gap, self.axis, self.names)
         if self.axis not in AXES:
             raise InputError(
-                "no such shape",
+                "unknown shape of a yarn's axis",
                 key="axis",
                 value=self.axis,
                 allowed=" or ".join(f'"{axis}"' for axis in AXES),
@@ -444,7 +444,7 @@ class Cloth:
                 "a yarn cannot end before its last crossing",
                 key="overhang",
                 value=self.overhang,
-                allowed="a length from 0 m on",
+                allowed="0 m or more",
             )
         if self.overhang == 0.0 and min(self.drawdown.shape) == 1:
             raise InputError(

@@ -70,7 +70,7 @@ _ARRANGEMENTS = [
 
 def one_layer_cure(names: QuantityNames = quantity_name) -> str:
     """Explain how to draw a double weave as one layer."""
-    return f"{names('layer', 0)} = 1 draws it as one layer"
+    return f"set {names('layer', 0)} = 1 to draw one layer"
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +174,15 @@ class Layers:
         cure = one_layer_cure(names)
         if axis != "arcs":
             raise InputError(
-                "a spline holds no distance between the two cloths of a double weave",
+                "splines do not keep the two cloths of a double weave apart",
                 key="axis",
                 value=axis,
                 allowed='"arcs"',
-                cure=f"Leave axis out; {cure}",
+                cure=f"Leave axis out, or {cure}",
             )
         if gap is not None and not 0.0 < gap < inf:
             raise GeometryError(
-                "two cloths need room between them",
+                "the two cloths need a gap between them",
                 key="layer_gap",
                 value=gap,
                 allowed="more than 0 m",
@@ -203,12 +203,12 @@ class Layers:
                 raise GeometryError(
                     "the two cloths of the double weave have no room to change places: the "
                     f"{FAMILIES[number]} needs {wanted} between neighbouring "
-                    f"{FAMILIES[1 - number]} yarns, and has {there}",
+                    f"{FAMILIES[1 - number]} yarns, but has {there}",
                     key=names("diameter", number),
                     value=float(np.max(own.diameter)),
                     allowed=f"{names('diameter', 0)} + {names('diameter', 1)} up to "
                     f"1 / {1.0 + LAYER_CLEARANCE:g} of that",
-                    cure=f"Make the yarns thinner or a spacing larger; {cure}",
+                    cure=f"Use thinner yarns or a larger spacing, or {cure}",
                 )
 
     @cached_property

@@ -126,7 +126,7 @@ def check_height(
             key=diameter,
             allowed=f"{diameter} + {names('diameter', 1)} up to "
             f"{metres(largest_diameter_sum(p1, p2))} at these spacings, not {metres(d)}",
-            cure="Make the yarns thinner or a spacing larger",
+            cure="Use thinner yarns or a larger spacing",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
     if not inside or _is_jammed(p1, p2, height, d):
@@ -139,7 +139,7 @@ def check_height(
             key=crimp_height,
             value=height,
             allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",
-            cure=f"Leave it out for the middle of these, {metres(middle)}; thinner yarns or wider "
+            cure=f"Leave it out to use the middle, {metres(middle)}; thinner yarns or wider "
             "spacings allow more",
         )
 
@@ -180,7 +180,7 @@ def _refuse_height(p: float, h: float, d: float) -> None:
         key="height",
         value=h,
         allowed=allowed,
-        cure="Less height, a wider spacing or thinner yarns",
+        cure="Use less height, a wider spacing or thinner yarns",
     )
 
 

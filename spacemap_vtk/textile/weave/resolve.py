@@ -26,7 +26,7 @@ FILLING = 0.5
 #: The same for a double weave, whose cloths need more room to change places.
 LAYERED_FILLING = 0.45
 #: Message about a draft of two cloths.
-_DOUBLE_WEAVE = "it is a double weave, and is drawn as two cloths, one above the other"
+_DOUBLE_WEAVE = "a double weave is drawn as two cloths, one above the other"
 #: Default width over height of yarns that are not round.
 ASPECT = 1.5
 #: Default colours of warp and weft.
@@ -125,7 +125,7 @@ def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_n
     )
     drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
     if asked.thick_yarns == "refuse" and any(drawn):
-        return replace(cloth, cure='Let thick_yarns "scale" or "flatten" the draft\'s yarns.')
+        return replace(cloth, cure='Set thick_yarns to "scale" or "flatten".')
     thick = drawn[0] and not asked.warp.has_thickness, drawn[1] and not asked.weft.has_thickness
     if not any(thick):
         return cloth
@@ -154,7 +154,7 @@ def _find_layers(
     if found is None and known:
         lacking, given = (names("layer", family) for family in ((0, 1) if ends is None else (1, 0)))
         raise InputError(
-            f"with this {given} no cloths are found that lie apart",
+            f"no two separate cloths are found with this {given}",
             key=lacking,
             allowed="a list of 1 and 2, repeated over the yarns",
             cure=f"Write, for example, {lacking} = [1, 2]",

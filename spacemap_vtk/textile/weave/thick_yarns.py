@@ -39,7 +39,7 @@ def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     found = at(THICKNESS_SHARE * limit)
     return found, (
         f"{_describe_problem(cloth, thick)}; drawn {_format_diameters(found, thick)} thick, "
-        f"{THICKNESS_SHARE:.0%} of the most that can be woven"
+        f"{THICKNESS_SHARE:.0%} of the feasible limit"
     )
 
 
@@ -70,8 +70,8 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     widths = _format_lengths(thick, *(_width(threads) for threads in cloth.threads))
     return found, (
         f"{_describe_problem(cloth, thick)}; flattened to {widths} wide "
-        f"and {_format_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the most "
-        "that can be woven"
+        f"and {_format_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the "
+        "feasible limit"
     )
 
 

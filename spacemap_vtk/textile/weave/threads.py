@@ -179,14 +179,14 @@ class Threads:
             array = np.asarray(values)
             if array.ndim > 1:
                 raise InputError(
-                    f"a table of shape {array.shape}",
+                    f"the array has shape {array.shape}",
                     key=names(key, family),
-                    allowed="one value, or one for each",
+                    allowed="one value, or one for each yarn",
                 )
             wrong = ~(np.isfinite(array) & (array > 0.0))
             if wrong.any() or (array.size == 0 and key == "diameter"):
                 raise GeometryError(
-                    "a fabric needs a length here",
+                    "the length must be positive and finite",
                     key=names(key, family),
                     value=float(array.flat[np.argmax(wrong)]) if array.size else None,
                     allowed="more than 0 m",
@@ -200,7 +200,7 @@ class Threads:
                 )
         if self.section not in SECTIONS:
             raise InputError(
-                "no such section",
+                "unknown section",
                 key=names("section", family),
                 value=self.section,
                 allowed=" or ".join(f'"{section}"' for section in SECTIONS),
@@ -208,13 +208,13 @@ class Threads:
         round_ = self.section == "circular"
         if not (isfinite(self.aspect) and self.aspect >= 1.0) or (round_ and self.aspect != 1.0):
             raise GeometryError(
-                f"a {self.section} section cannot have this width over its height",
+                f"a {self.section} section cannot have this aspect (width over height)",
                 key=names("aspect", family),
                 value=self.aspect,
-                allowed="1" if round_ else "from 1 on",
-                cure='Make the section "racetrack" or "elliptic" for a flattened yarn'
+                allowed="1" if round_ else "1 or more",
+                cure='Use the section "racetrack" or "elliptic" for flattened yarns'
                 if round_
-                else "A yarn lies flat on the cloth, not on edge",
+                else "A section must be at least as wide as it is high",
             )
 
     def check_neighbours(

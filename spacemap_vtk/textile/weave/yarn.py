@@ -72,7 +72,7 @@ def parse_yarn_count(text: str) -> float:
     if (plied := _PLIED.fullmatch(text)) and float(plied[1]) < float(plied[2]):
         # Worsted spinners write the plies first, and count other hanks.
         raise InputError(
-            "plies stand before the count, which is no cotton count",
+            "in a cotton count the plies come after the count",
             cure=f'Name the system: "Nm {plied[2]}/{plied[1]}" or "Ne {plied[2]}/{plied[1]}".',
         )
     match = _COUNT.fullmatch(f"Ne {text}" if plied else text)
@@ -81,7 +81,7 @@ def parse_yarn_count(text: str) -> float:
     before, *found, after = match.groups()
     numbers = [float(number) for number in found if number]
     if min(numbers) <= 0.0:
-        raise InputError("a yarn count of 0")
+        raise InputError("the yarn count must be more than 0")
     size = _INDIRECT[(before or after).lower()]
     return size / max(numbers) * (min(numbers) if numbers[1:] else 1.0)
 
@@ -150,7 +150,7 @@ def parse_twist(text: str) -> float:
     before, number, after = match.groups()
     turns, letter = parse_quantity(number, "1/m"), (before or after or "").upper()
     if (before and after) or (letter and turns < 0.0):
-        raise InputError("a direction twice over")
+        raise InputError("the direction of the twist is given twice")
     return -turns if letter == "S" else turns
 
 
